@@ -1,0 +1,26 @@
+"""Aerobat as data: morphologies, URDF, SRDF and meshes. Needs nothing but the standard library.
+
+The constants describe the default morphology, `aerobat`, under the names that robot_descriptions uses.
+"""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+REPOSITORY_PATH = str(_PACKAGE.parent)
+PACKAGE_PATH = str(_PACKAGE)
+URDF_PATH = str(_PACKAGE / "urdf" / "aerobat.urdf")
+SRDF_PATH = str(_PACKAGE / "srdf" / "aerobat.srdf")
+MESHES_PATH = str(_PACKAGE / "meshes")
+PACKAGE_DIRS = [str(_PACKAGE.parent)]
+MORPHOLOGIES = ("aerobat", "aerobat_guard", "aerobat_light")
+
+__all__ = [
+    "MESHES_PATH",
+    "MORPHOLOGIES",
+    "PACKAGE_DIRS",
+    "PACKAGE_PATH",
+    "REPOSITORY_PATH",
+    "SRDF_PATH",
+    "URDF_PATH",
+]

@@ -1,0 +1,269 @@
+"""A morphology: every number that makes one Aerobat, read from TOML and checked.
+
+Units are SI throughout; axes are x forward, y left, z up. Only the left wing is written down, the right one is its
+mirror image, so a morphology cannot be lopsided.
+"""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
+
+Vector = tuple[float, ...]
+
+
+class MorphologyError(ValueError):
+    """A morphology that cannot be read, or that no robot can have. The message names key, value and rule."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """Mass [kg], centre of mass [m] in the link frame, inertia (xx, yy, zz, xy, xz, yz) [kg m2] about it."""
+
+    mass: float
+    inertia: Vector
+    com: Vector = (0.0, 0.0, 0.0)
+    hull: Vector = (0.0, 0.0, 0.0)
+
+    def check(self, where: str) -> None:
+        """Raise unless the mass is positive and the principal moments obey the strict triangle inequality."""
+        _require(self.mass > 0.0, f"{where}.mass", self.mass, "a mass is positive")
+        _require(len(self.inertia) == 6, f"{where}.inertia", self.inertia, "six numbers: xx, yy, zz, xy, xz, yz")
+        _require(len(self.com) == 3, f"{where}.com", self.com, "three numbers")
+        _require(len(self.hull) == 3, f"{where}.hull", self.hull, "three numbers: length, width, height")
+        # The second-moment matrix tr(I)/2 - I is positive definite exactly when every principal moment is smaller
+        # than the sum of the other two; Sylvester's criterion tests it without eigenvalues.
+        xx, yy, zz, xy, xz, yz = self.inertia
+        a, b, c = (yy + zz - xx) / 2, (xx + zz - yy) / 2, (xx + yy - zz) / 2
+        minors = (a, a * b - xy * xy, a * (b * c - yz * yz) - xy * (xy * c + yz * xz) - xz * (xy * yz + b * xz))
+        rule = "each principal moment must be smaller than the sum of the other two"
+        _require(min(minors) > 0.0, f"{where}.inertia", self.inertia, rule)
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Limits [rad], effort [N m] and velocity [rad/s] of shoulder and elbow."""
+
+    shoulder_limits: Vector
+    elbow_limits: Vector
+    effort: float
+    velocity: float
+
+
+@dataclass(frozen=True)
+class WingShape:
+    """Planform of the left wing in its wing frames: stations along y, edges along x [m]."""
+
+    offset_x: float
+    proximal_stations: Vector
+    proximal_leading_edge: Vector
+    proximal_trailing_edge: Vector
+    distal_stations: Vector
+    distal_leading_edge: Vector
+    distal_trailing_edge: Vector
+    minimum_chord: float
+
+    def check(self) -> None:
+        """Raise unless stations increase and the leading edge stays ahead of the trailing edge."""
+        for panel in ("proximal", "distal"):
+            stations, leading, trailing = (
+                getattr(self, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge")
+            )
+            same = len(stations) == len(leading) == len(trailing) >= 2
+            _require(same, f"wing.{panel}_stations", stations, "stations and edges have the same length, two or more")
+            rising = stations[0] == 0.0 and all(a < b for a, b in itertools.pairwise(stations))
+            _require(rising, f"wing.{panel}_stations", stations, "stations start at 0 and increase")
+            ahead = all(le >= te for le, te in zip(leading, trailing, strict=True))
+            _require(ahead, f"wing.{panel}_leading_edge", leading, "it lies ahead of the trailing edge")
+        _require(self.minimum_chord > 0.0, "wing.minimum_chord", self.minimum_chord, "a chord is positive")
+
+
+@dataclass(frozen=True)
+class LinkageLengths:
+    """Kinetic Sculpture: bar lengths [m], bend alpha3 [rad], ground pivots (outboard, up) [m] from the body's axis."""
+
+    L1: float
+    L2a: float
+    L2b: float
+    L2c: float
+    L3a: float
+    L3b: float
+    L3c: float
+    alpha3: float
+    L4: float
+    L5a: float
+    L5b: float
+    L5c: float
+    L5d: float
+    L6: float
+    L7a: float
+    L7b: float
+    L7c: float
+    P1: Vector
+    P5: Vector
+    P8: Vector
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A flat quasi-steady surface: span, chord, centre from the body COM [m], incidence nose-up [rad]."""
+
+    span: float
+    chord: float
+    position: Vector
+    incidence: float = 0.0
+
+
+@dataclass(frozen=True)
+class Aerodynamics:
+    """Profile drag coefficient, drag area of the body [m2], tail downwash over centre-line downwash."""
+
+    profile_drag: float
+    body_drag_area: float
+    tail_downwash_factor: float
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Propeller guard, a picture only: half axes of the ring (x, y) and radius of its tube [m]."""
+
+    radius: Vector
+    tube: float
+
+
+@dataclass(frozen=True)
+class Morphology:
+    """One robot. Build it with `load` or `from_mapping`; both check it."""
+
+    name: str
+    description: str
+    body: Body
+    proximal: Body
+    distal: Body
+    joints: Joints
+    wing: WingShape
+    linkage: LinkageLengths
+    aerodynamics: Aerodynamics
+    tail: Surface | None = None
+    guard: Guard | None = None
+
+    @classmethod
+    def load(cls, morphology: str | Path, changes: Mapping[str, Any] | None = None) -> Morphology:
+        """Read a shipped morphology by name, or a TOML file, and apply changes.
+
+        Args:
+            morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
+            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`.
+
+        Raises:
+            MorphologyError: no such morphology, or one that fails a check.
+        """
+        return cls.from_mapping(_merge(_read(str(morphology)), changes or {}))
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Morphology:
+        """Build from nested plain values. Raises MorphologyError with key, value and rule."""
+        made = _build(cls, values, "")
+        assert isinstance(made, cls)
+        for where in ("body", "proximal", "distal"):
+            getattr(made, where).check(where)
+        made.wing.check()
+        return made
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return self.body.mass + 2.0 * (self.proximal.mass + self.distal.mass)
+
+    @property
+    def shoulder(self) -> Vector:
+        """Left shoulder axis from the body COM [m], in body axes."""
+        return (self.wing.offset_x, *self.linkage.P5)
+
+    @property
+    def elbow(self) -> Vector:
+        """Left elbow axis from the shoulder axis [m], in the proximal frame: pin J6 at theta_s = 0."""
+        bars = self.linkage
+        along = bars.L3a + bars.L3c * math.sin(bars.alpha3)
+        return (0.0, along, bars.L3c * math.cos(bars.alpha3))
+
+
+def _require(holds: bool, key: str, value: object, rule: str) -> None:
+    if not holds:
+        raise MorphologyError(f"morphology: {key} = {value}: {rule}")
+
+
+def _read(morphology: str) -> dict[str, Any]:
+    path = Path(morphology)
+    if morphology in MORPHOLOGIES:
+        path = Path(PACKAGE_PATH, "morphologies", f"{morphology}.toml")
+    elif not path.is_file():
+        shipped = ", ".join(MORPHOLOGIES)
+        raise MorphologyError(f"no morphology named '{morphology}': shipped are {shipped}; or give a TOML file")
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MorphologyError(f"morphology file {path}: not valid TOML: {error}") from error
+    parent = values.pop("extends", None)
+    if parent is None:
+        return values
+    if parent not in MORPHOLOGIES or parent == values.get("name"):
+        raise MorphologyError(f"morphology file {path}: extends = {parent!r}: name another shipped morphology")
+    return _merge(_read(parent), values)
+
+
+def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in changes.items():
+        below = merged.get(key)
+        merged[key] = _merge(below, value) if isinstance(value, Mapping) and isinstance(below, Mapping) else value
+    return merged
+
+
+def _build(kind: Any, values: object, where: str) -> Any:
+    """Turn plain TOML values into `kind`: a dataclass, a number, a string or a vector of numbers."""
+    if not hasattr(kind, "__dataclass_fields__"):
+        return _leaf(kind, values, where)
+    if not isinstance(values, Mapping):
+        raise MorphologyError(f"morphology: {where} = {values!r}: a table was expected")
+    known = {field.name: field for field in fields(kind)}
+    hints = get_type_hints(kind)
+    for key in values:
+        if key not in known:
+            close = difflib.get_close_matches(str(key), known, n=1)
+            hint = f"; did you mean '{close[0]}'?" if close else f"; known are {', '.join(known)}"
+            raise MorphologyError(f"morphology: unknown key '{_dotted(where, key)}'{hint}")
+    made = {}
+    for key, field in known.items():
+        if key in values:
+            inner = [choice for choice in get_args(hints[key]) if hasattr(choice, "__dataclass_fields__")]
+            made[key] = _build(inner[0] if inner else hints[key], values[key], _dotted(where, key))
+        elif field.default is MISSING:
+            raise MorphologyError(f"morphology: missing key '{_dotted(where, key)}'")
+    return kind(**made)
+
+
+def _leaf(kind: Any, value: Any, where: str) -> Any:
+    if kind is str:
+        _require(isinstance(value, str), where, repr(value), "a string was expected")
+        return value
+    numbers = value if isinstance(value, list | tuple) else [value]
+    good = all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in numbers)
+    _require(good, where, value, "finite numbers were expected")
+    if kind is float:
+        _require(not isinstance(value, list | tuple), where, value, "one number was expected")
+        return float(numbers[0])
+    _require(isinstance(value, list | tuple), where, value, "a list of numbers was expected")
+    return tuple(float(x) for x in numbers)
+
+
+def _dotted(where: str, key: object) -> str:
+    return f"{where}.{key}" if where else str(key)

@@ -1,0 +1,78 @@
+"""The flight log: the only door between flying and estimating.
+
+`measured` is what an observer may see; `truth` is what only a simulation knows. Both are labelled tables with units.
+
+| dimension | meaning |
+|---|---|
+| `time` | samples, n + 1 of them [s] |
+| `interval` | between two samples, n of them; its coordinate is the start [s]. Forces are means over it |
+| `q_axis`, `v_axis` | configuration and velocity entries, named after their joints |
+| `point`, `axis` | frames of unknown forces; x, y, z |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from aerobat_pin.errors import LogError
+
+REQUIRED = ("q", "v", "motor_torque")
+KNOWN = "known_"
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """Channels of one flight.
+
+    Attributes:
+        measured: `q` (time, q_axis), `v` (time, v_axis), `crank_angle` (time), `motor_torque` (interval, v_axis) and
+            the known generalised forces `known_*` (interval, v_axis).
+        truth: `force_W`, `force_noise_free_W` (interval, point, axis), `unknown` (interval, v_axis) and the state of
+            the air; None for a recorded flight.
+    """
+
+    measured: xr.Dataset
+    truth: xr.Dataset | None = None
+
+    def __post_init__(self) -> None:
+        """Raise LogError unless the channels an observer needs are there, complete and in order of time."""
+        missing = [name for name in REQUIRED if name not in self.measured]
+        if missing:
+            raise LogError(f"flight log: no channel named {', '.join(missing)}; needed are {', '.join(REQUIRED)}")
+        time = self.measured["time"].values
+        if len(time) < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0.0):
+            raise LogError("flight log: time must be finite and must not decrease, with two samples or more")
+
+    @property
+    def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Sample times (n + 1,) [s]."""
+        return np.asarray(self.measured["time"].values, float)
+
+    def save(self, path: str | Path) -> None:
+        """Write NetCDF-4: measured channels at the root, truth in the group `truth`."""
+        self.measured.to_netcdf(path, mode="w", engine="h5netcdf")
+        if self.truth is not None:
+            self.truth.to_netcdf(path, mode="a", group="truth", engine="h5netcdf")
+
+    @classmethod
+    def load(cls, path: str | Path) -> FlightLog:
+        """Read what `save` wrote. Raises LogError when the file is missing or not a flight log."""
+        try:
+            measured = xr.load_dataset(path, engine="h5netcdf")
+        except (OSError, ValueError) as error:
+            raise LogError(f"flight log {path}: cannot be read as NetCDF-4: {error}") from error
+        try:
+            truth = xr.load_dataset(path, group="truth", engine="h5netcdf")
+        except OSError:
+            truth = None
+        return cls(measured, truth)
+
+
+def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.DataArray:
+    """Make one labelled channel."""
+    return xr.DataArray(np.asarray(values), dims=dims, attrs={"units": unit, "long_name": meaning})

@@ -1,0 +1,129 @@
+"""The robot in Pinocchio: models, reference configuration, index maps, linkage and wing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from aerobat_description.generate import MATERIALS, srdf, urdf
+from aerobat_description.meshes import Mesh, parts
+from aerobat_description.morphology import Morphology, MorphologyError
+from aerobat_pin.arrays import Array
+from aerobat_pin.errors import MorphologyFileError
+from aerobat_pin.frames import frame_id
+from aerobat_pin.linkage import KineticSculpture
+from aerobat_pin.wing import Wing
+
+JOINTS = ("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")
+FORCE_POINTS = ("left_force_point", "right_force_point")
+CRANK_START = -np.pi / 2  # [rad], crank straight down: the start of every flight
+
+
+@dataclass(frozen=True)
+class Aerobat:
+    """One robot. `q` is [position (3), quaternion xyzw (4), joints (4)], `v` the body twist in LOCAL axes, then rates.
+
+    Joints are reached through `idx_q` and `idx_v`, in the order of `JOINTS`; never by counting.
+    """
+
+    morphology: Morphology
+    model: pin.Model
+    visual_model: pin.GeometryModel
+    collision_model: pin.GeometryModel
+    linkage: KineticSculpture
+    wing: Wing
+    idx_q: tuple[int, ...]
+    idx_v: tuple[int, ...]
+
+    @property
+    def q0(self) -> Array:
+        """Configuration (nq,) with the base at the origin and the crank at its start."""
+        start = self.linkage.solve(CRANK_START)
+        return self.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], start.theta_s, start.theta_e)
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(pin.computeTotalMass(self.model))
+
+    def configuration(self, placement: ArrayLike, theta_s: ArrayLike, theta_e: ArrayLike) -> Array:
+        """Return q (..., nq) of a base placement (..., 7) with both wings at the same shoulder and elbow angles."""
+        placement = np.asarray(placement, float)
+        q = np.empty((*placement.shape[:-1], self.model.nq))
+        q[..., :7] = placement
+        for index, angle in zip(self.idx_q, (theta_s, theta_e, theta_s, theta_e), strict=True):
+            q[..., index] = angle
+        return q
+
+    def velocity(self, twist: ArrayLike, theta_s_dot: ArrayLike, theta_e_dot: ArrayLike) -> Array:
+        """Return v (..., nv) of a base twist (..., 6) with both wings at the same joint rates (also accelerations)."""
+        twist = np.asarray(twist, float)
+        v = np.empty((*twist.shape[:-1], self.model.nv))
+        v[..., :6] = twist
+        for index, rate in zip(self.idx_v, (theta_s_dot, theta_e_dot, theta_s_dot, theta_e_dot), strict=True):
+            v[..., index] = rate
+        return v
+
+
+def load_aerobat(morphology: str | Path = "aerobat", changes: Mapping[str, Any] | None = None) -> Aerobat:
+    """Load a robot from a morphology.
+
+    Args:
+        morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
+        changes: nested values laid over it, such as `{"wing": {"offset_x": -0.06}}`.
+
+    Raises:
+        MorphologyFileError: no such morphology, or one that no robot can have.
+        LinkageError: its crank cannot turn.
+    """
+    try:
+        shape = Morphology.load(morphology, changes)
+    except (MorphologyError, OSError) as error:
+        raise MorphologyFileError(str(error)) from error
+    linkage = KineticSculpture(shape.linkage)
+    linkage.check()
+    text = urdf(shape)
+    model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    collision = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
+    pin.loadReferenceConfigurationsFromXML(model, srdf(shape))
+    indices = [model.getJointId(name) for name in JOINTS]
+    return Aerobat(
+        morphology=shape,
+        model=model,
+        visual_model=_visual_model(model, shape),
+        collision_model=collision,
+        linkage=linkage,
+        wing=Wing(shape),
+        idx_q=tuple(model.joints[i].idx_q for i in indices),
+        idx_v=tuple(model.joints[i].idx_v for i in indices),
+    )
+
+
+def _visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
+    """Build the visible parts in memory, so that a changed morphology shows itself without writing files."""
+    visual = pin.GeometryModel()
+    for name, part in parts(morphology).items():
+        frame = frame_id(model, part.link)
+        placement = model.frames[frame].placement
+        item = pin.GeometryObject(name, model.frames[frame].parentJoint, frame, placement, _bvh(part.mesh))
+        item.meshColor = np.array(MATERIALS[part.material])
+        visual.addGeometryObject(item)
+    return visual
+
+
+def _bvh(mesh: Mesh) -> coal.BVHModelOBBRSS:
+    corners = [point for triangle in mesh for point in triangle]
+    unique = {point: i for i, point in enumerate(dict.fromkeys(corners))}
+    shape = coal.BVHModelOBBRSS()
+    shape.beginModel(len(mesh), len(unique))
+    shape.addVertices(np.array(list(unique)))
+    shape.addTriangles(np.array([[unique[point] for point in triangle] for triangle in mesh]))
+    shape.endModel()
+    return shape
