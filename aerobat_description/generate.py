@@ -18,9 +18,9 @@ from aerobat_description.morphology import Body, Morphology, Vector
 SIDES = (("left", 1.0), ("right", -1.0))
 MATERIALS = {  # red, green, blue, alpha
     "carbon": (0.16, 0.17, 0.20, 1.0),
-    "membrane": (0.93, 0.62, 0.22, 0.55),
+    "membrane": (0.35, 0.55, 0.62, 0.5),
     "guard": (0.35, 0.38, 0.42, 1.0),
-    "tail": (0.55, 0.66, 0.75, 0.7),
+    "tail": (0.50, 0.54, 0.60, 0.7),
 }
 
 

@@ -6,6 +6,7 @@ Units are SI; keys ending in `_deg` are degrees, because a person types them.
 from __future__ import annotations
 
 import difflib
+import json
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -224,3 +225,34 @@ def _known_keys(loc: tuple[Any, ...]) -> list[str]:
             annotation = str(kind.model_fields[part].annotation)
             kind = next((section for name, section in sections.items() if name in annotation), kind)
     return list(kind.model_fields)
+
+
+def scenario_toml(scenario: Scenario) -> str:
+    """Write a resolved scenario, every default included, as TOML that `load_scenario` reads back."""
+    values = scenario.model_dump(exclude_none=True)
+    return "\n".join(_table_lines(values, ())).strip() + "\n"
+
+
+def _table_lines(values: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    """Write plain values first, then tables, then lists of tables."""
+    lines, tables, lists = [], [], []
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            if value:
+                tables += ["", f"[{'.'.join((*path, key))}]", *_table_lines(value, (*path, key))]
+        elif isinstance(value, tuple | list) and value and isinstance(value[0], Mapping):
+            for item in value:
+                lists += ["", f"[[{'.'.join((*path, key))}]]", *_table_lines(item, (*path, key))]
+        else:
+            lines.append(f"{key} = {_toml_value(value)}")
+    return lines + tables + lists
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
+    return repr(value)

@@ -339,4 +339,7 @@ def _flight_log(
             "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
         },
     )
+    stepped = [force.signal for force in plant.forces if force.signal.step != 0.0]
+    if stepped:
+        truth.attrs["step_zone"] = [stepped[0].step_start, stepped[0].step_end]
     return FlightLog(measured, truth)

@@ -1,0 +1,129 @@
+"""The command line: parse, call, print, exit code. 0 success, 2 bad input, 1 a failure of our own."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    name="aerobat",
+    help="Fly Aerobat, and ask what is pushing on it.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")],
+    out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<scenario>.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the results of an earlier run.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
+    ] = None,
+    observers: Annotated[
+        list[str] | None, typer.Option("--observer", metavar="NAME", help="Run this observer; repeatable.")
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Skip figures, report and replay.")] = False,
+) -> None:
+    """Fly a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
+    from aerobat_pin import experiment
+    from aerobat_pin.scenario import load_scenario
+
+    chosen = list(settings or [])
+    if seed is not None:
+        chosen.append(f"simulation.seed={seed}")
+    if observers:
+        quoted = ", ".join(f'"{name}"' for name in observers)
+        chosen.append(f"observers.names=[{quoted}]")
+    loaded = load_scenario(scenario, chosen)
+    target = out if out is not None else Path("runs") / loaded.name
+    with experiment.output_folder(target, force=force) as folder, _progress() as show:
+        made = experiment.run(loaded, show)
+        written = [
+            path.relative_to(folder) for path in experiment.write(made, folder, report=not no_report, progress=show)
+        ]
+    _print_table(made.metrics)
+    typer.echo(f"\nresults in {target}/")
+    for path in written:
+        typer.echo(f"  {target / path}")
+
+
+@app.command("list")
+def list_shipped() -> None:
+    """List the shipped scenarios, morphologies and observers."""
+    from aerobat_description import MORPHOLOGIES
+    from aerobat_description.morphology import Morphology
+    from aerobat_pin.observers import OBSERVERS
+    from aerobat_pin.scenario import shipped_scenarios
+
+    sections = {
+        "scenarios": shipped_scenarios(),
+        "morphologies": {name: Morphology.load(name).description for name in MORPHOLOGIES},
+        "observers": {name: (kind.__doc__ or "").splitlines()[0] for name, kind in OBSERVERS.items()},
+    }
+    for title, entries in sections.items():
+        typer.echo(title)
+        for name, description in entries.items():
+            typer.echo(f"  {name:<20} {description}")
+
+
+def main() -> None:
+    """Run the command line; every mistake of the caller's ends in one message and exit code 2."""
+    from aerobat_pin.errors import AerobatError
+
+    try:
+        app()
+    except AerobatError as error:
+        typer.echo(f"error: {error}", err=True)
+        sys.exit(2)
+
+
+def _progress() -> Any:
+    """Return a context that shows progress on a terminal and stays silent elsewhere."""
+    from contextlib import nullcontext
+
+    if not sys.stderr.isatty():
+        return nullcontext(None)
+    return _Bar()
+
+
+class _Bar:
+    """One rich progress bar whose label follows the stage."""
+
+    def __enter__(self) -> Any:
+        from rich.progress import Progress
+
+        self._bar = Progress(transient=True)
+        self._bar.start()
+        self._task = self._bar.add_task("starting", total=1.0)
+        return lambda stage, share: self._bar.update(self._task, description=stage, completed=share)
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+
+def _print_table(metrics: dict[str, Any]) -> None:
+    """Print R2 per wing and axis, with the absolute error beside it."""
+    typer.echo(f"\n{metrics['scenario']}, seed {metrics['seed']}: {metrics['note']}; motor torque {metrics['torque']}")
+    typer.echo(f"{'observer':<12} {'wing':<6} {'axis':<4} {'R2':>9} {'R2 noise-free':>14} {'error rms':>10} {'lag':>9}")
+    for name, scores in metrics["observers"].items():
+        for wing, axes in scores.items():
+            if not isinstance(axes, dict):
+                continue
+            for axis, one in axes.items():
+                r2, clean = (
+                    f"{one[key]:.5f}" if one[key] is not None else "no signal" for key in ("r2", "r2_noise_free")
+                )
+                delay = f"{1e3 * one['lag_s']:.2f} ms" if one["lag_s"] is not None else "-"
+                error = f"{1e3 * one['rmse']:.2f} mN"
+                typer.echo(f"{name:<12} {wing:<6} {axis:<4} {r2:>9} {clean:>14} {error:>10} {delay:>9}")
+
+
+if __name__ == "__main__":
+    main()

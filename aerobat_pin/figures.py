@@ -1,0 +1,250 @@
+"""The paper's figures from a flight log and its estimates. Drawn off screen; nothing here opens a window."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from aerobat_pin import style
+from aerobat_pin.arrays import Array
+from aerobat_pin.evaluation import euler_angles, point_label, true_force, world_velocity
+from aerobat_pin.flight_log import FlightLog
+from aerobat_pin.observers import Estimate
+from aerobat_pin.robot import JOINTS, Aerobat
+
+Estimates = Mapping[str, Estimate]
+STICK_SPACING = 0.1  # [s] between two snapshots of the stick diagram
+STICK_STRETCH = 2.5  # of Y against X in the stick diagram
+SHOWN_CRANK_DEG = 235.0  # crank angle at which the linkage figure shows the mechanism
+CLOSE_UP = 0.06  # [s], the stretch in which the noise is looked at closely
+
+
+def draw_all(robot: Aerobat, log: FlightLog, estimates: Estimates) -> dict[str, Figure]:
+    """Draw every figure of a run: name -> figure."""
+    with mpl.rc_context(style.RC):
+        return {
+            "position": position(log),
+            "states": states(log),
+            "stick_diagram": stick_diagram(robot, log),
+            "estimation": estimation(log, estimates),
+            "linkage": linkage(robot),
+        }
+
+
+def save(figure: Figure, stem: Path) -> None:
+    """Write `stem`.png and `stem`.pdf, without a date, so that the same run gives the same files."""
+    figure.savefig(stem.with_suffix(".png"), metadata={"Software": None})
+    figure.savefig(stem.with_suffix(".pdf"), metadata={"CreationDate": None})
+
+
+def position(log: FlightLog) -> Figure:
+    """Position of the body's centre of mass over time (the paper's Fig. 5)."""
+    figure, axes = _stack(3, "Position of the body's centre of mass, world axes")
+    q = log.measured["q"].values
+    for i, (axis, name) in enumerate(zip(axes, "XYZ", strict=True)):
+        axis.plot(log.time, q[:, i], color=style.AXES[i])
+        axis.set_ylabel(f"{name} [m]")
+        _at_least(axis, 0.1)
+    return figure
+
+
+def states(log: FlightLog) -> Figure:
+    """Joint angles, Euler angles and world velocities over time (the paper's Fig. 6)."""
+    figure, axes = _stack(3, "Joint angles, attitude and velocity", height=6.0)
+    q, v = log.measured["q"], log.measured["v"].values
+    for joint, label, line in (("left_shoulder", "shoulder", "-"), ("left_elbow", "elbow", "--")):
+        colour = style.LEFT if label == "shoulder" else style.RIGHT
+        angle = np.degrees(q.sel(q_axis=joint).values)
+        axes[0].plot(log.time, angle, line, color=colour, label=rf"{label} $\theta_{label[0]}$")
+    axes[0].set_ylabel("joint angle [deg]")
+    angles = np.degrees(euler_angles(q.values))
+    for i, label in enumerate(("roll", "pitch (nose up)", "yaw")):
+        axes[1].plot(log.time, angles[:, i], style.LINE_STYLES[i], color=style.AXES[i], label=label)
+    axes[1].set_ylabel("Euler angle [deg]")
+    velocity = world_velocity(q.values, v)
+    for i, label in enumerate("XYZ"):
+        axes[2].plot(log.time, velocity[:, i], style.LINE_STYLES[i], color=style.AXES[i], label=label)
+    axes[2].set_ylabel("velocity, world [m/s]")
+    for axis in axes:
+        axis.legend(ncols=3, loc="upper right")
+        low, high = axis.get_ylim()
+        axis.set_ylim(low, high + 0.2 * (high - low))
+    return figure
+
+
+def stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
+    """Top view of body and wings at fixed intervals along the flight (the paper's Fig. 7)."""
+    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
+    axis = figure.add_subplot()
+    q = log.measured["q"].values
+    axis.plot(q[:, 0], q[:, 1], color=style.MUTED, linewidth=0.8, label="path of the body")
+    data = robot.model.createData()
+    every = max(1, round(STICK_SPACING / float(np.median(np.diff(log.time)))))
+    for k in range(0, len(q), every):
+        left, right, spine = _sticks(robot, data, q[k])
+        first = k == 0
+        axis.plot(left[:, 0], left[:, 1], "o-", ms=2, color=style.LEFT, label="left wing" if first else None)
+        axis.plot(right[:, 0], right[:, 1], "s--", ms=2, color=style.RIGHT, label="right wing" if first else None)
+        axis.plot(spine[:, 0], spine[:, 1], color=style.INK, linewidth=2.5, label="body" if first else None)
+    axis.set_aspect(STICK_STRETCH)
+    axis.set_xlabel("X [m]")
+    axis.set_ylabel("Y [m]")
+    axis.set_title(f"Top view, a snapshot every {STICK_SPACING:g} s; Y drawn {STICK_STRETCH:g} times larger than X")
+    figure.legend(ncols=4, loc="outside lower center")
+    return figure
+
+
+def estimation(log: FlightLog, estimates: Estimates) -> Figure:
+    """Estimated against actual unknown forces, noise and step zones boxed (the paper's Fig. 8)."""
+    frames = next(iter(estimates.values())).frames
+    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
+    figure.suptitle("Unknown force at each wing, world axes: interval means")
+    grid = figure.subplots(4, len(frames), sharex="row", squeeze=False)
+    middle = 0.5 * (log.time[1:] + log.time[:-1])
+    close_up = _close_up(log)
+    for column, frame in enumerate(frames):
+        for row, name in enumerate("xyz"):
+            axis = grid[row][column]
+            _force_lines(axis, middle, log, estimates, column, frame, row)
+            axis.set_ylabel(f"$F_{name}$ [N]")
+            axis.set_xlim(log.time[0], log.time[-1])
+            if log.truth is not None and "step_zone" in log.truth.attrs:
+                start, end = log.truth.attrs["step_zone"]
+                _zone(axis, (start, end), style.STEP_ZONE)
+            if name == "y":
+                _zone(axis, close_up, style.NOISE_ZONE)
+        grid[0][column].set_title(f"{point_label(frame)} wing")
+        close = grid[3][column]
+        _force_lines(close, middle, log, estimates, column, frame, 1)
+        values = next(iter(estimates.values())).force[(middle >= close_up[0]) & (middle <= close_up[1]), column, 1]
+        pad = 0.15 * float(np.ptp(values)) + 1e-3
+        close.set_ylim(float(values.min()) - pad, float(values.max()) + pad)
+        close.set_xlim(*close_up)
+        close.set_ylabel("$F_y$ [N], close")
+        close.set_xlabel("time [s]")
+        for spine in close.spines.values():
+            spine.set_visible(True)
+            spine.set_color(style.NOISE_ZONE)
+    handles, labels = grid[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    return figure
+
+
+def _close_up(log: FlightLog) -> tuple[float, float]:
+    """Choose a stretch in the first half of the flight, at least two samples long [s]."""
+    start = log.time[0] + 0.27 * (log.time[-1] - log.time[0])
+    after = log.time[log.time >= start + CLOSE_UP]
+    return float(start), float(after[0] if len(after) else log.time[-1])
+
+
+def linkage(robot: Aerobat) -> Figure:
+    """The Kinetic Sculpture at one crank angle with pins and bars named, and its cycle (the paper's Fig. 2)."""
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    shown = robot.linkage.solve(np.radians(SHOWN_CRANK_DEG))
+    pins = {name: 1e3 * point for name, point in shown.pins.items()}
+    bars = {
+        "L1": ("J1", "J2"),
+        "L2": ("J2", "J3", "J4", "J2"),
+        "L3": ("J4", "J5", "J6", "J4"),
+        "L4": ("J3", "J7"),
+        "L5": ("J7", "J8", "J9", "J7"),
+        "L6": ("J9", "J10"),
+        "L7": ("J6", "J10"),
+    }
+    colours = ("#D55E00", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#222222")
+    for (bar, names), colour in zip(bars.items(), colours, strict=True):
+        points = np.array([pins[name] for name in names])
+        left.plot(points[:, 0], points[:, 1], "-", color=colour, linewidth=2.2, solid_capstyle="round")
+        if len(names) > 2:
+            left.fill(points[:, 0], points[:, 1], color=colour, alpha=0.15)
+        middle = points[: max(2, len(names) - 1)].mean(axis=0)
+        left.annotate(
+            bar, (middle[0], middle[1]), color=colour, fontweight="bold", xytext=(5, -9), textcoords="offset points"
+        )
+    for name, point in pins.items():
+        ground = name in ("J1", "J5", "J8")
+        left.plot(*point, "s" if ground else "o", ms=6 if ground else 4.5, mfc="white", mec=style.INK, zorder=5)
+        left.annotate(name, point, xytext=(4, 5), textcoords="offset points", fontsize=8)
+    _forearm(left, pins, float(shown.angles["t6"]), 1e3 * robot.linkage.lengths.L7a)
+    left.set_aspect("equal")
+    left.set_xlabel("outboard [mm]")
+    left.set_ylabel("up [mm]")
+    left.set_title(f"Left wing, crank at {SHOWN_CRANK_DEG:g} deg; squares are fixed to the body")
+    turn = np.radians(np.linspace(-90.0, 270.0, 721))
+    cycle = robot.linkage.solve(turn)
+    right.plot(np.degrees(turn), np.degrees(cycle.theta_s), color=style.LEFT, label=r"shoulder $\theta_s$")
+    right.plot(np.degrees(turn), np.degrees(cycle.theta_e), "--", color=style.RIGHT, label=r"elbow $\theta_e$")
+    right.set_xlabel("crank angle [deg]")
+    right.set_ylabel("joint angle [deg]")
+    right.set_xticks(range(-90, 271, 90))
+    right.set_title("One turn of the crank")
+    right.legend()
+    return figure
+
+
+def _forearm(axis: Axes, pins: Mapping[str, Array], t6: float, length: float) -> None:
+    """Draw the distal wing as far as L7a, and mark both joint angles."""
+    elbow, shoulder = pins["J6"], pins["J5"]
+    tip = elbow + length * np.array([np.cos(t6), np.sin(t6)])
+    axis.plot(*zip(elbow, tip, strict=True), color=style.INK, linewidth=2.2)
+    bone = (elbow - shoulder) / np.linalg.norm(elbow - shoulder)
+    axis.plot(*zip(shoulder, shoulder + np.array([26.0, 0.0]), strict=True), ":", color=style.MUTED)
+    axis.plot(*zip(elbow, elbow + 15.0 * bone, strict=True), ":", color=style.MUTED)
+    axis.annotate(r"$\theta_s$", shoulder + np.array([27.0, -1.0]), fontsize=10)
+    axis.annotate(r"$\theta_e$", tuple(elbow + 15.0 * bone), xytext=(-2, 6), textcoords="offset points", fontsize=10)
+
+
+def _stack(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(7.0, height), layout="constrained")
+    axes = list(figure.subplots(rows, 1, sharex=True))
+    figure.suptitle(title)
+    axes[-1].set_xlabel("time [s]")
+    return figure, axes
+
+
+def _at_least(axis: Axes, height: float) -> None:
+    """Keep rounding noise from filling a panel: show at least this range."""
+    low, high = axis.get_ylim()
+    if high - low < height:
+        middle = 0.5 * (low + high)
+        axis.set_ylim(middle - height / 2, middle + height / 2)
+
+
+def _force_lines(
+    axis: Axes, time: Array, log: FlightLog, estimates: Estimates, column: int, frame: str, row: int
+) -> None:
+    if log.truth is not None:
+        axis.plot(time, true_force(log, frame)[0][:, row], color=style.TRUTH, linewidth=2.0, label="actual")
+    for (name, estimate), colour, line in zip(estimates.items(), style.ESTIMATES, ("-", ":", "--", "-."), strict=False):
+        axis.plot(time, estimate.force[:, column, row], line, color=colour, linewidth=0.8, label=f"estimated: {name}")
+
+
+def _zone(axis: Axes, span: tuple[float, float], colour: str) -> None:
+    low, high = axis.get_ylim()
+    box: dict[str, Any] = {"fill": False, "edgecolor": colour, "linewidth": 1.4, "zorder": 4}
+    axis.add_patch(Rectangle((span[0], low), span[1] - span[0], high - low, **box))
+    axis.set_ylim(low, high)
+
+
+def _sticks(robot: Aerobat, data: pin.Data, q: Array) -> tuple[Array, Array, Array]:
+    """Return left wing, right wing (shoulder, elbow, tip) and body (tail end, nose) as world points (n, 3) [m]."""
+    pin.forwardKinematics(robot.model, data, q)
+    tip = robot.morphology.wing.distal_stations[-1]
+    wings = []
+    for (shoulder, elbow), sign in ((JOINTS[:2], 1.0), (JOINTS[2:], -1.0)):
+        first, second = (data.oMi[robot.model.getJointId(joint)] for joint in (shoulder, elbow))
+        end = second.act(np.array([0.0, sign * tip, 0.0]))
+        wings.append(np.array([first.translation, second.translation, end]))
+    half = robot.morphology.body.hull[0] / 2
+    base = data.oMi[1]
+    spine = np.array([base.act(np.array([x, 0.0, 0.0])) for x in (-half, half)])
+    return wings[0], wings[1], spine
