@@ -41,8 +41,9 @@ def draw_all(robot: Aerobat, log: FlightLog, estimates: Estimates) -> dict[str, 
 
 def save(figure: Figure, stem: Path) -> None:
     """Write `stem`.png and `stem`.pdf, without a date, so that the same run gives the same files."""
-    figure.savefig(stem.with_suffix(".png"), metadata={"Software": None})
-    figure.savefig(stem.with_suffix(".pdf"), metadata={"CreationDate": None})
+    with mpl.rc_context(style.RC):
+        figure.savefig(stem.with_suffix(".png"), metadata={"Software": None})
+        figure.savefig(stem.with_suffix(".pdf"), metadata={"CreationDate": None})
 
 
 def position(log: FlightLog) -> Figure:

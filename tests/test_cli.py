@@ -1,0 +1,172 @@
+"""The command line: what it writes, and that a mistake costs one message, exit code 2 and nothing else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aerobat_pin import cli
+from aerobat_pin.flight_log import FlightLog
+
+SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Run the command line in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["aerobat", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    return int(stop.value.code or 0)
+
+
+def test_a_run_writes_what_it_promises(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Log, estimates, metrics and scenario; the table ends with the list of files."""
+    out = tmp_path / "result"
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--seed", "5", *SHORT) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["estimate.nc", "flight.nc", "metrics.json", "scenario.toml"]
+    printed = capsys.readouterr().out
+    assert "attitude held, 79 % thruster-borne" in printed
+    assert "force_level" in printed
+    assert str(out / "flight.nc") in printed
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["scenario"] == "paper"
+    assert metrics["seed"] == 5
+    assert set(metrics["observers"]) == {"momentum", "force_level"}
+    one = metrics["observers"]["momentum"]
+    assert set(one["left"]["Fx"]) == {"r2", "r2_noise_free", "rmse", "lag_s"}
+    assert {"rank", "condition", "null_direction"} <= set(one)
+    keys = {"position_end", "z_range", "roll_range", "pitch_range", "yaw_range"}
+    assert keys <= set(metrics["flight"])
+    log = FlightLog.load(out / "flight.nc")
+    assert log.truth is not None
+    assert log.measured["q"].attrs["units"]
+    assert log.measured["q"].shape == (21, 11)
+    estimate = xr.load_dataset(out / "estimate.nc", engine="h5netcdf")
+    assert estimate["force_W"].dims == ("observer", "interval", "point", "axis")
+    assert bool(np.isfinite(estimate["force_W"]).all())
+
+
+def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Running `scenario.toml` reproduces `metrics.json` to the last bit."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert call(monkeypatch, "run", "paper", "--out", str(first), "--no-report", *SHORT) == 0
+    assert call(monkeypatch, "run", str(first / "scenario.toml"), "--out", str(second), "--no-report") == 0
+    assert (first / "metrics.json").read_bytes() == (second / "metrics.json").read_bytes()
+
+
+def test_only_the_observers_asked_for_are_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`--observer` may be repeated and replaces the scenario's choice."""
+    out = tmp_path / "one"
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--observer", "momentum", *SHORT) == 0
+    assert list(json.loads((out / "metrics.json").read_text())["observers"]) == ["momentum"]
+
+
+def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without --force the folder is refused untouched; with it only our own files change."""
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    (out / "report.html").write_text("old")
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 2
+    assert "not empty; --force" in capsys.readouterr().err
+    assert sorted(path.name for path in out.iterdir()) == ["notes.txt", "report.html"]
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 0
+    assert (out / "notes.txt").read_text() == "mine"
+    assert not (out / "report.html").exists(), "an old report would not belong to the new numbers"
+    assert (out / "metrics.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "papr"], "no scenario 'papr'"),
+        (["run", "paper", "--set", "simulation.dt=-1"], "simulation.dt = -1"),
+        (["run", "paper", "--set", "observers.gain=-1"], "observers.gain = -1"),
+        (["run", "paper", "--set", "unknown_force.0.frame=wing"], "the robot's frames are"),
+        (["run", "paper", "--set", "robot.changes.linkage.L3b=0.002"], "cannot close at J4"),
+        (["run", "paper", "--observer", "magic"], "choose from momentum, force_level"),
+        (["run", "paper", "--seed", "-3"], "simulation.seed = -3"),
+    ],
+)
+def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
+    arguments: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """No traceback, no folder, not even `runs/`."""
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, *arguments, *(["--set", "simulation.duration=0.01"] if len(arguments) > 2 else [])) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert "Traceback" not in printed.err
+    assert printed.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file in the way, as the folder itself or as one of its parents."""
+    (tmp_path / "file").write_text("")
+    for out in ("file", "file/below"):
+        assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / out), *SHORT) == 2
+        assert "error: output" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == ""
+
+
+def test_nan_in_a_scenario_file_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """TOML knows nan; a scenario does not."""
+    file = tmp_path / "nan.toml"
+    file.write_text('name = "nan"\n[flight]\nvelocity = [nan, 0.0, 0.0]\n')
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "run", "nan.toml") == 2
+    assert "flight.velocity.0 = nan: input should be a finite number" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["nan.toml"]
+
+
+def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What was written before the failure goes away with it, and the folder is as it was."""
+    from aerobat_pin import experiment
+
+    out = tmp_path / "run"
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("disk on fire")
+
+    monkeypatch.setattr(experiment, "estimate_dataset", fail)
+    monkeypatch.setattr(sys, "argv", ["aerobat", "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT])
+    with pytest.raises(RuntimeError):
+        cli.main()
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Scenarios, morphologies, observers."""
+    assert call(monkeypatch, "list") == 0
+    printed = capsys.readouterr().out
+    for name in ("paper", "observer_benchmark", "aerobat_guard", "momentum", "force_level"):
+        assert name in printed
+
+
+def test_the_program_starts_without_importing_what_it_does_not_need() -> None:
+    """`import aerobat_pin` and the command line's own import pull in neither Pinocchio nor matplotlib nor meshcat."""
+    heavy = "{'pinocchio', 'matplotlib', 'meshcat', 'scipy', 'xarray', 'numpy'}"
+    code = f"import sys, aerobat_pin, aerobat_pin.cli; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

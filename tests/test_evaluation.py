@@ -1,0 +1,43 @@
+"""The scores: R2, lag and what counts as no signal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from aerobat_pin.evaluation import euler_angles, lag, r_squared
+
+
+def test_r_squared_is_one_for_the_truth_and_zero_for_its_mean() -> None:
+    """Definition: 1 - SSE / SST."""
+    truth = np.sin(np.linspace(0.0, 9.0, 400))
+    assert r_squared(truth, truth) == 1.0
+    assert r_squared(np.full_like(truth, truth.mean()), truth) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_truth_that_hardly_varies_has_no_r_squared() -> None:
+    """Below 1 mN of standard deviation the ratio says nothing, so it is None and not a number."""
+    truth = 0.9e-3 * np.sqrt(2.0) * np.sin(np.linspace(0.0, 60.0, 4000)) + 5.0
+    assert r_squared(truth, truth) is None
+    assert lag(truth, truth, 1e-3) is None
+
+
+@pytest.mark.parametrize("gain", [100.0, 300.0])
+def test_the_lag_of_a_first_order_filter_is_its_time_constant(gain: float) -> None:
+    """Closed form: an exact-exponential low-pass delays slow signals by a/(1-a) steps with a = exp(-K dt)."""
+    dt = 1e-3
+    t = np.arange(4000) * dt
+    truth = np.sin(2 * np.pi * 1.5 * t) + 0.3 * np.sin(2 * np.pi * 0.7 * t + 1.0)
+    a = np.exp(-gain * dt)
+    estimate = lfilter([1.0 - a], [1.0, -a], truth)
+    assert lag(estimate, truth, dt) == pytest.approx(a / (1.0 - a) * dt, rel=0.05)
+
+
+def test_pitch_is_reported_nose_up_and_roll_right_wing_down() -> None:
+    """With x forward, y left, z up a turn about -y lifts the nose, a turn about +x drops the right wing."""
+    half = np.radians(5.0)
+    up = np.array([[0, 0, 0, 0, -np.sin(half), 0, np.cos(half), 0, 0, 0, 0]])
+    np.testing.assert_allclose(np.degrees(euler_angles(up)), [[0.0, 10.0, 0.0]], atol=1e-12)
+    right = np.array([[0, 0, 0, np.sin(half), 0, 0, np.cos(half), 0, 0, 0, 0]])
+    np.testing.assert_allclose(np.degrees(euler_angles(right)), [[10.0, 0.0, 0.0]], atol=1e-12)
