@@ -39,7 +39,7 @@ def urdf(morphology: Morphology) -> str:
     for name, colour in MATERIALS.items():
         ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_text(colour))
     base = _link(robot, "base_link", morphology.body, 1.0)
-    _box(base, (0.0, 0.0, 0.0), morphology.body.hull)
+    _box(base, (0.0, 0.0, 0.0), (morphology.hull.length, morphology.hull.width, morphology.hull.height))
     for side, sign in SIDES:
         _wing(robot, morphology, side, sign)
     _visuals(robot, morphology)

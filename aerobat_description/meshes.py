@@ -32,8 +32,8 @@ class Part:
 def parts(morphology: Morphology) -> dict[str, Part]:
     """Return every visible part of a morphology by name: body, guard, tail, left and right wing panels."""
     wing = morphology.wing
-    length, width, height = morphology.body.hull
-    made = {"body": Part("base_link", "carbon", ellipsoid((length / 2, width / 2, height / 2)))}
+    hull = morphology.hull
+    made = {"body": Part("base_link", "carbon", ellipsoid((hull.length / 2, hull.width / 2, hull.height / 2)))}
     if morphology.guard is not None:
         made["guard"] = Part("base_link", "guard", ring(morphology.guard))
     if morphology.tail is not None:

@@ -18,6 +18,8 @@ from typing import Any, get_args, get_type_hints
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
 
 Vector = tuple[float, ...]
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
 
 
 class MorphologyError(ValueError):
@@ -26,19 +28,15 @@ class MorphologyError(ValueError):
 
 @dataclass(frozen=True)
 class Body:
-    """Mass [kg], centre of mass [m] in the link frame, inertia (xx, yy, zz, xy, xz, yz) [kg m2] about it."""
+    """Mass [kg], inertia (xx, yy, zz, xy, xz, yz) [kg m2] about the centre of mass `com` [m] in the link frame."""
 
     mass: float
-    inertia: Vector
-    com: Vector = (0.0, 0.0, 0.0)
-    hull: Vector = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float]
+    com: Triple = (0.0, 0.0, 0.0)
 
     def check(self, where: str) -> None:
         """Raise unless the mass is positive and the principal moments obey the strict triangle inequality."""
-        _require(self.mass > 0.0, f"{where}.mass", self.mass, "a mass is positive")
-        _require(len(self.inertia) == 6, f"{where}.inertia", self.inertia, "six numbers: xx, yy, zz, xy, xz, yz")
-        _require(len(self.com) == 3, f"{where}.com", self.com, "three numbers")
-        _require(len(self.hull) == 3, f"{where}.hull", self.hull, "three numbers: length, width, height")
+        _require(self.mass > 0.0, f"{where}.mass", self.mass, "it must be positive")
         # The second-moment matrix tr(I)/2 - I is positive definite exactly when every principal moment is smaller
         # than the sum of the other two; Sylvester's criterion tests it without eigenvalues.
         xx, yy, zz, xy, xz, yz = self.inertia
@@ -49,13 +47,33 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Joints:
-    """Limits [rad], effort [N m] and velocity [rad/s] of shoulder and elbow."""
+class Hull:
+    """Visible shape of the body, an ellipsoid about its centre of mass [m]."""
 
-    shoulder_limits: Vector
-    elbow_limits: Vector
+    length: float
+    width: float
+    height: float
+
+    def check(self, where: str) -> None:
+        """Raise unless every size is positive."""
+        _positive(self, where, "length", "width", "height")
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Limits (lower, upper) [rad], effort [N m] and velocity [rad/s] of shoulder and elbow."""
+
+    shoulder_limits: Pair
+    elbow_limits: Pair
     effort: float
     velocity: float
+
+    def check(self, where: str) -> None:
+        """Raise unless limits rise and effort and velocity are positive."""
+        for key in ("shoulder_limits", "elbow_limits"):
+            limits = getattr(self, key)
+            _require(limits[0] < limits[1], f"{where}.{key}", limits, "the lower limit comes first")
+        _positive(self, where, "effort", "velocity")
 
 
 @dataclass(frozen=True)
@@ -71,19 +89,21 @@ class WingShape:
     distal_trailing_edge: Vector
     minimum_chord: float
 
-    def check(self) -> None:
+    def check(self, where: str) -> None:
         """Raise unless stations increase and the leading edge stays ahead of the trailing edge."""
         for panel in ("proximal", "distal"):
             stations, leading, trailing = (
                 getattr(self, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge")
             )
             same = len(stations) == len(leading) == len(trailing) >= 2
-            _require(same, f"wing.{panel}_stations", stations, "stations and edges have the same length, two or more")
+            _require(
+                same, f"{where}.{panel}_stations", stations, "stations and edges have the same length, two or more"
+            )
             rising = stations[0] == 0.0 and all(a < b for a, b in itertools.pairwise(stations))
-            _require(rising, f"wing.{panel}_stations", stations, "stations start at 0 and increase")
+            _require(rising, f"{where}.{panel}_stations", stations, "stations start at 0 and increase")
             ahead = all(le >= te for le, te in zip(leading, trailing, strict=True))
-            _require(ahead, f"wing.{panel}_leading_edge", leading, "it lies ahead of the trailing edge")
-        _require(self.minimum_chord > 0.0, "wing.minimum_chord", self.minimum_chord, "a chord is positive")
+            _require(ahead, f"{where}.{panel}_leading_edge", leading, "it lies ahead of the trailing edge")
+        _positive(self, where, "minimum_chord")
 
 
 @dataclass(frozen=True)
@@ -107,9 +127,13 @@ class LinkageLengths:
     L7a: float
     L7b: float
     L7c: float
-    P1: Vector
-    P5: Vector
-    P8: Vector
+    P1: Pair
+    P5: Pair
+    P8: Pair
+
+    def check(self, where: str) -> None:
+        """Raise unless every bar has a positive length; offsets within a bar's own frame may have either sign."""
+        _positive(self, where, "L1", "L2a", "L3a", "L3b", "L4", "L5a", "L6", "L7a", "L7b")
 
 
 @dataclass(frozen=True)
@@ -118,8 +142,12 @@ class Surface:
 
     span: float
     chord: float
-    position: Vector
+    position: Triple
     incidence: float = 0.0
+
+    def check(self, where: str) -> None:
+        """Raise unless span and chord are positive."""
+        _positive(self, where, "span", "chord")
 
 
 @dataclass(frozen=True)
@@ -130,13 +158,23 @@ class Aerodynamics:
     body_drag_area: float
     tail_downwash_factor: float
 
+    def check(self, where: str) -> None:
+        """Raise unless no coefficient is negative."""
+        for key in ("profile_drag", "body_drag_area", "tail_downwash_factor"):
+            _require(getattr(self, key) >= 0.0, f"{where}.{key}", getattr(self, key), "it is not negative")
+
 
 @dataclass(frozen=True)
 class Guard:
     """Propeller guard, a picture only: half axes of the ring (x, y) and radius of its tube [m]."""
 
-    radius: Vector
+    radius: Pair
     tube: float
+
+    def check(self, where: str) -> None:
+        """Raise unless the ring has a size."""
+        _require(min(self.radius) > 0.0, f"{where}.radius", self.radius, "both half axes are positive")
+        _positive(self, where, "tube")
 
 
 @dataclass(frozen=True)
@@ -146,6 +184,7 @@ class Morphology:
     name: str
     description: str
     body: Body
+    hull: Hull
     proximal: Body
     distal: Body
     joints: Joints
@@ -173,10 +212,12 @@ class Morphology:
         """Build from nested plain values. Raises MorphologyError with key, value and rule."""
         made = _build(cls, values, "")
         assert isinstance(made, cls)
-        for where in ("body", "proximal", "distal"):
-            getattr(made, where).check(where)
-        made.wing.check()
         return made
+
+    def check(self, where: str) -> None:
+        """Raise unless the name can name files and a robot."""
+        plain = bool(self.name) and all(letter.isalnum() or letter in "_-" for letter in self.name)
+        _require(plain, _dotted(where, "name"), repr(self.name), "letters, digits, _ and - only")
 
     @property
     def mass(self) -> float:
@@ -199,6 +240,12 @@ class Morphology:
 def _require(holds: bool, key: str, value: object, rule: str) -> None:
     if not holds:
         raise MorphologyError(f"morphology: {key} = {value}: {rule}")
+
+
+def _positive(section: object, where: str, *keys: str) -> None:
+    for key in keys:
+        value = getattr(section, key)
+        _require(value > 0.0, f"{where}.{key}", value, "it must be positive")
 
 
 def _read(morphology: str) -> dict[str, Any]:
@@ -248,7 +295,10 @@ def _build(kind: Any, values: object, where: str) -> Any:
             made[key] = _build(inner[0] if inner else hints[key], values[key], _dotted(where, key))
         elif field.default is MISSING:
             raise MorphologyError(f"morphology: missing key '{_dotted(where, key)}'")
-    return kind(**made)
+    section = kind(**made)
+    if hasattr(section, "check"):
+        section.check(where)
+    return section
 
 
 def _leaf(kind: Any, value: Any, where: str) -> Any:
@@ -256,12 +306,14 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
         _require(isinstance(value, str), where, repr(value), "a string was expected")
         return value
     numbers = value if isinstance(value, list | tuple) else [value]
-    good = all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in numbers)
+    good = all(isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e300 for x in numbers)
     _require(good, where, value, "finite numbers were expected")
     if kind is float:
         _require(not isinstance(value, list | tuple), where, value, "one number was expected")
         return float(numbers[0])
-    _require(isinstance(value, list | tuple), where, value, "a list of numbers was expected")
+    size = None if Ellipsis in get_args(kind) else len(get_args(kind))
+    rule = "a list of numbers was expected" if size is None else f"a list of {size} numbers was expected"
+    _require(isinstance(value, list | tuple) and size in (None, len(value)), where, value, rule)
     return tuple(float(x) for x in numbers)
 
 

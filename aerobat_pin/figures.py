@@ -245,7 +245,7 @@ def _sticks(robot: Aerobat, data: pin.Data, q: Array) -> tuple[Array, Array, Arr
         first, second = (data.oMi[robot.model.getJointId(joint)] for joint in (shoulder, elbow))
         end = second.act(np.array([0.0, sign * tip, 0.0]))
         wings.append(np.array([first.translation, second.translation, end]))
-    half = robot.morphology.body.hull[0] / 2
+    half = robot.morphology.hull.length / 2
     base = data.oMi[1]
     spine = np.array([base.act(np.array([x, 0.0, 0.0])) for x in (-half, half)])
     return wings[0], wings[1], spine

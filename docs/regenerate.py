@@ -54,7 +54,7 @@ def paper_table(experiments: list[Experiment]) -> str:
 def flight_table(experiments: list[Experiment]) -> str:
     """Return how `paper` flies, seed by seed."""
     lines = [
-        "| seed | X, Y, Z at 2 s [m] | Z [m] | pitch [deg] | roll [deg] | yaw [deg] | hold lifts | air lifts | power [W] |",
+        "| seed | X, Y, Z [m] | Z [m] | pitch [deg] | roll [deg] | yaw [deg] | hold lifts | air lifts | power [W] |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for one in experiments:
@@ -96,8 +96,8 @@ Written by `make docs`; every number comes from the runs it makes. Ranges are ov
 
 ## `paper`: {paper[0].metrics["note"]}, K = {paper[0].scenario.observers.gain:.0f} 1/s
 
-The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. R2 against the noise-free
-truth is lower at this gain, because an observer that follows the noise is wrong by the noise.
+The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. R2 against the
+noise-free truth is lower at this gain, because an observer that follows the noise is wrong by the noise.
 
 {paper_table(paper)}
 

@@ -16,13 +16,14 @@ TEXT = {".py", ".toml", ".md", ".cff", ".urdf", ".srdf", ".cfg", ".yml", ""}
 
 def text_files() -> list[Path]:
     """Return the project's own text files."""
-    skipped = {".git", ".venv", "runs", "build", "dist", "__pycache__"}
+    skipped = {"runs", "build", "dist", "__pycache__"}
     return [
         path
         for path in ROOT.rglob("*")
         if path.is_file()
         and path.suffix in TEXT
-        and not any(part in skipped or part.endswith(("_cache", ".egg-info")) for part in path.relative_to(ROOT).parts)
+        and not any(part in skipped or part.endswith(".egg-info") for part in path.relative_to(ROOT).parts)
+        and not (path.relative_to(ROOT).parts[0].startswith(".") and path.relative_to(ROOT).parts[0] != ".ci")
     ]
 
 

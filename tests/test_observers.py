@@ -114,7 +114,7 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
     """Bad frames, gains, shapes, NaN and time each raise their own error."""
     model, frame = arm()
     q, v, tau = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
-    with pytest.raises(FrameNotFoundError, match="no frame named 'tol'.*tool"):
+    with pytest.raises(FrameNotFoundError, match=r"no frame named 'tol'.*tool"):
         kind(model, ["tol"])
     with pytest.raises(ObserverError, match="different names"):
         kind(model, [])

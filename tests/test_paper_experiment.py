@@ -39,7 +39,7 @@ def test_other_seeds_tell_the_same_story(seed: int) -> None:
 
 
 def test_the_flight_is_the_papers(paper: Experiment) -> None:
-    """Steady forward flight for two seconds, small Euler angles, a height that follows the flapping (its Figs. 5, 6)."""
+    """Steady forward flight for two seconds, small Euler angles, a height that follows the flapping (Figs. 5, 6)."""
     flight = paper.metrics["flight"]
     x, y, _ = flight["position_end"]
     assert abs(x - 5.96) < 0.3

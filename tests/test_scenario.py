@@ -64,14 +64,14 @@ def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) ->
 
 def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     """The message lists the shipped names, or says where the TOML breaks."""
-    with pytest.raises(ScenarioError, match="no scenario 'papr'.*observer_benchmark, paper"):
+    with pytest.raises(ScenarioError, match=r"no scenario 'papr'.*observer_benchmark, paper"):
         load_scenario("papr")
     broken = tmp_path / "broken.toml"
     broken.write_text("name = [", encoding="utf-8")
     with pytest.raises(ScenarioError, match="not valid TOML"):
         load_scenario(broken)
+    broken.write_bytes(b"\xff\xfe\x00name")
     with pytest.raises(ScenarioError, match="cannot be read"):
-        broken.write_bytes(b"\xff\xfe\x00name")
         load_scenario(broken)
     empty = tmp_path / "empty.toml"
     empty.write_text("", encoding="utf-8")

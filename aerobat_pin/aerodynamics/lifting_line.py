@@ -15,7 +15,8 @@ Stations y = (S/2) cos theta at theta_i = i pi/(N+1); Gamma = sum_n g_n sin(n th
 D Gamma = 1/(2S) sum_n n g_n sin(n theta)/sin(theta). At those stations sin(n theta_i) is orthogonal.
 
 Sources: Boutet & Dimitriadis 2018 (Wagner lifting line); Sihite et al. 2022, arXiv 2207.12353 (state space).
-Attached flow: the model knows no stall.
+Attached flow: the model knows no stall. The suction answers to the 3/4-chord velocity alone: exact for plunging and
+flapping, without Garrick's pitch-rate term.
 """
 
 from __future__ import annotations
@@ -70,12 +71,15 @@ class LiftingLine:
         air_density: float = 1.225,
     ) -> None:
         """Place the stations and build the downwash operator."""
-        if strips < 1:
-            raise ShapeError(f"strips = {strips}: at least one strip is needed")
-        if not (np.isfinite(span) and span > 0.0):
-            raise ShapeError(f"span = {span}: a finite positive length in metres was expected")
-        if not (np.isfinite(air_density) and air_density > 0.0):
-            raise ShapeError(f"air_density = {air_density}: a finite positive density in kg/m3 was expected")
+        if strips < 1 or strips != int(strips):
+            raise ShapeError(f"strips = {strips}: a whole number, at least one, was expected")
+        for name, value, unit in (
+            ("span", span, "m"),
+            ("lift_slope", lift_slope, "1/rad"),
+            ("air_density", air_density, "kg/m3"),
+        ):
+            if not (np.isfinite(value) and value > 0.0):
+                raise ShapeError(f"{name} = {value}: a finite positive number in {unit} was expected")
         self.span = float(span)
         self.strips = int(strips)
         self.lift_slope = float(lift_slope)
@@ -126,9 +130,18 @@ class LiftingLine:
         return self.lift_slope * self.air_density * self.semichord * w_eff**2
 
     def state_space(self, airspeed: ArrayLike) -> StateSpace:
-        """Return A, B, C, D at an airspeed, one number or (N,) [m/s]; input the normal velocity, output the lift."""
+        """Return A, B, C, D; input the normal velocity (N,) [m/s], output the lift per span (N,) [N/m].
+
+        Args:
+            airspeed: one number or (N,) [m/s], not negative: flow from behind would make the modes grow.
+
+        Raises:
+            ShapeError: the airspeed is negative or not finite.
+        """
         n = self.strips
         speed = np.broadcast_to(np.asarray(airspeed, float), (n,))
+        if not np.all(speed >= 0.0) or not np.all(np.isfinite(speed)):
+            raise ShapeError(f"airspeed = {speed}: finite numbers in m/s, not negative, were expected")
         rate, eye, zero = speed / self.semichord, np.eye(n), np.zeros((n, n))
         lags = [np.diag(psi * eps * rate) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)]
         gain = np.diag(0.5 * self.lift_slope * speed)
