@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from aerobat_description.morphology import Guard, Morphology, Surface
 
@@ -22,36 +23,45 @@ MEMBRANE_THICKNESS = 1.0e-3  # [m], for the eye only
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh in the frame of its link, and the name of its material."""
+    """A visible part: the link in whose frame it is drawn, the name of its material, and its mesh."""
 
     link: str
     material: str
-    mesh: Mesh
+    build: Callable[[], Mesh]
+
+    @property
+    def mesh(self) -> Mesh:
+        """Its triangles, built when they are asked for."""
+        return self.build()
 
 
 def parts(morphology: Morphology) -> dict[str, Part]:
     """Return every visible part of a morphology by name: body, guard, tail, left and right wing panels."""
     wing = morphology.wing
     hull = morphology.hull
-    made = {"body": Part("base_link", "carbon", ellipsoid((hull.length / 2, hull.width / 2, hull.height / 2)))}
+    half_axes = (hull.length / 2, hull.width / 2, hull.height / 2)
+    made = {"body": Part("base_link", "carbon", partial(ellipsoid, half_axes))}
     if morphology.guard is not None:
-        made["guard"] = Part("base_link", "guard", ring(morphology.guard))
+        made["guard"] = Part("base_link", "guard", partial(ring, morphology.guard))
     if morphology.tail is not None:
-        made["tail"] = Part("base_link", "tail", plate(morphology.tail))
+        made["tail"] = Part("base_link", "tail", partial(plate, morphology.tail))
     # The proximal panel is drawn along the straight line from shoulder to elbow, so that the panels meet.
     _, along, up = morphology.elbow
+    length = wing.proximal_stations[-1]
     panels = {
-        "proximal": [
-            (y / wing.proximal_stations[-1] * along, y / wing.proximal_stations[-1] * up)
-            for y in wing.proximal_stations
-        ],
+        "proximal": [(y / length * along, y / length * up) for y in wing.proximal_stations],
         "distal": [(y, 0.0) for y in wing.distal_stations],
     }
     for panel, stations in panels.items():
-        left = membrane(stations, getattr(wing, f"{panel}_leading_edge"), getattr(wing, f"{panel}_trailing_edge"))
+        edges = getattr(wing, f"{panel}_leading_edge"), getattr(wing, f"{panel}_trailing_edge")
+        left = partial(membrane, stations, *edges)
         made[f"left_{panel}"] = Part(f"left_{panel}", "membrane", left)
-        made[f"right_{panel}"] = Part(f"right_{panel}", "membrane", mirrored(left))
+        made[f"right_{panel}"] = Part(f"right_{panel}", "membrane", partial(_mirrored, left))
     return made
+
+
+def _mirrored(build: Callable[[], Mesh]) -> Mesh:
+    return mirrored(build())
 
 
 def plate(surface: Surface) -> Mesh:

@@ -11,9 +11,68 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.arrays import Array
+from aerobat_pin.jit import kernel
+
+
+@kernel
+def rotation_vector(R: Array, out: Array) -> None:
+    """Write log3 of a rotation (3, 3) into out (3,): axis times angle in [0, pi], by way of the unit quaternion."""
+    # The largest of the four quaternion parts is found first: nothing is divided by a small number.
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    if trace > 0.0:
+        w = 0.5 * np.sqrt(1.0 + trace)
+        x, y, z = ((R[2, 1] - R[1, 2]) / (4 * w), (R[0, 2] - R[2, 0]) / (4 * w), (R[1, 0] - R[0, 1]) / (4 * w))
+    elif R[0, 0] >= R[1, 1] and R[0, 0] >= R[2, 2]:
+        x = 0.5 * np.sqrt(1.0 + R[0, 0] - R[1, 1] - R[2, 2])
+        w, y, z = ((R[2, 1] - R[1, 2]) / (4 * x), (R[0, 1] + R[1, 0]) / (4 * x), (R[0, 2] + R[2, 0]) / (4 * x))
+    elif R[1, 1] >= R[2, 2]:
+        y = 0.5 * np.sqrt(1.0 - R[0, 0] + R[1, 1] - R[2, 2])
+        w, x, z = ((R[0, 2] - R[2, 0]) / (4 * y), (R[0, 1] + R[1, 0]) / (4 * y), (R[1, 2] + R[2, 1]) / (4 * y))
+    else:
+        z = 0.5 * np.sqrt(1.0 - R[0, 0] - R[1, 1] + R[2, 2])
+        w, x, y = ((R[1, 0] - R[0, 1]) / (4 * z), (R[0, 2] + R[2, 0]) / (4 * z), (R[1, 2] + R[2, 1]) / (4 * z))
+    sine = np.sqrt(x * x + y * y + z * z)
+    factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, abs(w)) / sine
+    if w < 0.0:
+        factor = -factor
+    out[0], out[1], out[2] = factor * x, factor * y, factor * z
+
+
+@kernel
+def saturated(value: float, limit: float) -> float:
+    """Clip a number to [-limit, limit]."""
+    return min(max(value, -limit), limit)
+
+
+@kernel
+def hold_wrench(hold: Array, position: Array, rotation: Array, twist: Array, wrench: Array) -> None:
+    """Write the hold's wrench at the body's centre of mass in body axes into wrench (6,), force first.
+
+    Args:
+        hold: `AttitudeHold.packed`.
+        position: (3,) body COM in world [m].
+        rotation: (3, 3) body to world.
+        twist: (6,) body twist in body axes.
+        wrench: (6,) written.
+    """
+    error_rotation = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            error_rotation[i, j] = 0.0
+            for k in range(3):
+                error_rotation[i, j] += rotation[k, i] * hold[3 * k + j]
+    rotation_vector(error_rotation, wrench[3:])
+    for i in range(3):
+        wrench[3 + i] = saturated(hold[9 + i] * wrench[3 + i] - hold[12 + i] * twist[3 + i], hold[15 + i])
+    vx = rotation[0, 0] * twist[0] + rotation[0, 1] * twist[1] + rotation[0, 2] * twist[2]
+    vz = rotation[2, 0] * twist[0] + rotation[2, 1] * twist[1] + rotation[2, 2] * twist[2]
+    forward_speed, height, speed_gain, thrust_limit, lift, stiffness, damping, lift_limit = hold[18:26]
+    thrust = saturated(speed_gain * (forward_speed - vx), thrust_limit)
+    rise = lift + saturated(stiffness * (height - position[2]) - damping * vz, lift_limit)
+    for i in range(3):
+        wrench[i] = rotation[0, i] * thrust + rotation[2, i] * rise
 
 
 @dataclass(frozen=True)
@@ -43,6 +102,14 @@ class AttitudeHold:
     height_damping: float
     lift_limit: float
 
+    @property
+    def packed(self) -> Array:
+        """All of it as (26,) numbers for the kernel: rotation by rows, then gains and limits in their order there."""
+        gains = (self.attitude_stiffness, self.attitude_damping, self.torque_limit)
+        speed = (self.forward_speed, self.height, self.speed_gain, self.thrust_limit)
+        height = (self.lift, self.height_stiffness, self.height_damping, self.lift_limit)
+        return np.concatenate([np.ravel(self.rotation), *gains, speed, height])
+
     def wrench(self, position: Array, rotation: Array, twist: Array) -> Array:
         """Return the wrench (6,) at the body's centre of mass in body axes, force first [N, N m].
 
@@ -51,16 +118,7 @@ class AttitudeHold:
             rotation: (3, 3) body to world.
             twist: (6,) body twist in body axes [m/s, rad/s].
         """
-        velocity_W = rotation @ twist[:3]
-        error = pin.log3(rotation.T @ self.rotation)
-        torque = self.attitude_stiffness * error - self.attitude_damping * twist[3:]
-        thrust = self.speed_gain * (self.forward_speed - velocity_W[0])
-        rise = self.height_stiffness * (self.height - position[2]) - self.height_damping * velocity_W[2]
-        force_W = np.array(
-            [
-                np.clip(thrust, -self.thrust_limit, self.thrust_limit),
-                0.0,
-                self.lift + np.clip(rise, -self.lift_limit, self.lift_limit),
-            ]
-        )
-        return np.concatenate([rotation.T @ force_W, np.clip(torque, -self.torque_limit, self.torque_limit)])
+        wrench = np.empty(6)
+        position, rotation, twist = (np.ascontiguousarray(x, float) for x in (position, rotation, twist))
+        hold_wrench(self.packed, position, rotation, twist, wrench)
+        return wrench

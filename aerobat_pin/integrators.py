@@ -13,16 +13,51 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
+import numpy as np
+
 from aerobat_pin.arrays import Array
+from aerobat_pin.jit import kernel
 
 Output = TypeVar("Output")
 Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
 Retraction = Callable[[Array, Array], Array]
 
 
+@kernel
+def next_stage(stage: int, dt: float, k: Array, rate: Array, start: Array, state: Array, tangent: Array) -> None:
+    """Prepare what follows a stage.
+
+    Args:
+        stage: 0 to 3, just evaluated.
+        dt: step.
+        k: (4, m) velocities of q at the stages.
+        rate: (4, n) rates of y at the stages.
+        start: (n,) y at the start of the step.
+        state: (n,) written: y at the next stage; after stage 3 at the next step.
+        tangent: (2, m or more) first m entries written: the way from q (stages 0, 1) or from q2 (stage 2) to the next
+            stage in row 0; after stage 3 the two parts, one after the other, from q to the next step.
+    """
+    for i in range(k.shape[1]):
+        if stage < 2:
+            tangent[0, i] = 0.5 * dt * k[stage, i]
+        elif stage == 2:
+            tangent[0, i] = dt * (k[2, i] - 0.5 * k[0, i])
+        else:
+            middle = (k[1, i] + k[2, i]) / 6.0
+            tangent[0, i] = dt * (0.25 * k[0, i] + middle - k[3, i] / 12.0)
+            tangent[1, i] = dt * (0.25 * k[3, i] + middle - k[0, i] / 12.0)
+    for i in range(start.shape[0]):
+        if stage < 2:
+            state[i] = start[i] + 0.5 * dt * rate[stage, i]
+        elif stage == 2:
+            state[i] = start[i] + dt * rate[2, i]
+        else:
+            state[i] = start[i] + dt * (rate[0, i] + 2.0 * (rate[1, i] + rate[2, i]) + rate[3, i]) / 6.0
+
+
 def step(
     rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
-) -> tuple[Array, Array, tuple[Output, Output, Output, Output]]:
+) -> tuple[Array, Array, tuple[Output, ...]]:
     """Advance one step.
 
     Args:
@@ -36,19 +71,24 @@ def step(
     Returns:
         q and y at t + dt, and the outputs of the four stages (at t, t + dt/2 twice, t + dt): see `stage_mean`.
     """
-    k1, l1, out1 = rates(t, q, y)
-    q2 = retract(q, 0.5 * dt * k1)
-    k2, l2, out2 = rates(t + 0.5 * dt, q2, y + 0.5 * dt * l1)
-    q3 = retract(q, 0.5 * dt * k2)
-    k3, l3, out3 = rates(t + 0.5 * dt, q3, y + 0.5 * dt * l2)
-    q4 = retract(q2, dt * (k3 - 0.5 * k1))
-    k4, l4, out4 = rates(t + dt, q4, y + dt * l3)
-    half = retract(q, dt * (k1 / 4.0 + (k2 + k3) / 6.0 - k4 / 12.0))
-    q_next = retract(half, dt * (-k1 / 12.0 + (k2 + k3) / 6.0 + k4 / 4.0))
-    y_next = y + dt * stage_mean((l1, l2, l3, l4))
-    return q_next, y_next, (out1, out2, out3, out4)
+    here, state, start = q, np.array(y, float), np.array(y, float)
+    second, outputs = q, []
+    for stage in range(4):
+        velocity, rate, output = rates(t + (0.0, 0.5, 0.5, 1.0)[stage] * dt, here, state)
+        outputs.append(output)
+        if stage == 0:
+            k, slopes = np.zeros((4, len(velocity))), np.zeros((4, len(start)))
+            tangent = np.zeros((2, len(velocity)))
+        k[stage], slopes[stage] = velocity, rate
+        state = np.empty_like(start)
+        next_stage(stage, dt, k, slopes, start, state, tangent)
+        if stage < 3:
+            here = retract(second if stage == 2 else q, tangent[0])
+        if stage == 0:
+            second = here
+    return retract(retract(q, tangent[0]), tangent[1]), state, tuple(outputs)
 
 
-def stage_mean(stages: tuple[Array, Array, Array, Array]) -> Array:
+def stage_mean(stages: tuple[Array, ...]) -> Array:
     """Return the mean over the step that the method's own weights give: (s1 + 2 s2 + 2 s3 + s4) / 6."""
     return (stages[0] + 2.0 * (stages[1] + stages[2]) + stages[3]) / 6.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,16 +32,26 @@ class Aerobat:
     """One robot. `q` is [position (3), quaternion xyzw (4), joints (4)], `v` the body twist in LOCAL axes, then rates.
 
     Joints are reached through `idx_q` and `idx_v`, in the order of `JOINTS`; never by counting.
+    `text` is the URDF that the model was read from.
     """
 
     morphology: Morphology
     model: pin.Model
-    visual_model: pin.GeometryModel
-    collision_model: pin.GeometryModel
+    text: str
     linkage: KineticSculpture
     wing: Wing
     idx_q: tuple[int, ...]
     idx_v: tuple[int, ...]
+
+    @cached_property
+    def visual_model(self) -> pin.GeometryModel:
+        """Visible parts, built in memory when first asked for: a changed robot shows its change without any file."""
+        return _visual_model(self.model, self.morphology)
+
+    @cached_property
+    def collision_model(self) -> pin.GeometryModel:
+        """Collision boxes."""
+        return pin.buildGeomFromUrdfString(self.model, self.text, pin.GeometryType.COLLISION)
 
     @property
     def q0(self) -> Array:
@@ -91,14 +102,12 @@ def load_aerobat(morphology: str | Path = "aerobat", changes: Mapping[str, Any] 
     linkage.check()
     text = urdf(shape)
     model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-    collision = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
     pin.loadReferenceConfigurationsFromXML(model, srdf(shape))
     indices = [model.getJointId(name) for name in JOINTS]
     return Aerobat(
         morphology=shape,
         model=model,
-        visual_model=_visual_model(model, shape),
-        collision_model=collision,
+        text=text,
         linkage=linkage,
         wing=Wing(shape),
         idx_q=tuple(model.joints[i].idx_q for i in indices),
@@ -107,7 +116,6 @@ def load_aerobat(morphology: str | Path = "aerobat", changes: Mapping[str, Any] 
 
 
 def _visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
-    """Build the visible parts in memory, so that a changed morphology shows itself without writing files."""
     visual = pin.GeometryModel()
     for name, part in parts(morphology).items():
         frame = frame_id(model, part.link)

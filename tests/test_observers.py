@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
-from aerobat_pin.observers import OBSERVERS, ForceLevelObserver, MomentumObserver, Observer
-from aerobat_pin.robot import load_aerobat
+from aerobat_pin.observers import OBSERVERS, ForceLevelObserver, Identifiability, MomentumObserver, Observer
+from aerobat_pin.robot import Aerobat, load_aerobat
 
 KINDS = list(OBSERVERS.values())
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -117,7 +117,7 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
     with pytest.raises(FrameNotFoundError, match=r"no frame named 'tol'.*tool"):
         kind(model, ["tol"])
     with pytest.raises(ObserverError, match="different names"):
-        kind(model, [])
+        kind(model, [frame, frame])
     for gain in (-1.0, 0.0, np.nan, np.inf):
         with pytest.raises(ObserverError, match="positive gain"):
             kind(model, [frame], gain=gain)
@@ -135,9 +135,31 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
         observer.update(1.1, q, v, np.full(model.nv, np.nan))
     with pytest.raises(ShapeError, match=r"wind has shape \(2,\)"):
         observer.update(1.1, q, v, tau, {"wind": np.zeros(2)})
+    for wind in ([0.1], 0.1):
+        with pytest.raises(ShapeError, match="wind has shape"):
+            observer.update(1.1, q, v, tau, {"wind": np.array(wind)})
+    with pytest.raises(ShapeError, match="q has shape"):
+        observer.update(1.1, q[:-1], v, tau)
     with pytest.raises(ShapeError, match="q has 1 rows"):
         observer.run([0.0, 1.0], q[None], np.zeros((2, model.nv)), tau[None])
-    np.testing.assert_allclose(observer.update(1.1, q, v, rest(model, q)).force, 0.0, atol=1e-9)
+    strict = observer.update(1.1, q, v, rest(model, q))
+    np.testing.assert_allclose(strict.force, 0.0, atol=1e-9)
+    loose = observer.update(1.2, list(q), v.astype(np.float32), rest(model, q).tolist())
+    np.testing.assert_allclose(loose.force, 0.0, atol=1e-9)
+
+
+def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuses() -> None:
+    """The generalised residual needs no point of application; a force does."""
+    model, frame = arm()
+    q, v = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
+    bare, full = MomentumObserver(model, gain=50.0), MomentumObserver(model, [frame], gain=50.0)
+    for observer in (bare, full):
+        observer.reset(q, v)
+    samples = [observer.update(1e-3, q, v, np.zeros(model.nv)) for observer in (bare, full)]
+    assert samples[0].force.shape == (0, 3)
+    np.testing.assert_array_equal(samples[0].residual, samples[1].residual)
+    with pytest.raises(ObserverError, match="one frame or more"):
+        ForceLevelObserver(model)
 
 
 def test_a_gain_per_row_filters_each_row_on_its_own() -> None:
@@ -153,15 +175,21 @@ def test_a_gain_per_row_filters_each_row_on_its_own() -> None:
         np.testing.assert_array_equal(one.update(1e-3, q, v, tau).force, many.update(1e-3, q, v, tau).force)
 
 
+def identifiability(robot: Aerobat, frames: list[str]) -> Identifiability:
+    """Judge force points at the robot's start."""
+    points = MomentumObserver(robot.model, frames).points
+    return points.identifiability(points.jacobian(robot.q0)[None])
+
+
 def test_two_wing_forces_have_full_rank_and_one_more_point_on_the_body_has_not() -> None:
     """Six unknowns against ten rows are told apart; a third point on the same rigid wing is not (rank 8 of 9)."""
     robot = load_aerobat()
-    two = MomentumObserver(robot.model, ["left_force_point", "right_force_point"]).identifiability(robot.q0)
+    two = identifiability(robot, ["left_force_point", "right_force_point"])
     assert two.rank == 6
     assert two.null_direction is None
     assert 1.0 < two.condition < 100.0
     frames = ["left_force_point", "right_force_point", "left_distal"]
-    three = MomentumObserver(robot.model, frames).identifiability(robot.q0)
+    three = identifiability(robot, frames)
     assert three.rank == 8
     assert three.condition == np.inf
     assert three.null_direction is not None

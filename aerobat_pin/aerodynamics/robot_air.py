@@ -10,12 +10,18 @@ wing's centre-line downwash times a factor; the body a drag area at its centre o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from aerobat_pin.aerodynamics.lifting_line import LiftingLine
+from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0, LiftingLine
 from aerobat_pin.arrays import Array
+from aerobat_pin.jit import kernel
 from aerobat_pin.wing import LINKS, Wing
+
+EPS1, EPS2 = JONES_EPS
+LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,85 @@ class StripLoads:
     force_z: Array
 
 
+class AirArrays(NamedTuple):
+    """Constants of the air for the kernel.
+
+    `strips` (N, 8): 1/4-chord point x, y, z and 3/4-chord point x, y, z in the link's frame, chord, width [m].
+    `link` (N,): index into `LINKS`. `downwash` (N + 1, N): the operator D, and the centre line's row below it [1/m].
+    `numbers` (6,): density, lift slope, cd0, body drag area, tail's downwash factor, tail's lift per rho |u| w [m2].
+    `tail` (5,): the tail's centre x, y, z, and cosine and sine of its incidence.
+    """
+
+    strips: Array
+    link: NDArray[np.intp]
+    downwash: Array
+    numbers: Array
+    tail: Array
+
+
+@kernel
+def air_loads(air: AirArrays, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
+    """Compute the loads on the links and the rates of the air's state; equations in this module and `lifting_line`.
+
+    Args:
+        air: constants.
+        twists: (5, 6) of the links, at and in their own frames.
+        state: (3N,) zeta_1, zeta_2, circulation.
+        wrenches: (5, 6) written: on the links, at and in their own frames, force first.
+        rates: (3N,) written: of the state.
+        loads: (5, N) written: u and w of the section, w_eff, force along x and along z.
+    """
+    count = air.link.shape[0]
+    density, slope, cd0 = air.numbers[0], air.numbers[1], air.numbers[2]
+    zeta1, zeta2, circulation = state[:count], state[count : 2 * count], state[2 * count :]
+    wrenches[:] = 0.0
+    for i in range(count):
+        strip, link = air.strips[i], air.link[i]
+        twist, wrench = twists[link], wrenches[link]
+        qx, qy, qz, tx, ty, tz, chord, width = strip
+        u = twist[0] + twist[4] * tz - twist[5] * ty
+        w = -(twist[2] + twist[3] * ty - twist[4] * tx)
+        speed = np.sqrt(u * u + w * w)
+        wash = 0.0
+        for j in range(count):
+            wash += air.downwash[i, j] * circulation[j]
+        w_total = (w * abs(u) / speed if speed > 0.0 else 0.0) - wash
+        rate = 2.0 * speed / chord
+        w_eff = PHI0 * w_total + rate * (LAG1 * zeta1[i] + LAG2 * zeta2[i])
+        rates[i] = w_total - EPS1 * rate * zeta1[i]
+        rates[count + i] = w_total - EPS2 * rate * zeta2[i]
+        rates[2 * count + i] = -speed / chord * circulation[i] + 0.5 * slope * speed * w_eff
+        pressure = 0.5 * density * chord * width
+        drag = pressure * cd0 * speed
+        suction = pressure * slope * w_eff * w_eff * np.sign(u)
+        fx = suction - drag * u
+        fz = pressure * slope * speed * w_eff + drag * w
+        wrench[0] += fx
+        wrench[2] += fz
+        wrench[3] += qy * fz
+        wrench[4] += qz * fx - qx * fz
+        wrench[5] -= qy * fx
+        loads[0, i], loads[1, i], loads[2, i], loads[3, i], loads[4, i] = u, w, w_eff, fx, fz
+
+    base, body = twists[0], wrenches[0]
+    speed = np.sqrt(base[0] ** 2 + base[1] ** 2 + base[2] ** 2)
+    for k in range(3):
+        body[k] -= 0.5 * density * air.numbers[3] * speed * base[k]
+    centre = 0.0
+    for j in range(count):
+        centre += air.downwash[count, j] * circulation[j]
+    x, y, z, cosine, sine = air.tail
+    u = base[0] + base[4] * z - base[5] * y
+    w = -(base[2] + base[3] * y - base[4] * x) - air.numbers[4] * centre
+    force = density * air.numbers[5] * abs(u * cosine - w * sine) * (u * sine + w * cosine)
+    fx, fz = -force * sine, force * cosine
+    body[0] += fx
+    body[2] += fz
+    body[3] += y * fz
+    body[4] += z * fx - x * fz
+    body[5] -= y * fx
+
+
 class RobotAir:
     """Unsteady aerodynamics of the robot, a pure function of link twists and aerodynamic state.
 
@@ -45,18 +130,34 @@ class RobotAir:
     def __init__(self, wing: Wing, *, strips: int = 16, air_density: float = 1.225) -> None:
         """Place the strips on the links."""
         shape = wing.morphology
-        self.line = LiftingLine(wing.span, wing.chord, strips=strips, air_density=air_density)
-        self.link, origin = wing.attach(self.line.y)
-        x = wing.leading_edge(self.line.y)
+        self.line = line = LiftingLine(wing.span, wing.chord, strips=strips, air_density=air_density)
+        self.link, origin = wing.attach(line.y)
+        x = wing.leading_edge(line.y)
         quarter, three_quarter = (origin.copy() for _ in range(2))
-        quarter[:, 0] += x - 0.25 * self.line.chord
-        three_quarter[:, 0] += x - 0.75 * self.line.chord
+        quarter[:, 0] += x - 0.25 * line.chord
+        three_quarter[:, 0] += x - 0.75 * line.chord
         self.quarter_chord, self.three_quarter_chord = quarter, three_quarter  # (N, 3) [m] in the links' frames
-        self._sum_by_link = (self.link == np.arange(len(LINKS))[:, None]).astype(float)
-        self.profile_drag = shape.aerodynamics.profile_drag
-        self.body_drag_area = shape.aerodynamics.body_drag_area
-        self.tail = shape.tail
-        self.tail_downwash_factor = shape.aerodynamics.tail_downwash_factor
+        tail, drag = shape.tail, shape.aerodynamics
+        lift = (
+            0.0 if tail is None else 0.5 * tail.span * tail.chord * line.lift_slope / (1 + 2 * tail.chord / tail.span)
+        )
+        place = (0.0, 0.0, 0.0) if tail is None else tail.position
+        tilt = 0.0 if tail is None else tail.incidence
+        numbers = (
+            air_density,
+            line.lift_slope,
+            drag.profile_drag,
+            drag.body_drag_area,
+            drag.tail_downwash_factor,
+            lift,
+        )
+        self.arrays = AirArrays(
+            strips=np.column_stack([quarter, three_quarter, line.chord, line.width]),
+            link=self.link,
+            downwash=np.vstack([line.downwash, line.centre_downwash]),
+            numbers=np.array(numbers),
+            tail=np.array([*place, np.cos(tilt), np.sin(tilt)]),
+        )
 
     @property
     def state_size(self) -> int:
@@ -73,49 +174,10 @@ class RobotAir:
         Returns:
             Wrenches (5, 6) on the links at and in their own frames, force first [N, N m]; state rates (3N,); strips.
         """
-        line, points = self.line, self.three_quarter_chord
-        linear, angular = twists[self.link, :3], twists[self.link, 3:]
-        u = linear[:, 0] + angular[:, 1] * points[:, 2] - angular[:, 2] * points[:, 1]
-        w = -(linear[:, 2] + angular[:, 0] * points[:, 1] - angular[:, 1] * points[:, 0])
-        speed = np.hypot(u, w)
-        still = speed == 0.0
-        normal_velocity = w * np.abs(u) / np.where(still, 1.0, speed)
-        w_eff, w_total = line.effective_velocity(state, speed, normal_velocity)
-        rates = line.rates(state, speed, w_eff, w_total)
-
-        drag = 0.5 * line.air_density * line.chord * self.profile_drag * speed
-        force_x = line.width * (np.sign(u) * line.suction(w_eff) - drag * u)
-        force_z = line.width * (line.lift(speed, w_eff) + drag * w)
-        arm = self.quarter_chord
-        strip_wrenches = np.column_stack(
-            [
-                force_x,
-                np.zeros_like(force_x),
-                force_z,
-                arm[:, 1] * force_z,
-                arm[:, 2] * force_x - arm[:, 0] * force_z,
-                -arm[:, 1] * force_x,
-            ]
-        )
-        wrenches = self._sum_by_link @ strip_wrenches
-        wrenches[0] += self._body_and_tail(twists[0], float(line.centre_downwash @ line.split(state)[2]))
-        return wrenches, rates, StripLoads(np.arctan2(w, u), w_eff, line.split(state)[2].copy(), force_x, force_z)
-
-    def _body_and_tail(self, twist: Array, centre_downwash: float) -> Array:
-        """Return the wrench (6,) on the base, at its origin and in its axes."""
-        density = self.line.air_density
-        wrench = np.zeros(6)
-        velocity = twist[:3]
-        wrench[:3] = -0.5 * density * self.body_drag_area * np.sqrt(velocity @ velocity) * velocity
-        if self.tail is None:
-            return wrench
-        tail, (x, y, z) = self.tail, self.tail.position
-        u = velocity[0] + twist[4] * z - twist[5] * y
-        w = -(velocity[2] + twist[3] * y - twist[4] * x) - self.tail_downwash_factor * centre_downwash
-        nose = np.array([np.cos(tail.incidence), np.sin(tail.incidence)])
-        along, across = u * nose[0] - w * nose[1], u * nose[1] + w * nose[0]
-        slope = 2.0 * np.pi / (1.0 + 2.0 * tail.chord / tail.span)
-        force = 0.5 * density * tail.span * tail.chord * slope * abs(along) * across
-        fx, fz = -force * nose[1], force * nose[0]
-        wrench += np.array([fx, 0.0, fz, y * fz, z * fx - x * fz, -y * fx])
-        return wrench
+        wrenches, rates = np.empty((len(LINKS), 6)), np.empty(self.state_size)
+        loads = np.empty((5, self.line.strips))
+        twists, state = (np.ascontiguousarray(x, float) for x in (twists, state))
+        air_loads(self.arrays, twists, state, wrenches, rates, loads)
+        u, w, w_eff, force_x, force_z = loads
+        circulation = self.line.split(state)[2].copy()
+        return wrenches, rates, StripLoads(np.arctan2(w, u), w_eff, circulation, force_x, force_z)

@@ -1,51 +1,48 @@
-"""One interface for all observers: `reset` and `update` on a stream, `run` on arrays; the result is an `Estimate`."""
+"""One interface for all observers: `reset` and `update` on a stream, `run` on arrays; the result is an `Estimate`.
+
+With p = M v and Mdot = C + C^T, a robot under known generalised forces u and unknown ones u_f obeys
+p' = u + u_f + C^T v - g. Every observer starts from the mean of u_f over one sample interval; see `kernels`.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
-from aerobat_pin.arrays import Array
+from aerobat_pin.arrays import Array, checked
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.observers.force_points import RANK_TOLERANCE, ForcePoints
-from aerobat_pin.observers.residual import IntervalResidual, Known
+from aerobat_pin.jit import addresses, check_views, lock, motions, placements
+from aerobat_pin.observers import kernels
+from aerobat_pin.observers.force_points import ForcePoints, Identifiability
+from aerobat_pin.observers.kernels import update
 
 DEFAULT_GAIN = 1000.0  # [1/s]
 
 
-@dataclass(frozen=True)
-class Identifiability:
-    """What the geometry lets an observer know, at the worst configuration of a run.
-
-    Attributes:
-        rank: number of force components that can be told apart.
-        singular_values: (3n,) of the weighted map from forces to generalised forces, largest first.
-        null_direction: (n, 3) unit pattern of forces that leaves no trace, in world axes; None at full rank.
-    """
-
-    rank: int
-    singular_values: Array
-    null_direction: Array | None
-
-    @property
-    def condition(self) -> float:
-        """Largest over smallest singular value; infinite where the rank is not full."""
-        smallest = self.singular_values[-1]
-        return float(self.singular_values[0] / smallest) if self.null_direction is None else float("inf")
-
-
-@dataclass(frozen=True)
 class Sample:
     """One estimate: forces (n, 3) [N] in world axes at the frames, and the generalised residual (nv,)."""
 
-    force: Array
-    residual: Array
+    __slots__ = ("_nv", "_values")
+
+    def __init__(self, values: Array, nv: int) -> None:
+        """Keep residual and forces, one after the other (nv + 3n,)."""
+        self._values, self._nv = values, nv
+
+    @property
+    def force(self) -> Array:
+        """Forces (n, 3) [N] in world axes."""
+        return self._values[self._nv :].reshape(-1, 3)
+
+    @property
+    def residual(self) -> Array:
+        """Generalised residual (nv,)."""
+        return self._values[: self._nv]
 
 
 @dataclass(frozen=True)
@@ -71,12 +68,12 @@ class Estimate:
     identifiability: Identifiability
 
 
-class Observer(ABC):
+class Observer:
     """A first-order momentum observer of forces at given frames.
 
     Args:
         model: any model, free-flyer or fixed base.
-        frames: names of the frames at which the unknown forces act.
+        frames: names of the frames at which the unknown forces act; none for the generalised residual alone.
         gain: K [1/s], one number or one per filtered quantity.
 
     Raises:
@@ -85,37 +82,56 @@ class Observer(ABC):
     """
 
     name: ClassVar[str]
+    project_first: ClassVar[bool]
 
-    def __init__(self, model: pin.Model, frames: Sequence[str], gain: ArrayLike = DEFAULT_GAIN) -> None:
+    def __init__(self, model: pin.Model, frames: Sequence[str] = (), gain: ArrayLike = DEFAULT_GAIN) -> None:
         """Prepare the filter; `reset` starts it."""
-        self.model = model
+        if self.project_first and not frames:
+            raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
+        self.model, self.data = model, model.createData()
         self.points = ForcePoints(model, frames)
         self.gain = np.array(gain, float)
-        size = self._filtered_size
+        n, nv = len(self.points.frames), int(model.nv)
+        size = 3 * n if self.project_first else nv
         if self.gain.shape not in ((), (size,)):
             raise ObserverError(f"gain of shape {self.gain.shape}: one number or {size} numbers were expected")
         if not (np.all(np.isfinite(self.gain)) and np.all(self.gain > 0.0)):
             raise ObserverError(f"gain = {self.gain}: a finite positive gain in 1/s was expected")
-        self._interval = IntervalResidual(model)
-        self._filtered = np.zeros(size)
-        self._latest = Sample(np.zeros((len(self.points.frames), 3)), np.zeros(model.nv))
+        data = self.data
+        oMi = placements(data.oMi)
+        check_views(model, data, oMi, placements(data.liMi), motions(data.v))
+        points = self.points
+        gains = np.broadcast_to(self.gain, (size,))
+        self._store = kernels.new_store(
+            gains, points.weight, points.table, points.support, project_first=self.project_first
+        )
+        self._width, self._nv = nv + 3 * n, nv
+        places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
+        self._fixed = (places, self._store)  # what every kernel call begins with
+        # From here on other arguments than arrays of doubles raise, instead of compiling the kernel once more for them.
+        lock(update, *self._fixed, np.zeros(nv), np.zeros(nv), 1.0, np.zeros(self._width))
+        self._time = float("nan")
+        self._latest = Sample(np.zeros(self._width), nv)
 
-    @property
-    @abstractmethod
-    def _filtered_size(self) -> int:
-        """Number of filtered quantities."""
-
-    @abstractmethod
-    def _observe(self, decay: Array, phi: Array, q_middle: Array) -> Sample:
-        """Filter one interval's mean external generalised force phi (nv,) and turn it into forces."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
+        return type(self), (self.model, self.points.frames, self.gain)
 
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
-        """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum."""
-        self._interval.reset(q, v, time)
-        self._filtered[:] = 0.0
-        self._latest = Sample(np.zeros_like(self._latest.force), np.zeros_like(self._latest.residual))
+        """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
 
-    def update(self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Known | None = None) -> Sample:
+        Raises:
+            ShapeError: an array does not fit the model or is not finite.
+        """
+        q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
+        _compute(self.model, self.data, q, v)
+        kernels.start(*self._fixed, v)
+        self._time = float(time)
+        self._latest = Sample(np.zeros(self._width), self._nv)
+
+    def update(
+        self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+    ) -> Sample:
         """Take the next sample and return the estimate for the interval since the last one.
 
         Args:
@@ -129,11 +145,35 @@ class Observer(ABC):
             ObserverError: no reset before, or time runs backwards.
             ShapeError: an array does not fit the model or is not finite.
         """
-        advanced = self._interval.advance(time, q, v, tau, known or {})
-        if advanced is not None:
-            dt, phi, q_middle = advanced
-            self._latest = self._observe(np.exp(-self.gain * dt), phi, q_middle)
-        return self._latest
+        dt = time - self._time
+        if not dt > 0.0:
+            if dt == 0.0:
+                return self._latest
+            self._refuse_time(time)
+        model, data = self.model, self.data
+        out = np.empty(self._width)
+        u: Any = tau
+        try:
+            if known:
+                force: Any
+                for force in known.values():
+                    if force.shape != u.shape:  # numpy would stretch one number over all rows
+                        raise TypeError
+                    u = u + force
+            crba(model, data, q)
+            computeCoriolisMatrix(model, data, q, v)
+            computeGeneralizedGravity(model, data, q)
+            good = update(*self._fixed, v, u, dt, out)  # type: ignore[arg-type]
+        except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
+            good = False
+        if not good:
+            q, v, u = self._checked(q, v, tau, known or {})
+            _compute(model, data, q, v)
+            if not update(*self._fixed, v, u, dt, out):
+                raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
+        self._time = time
+        self._latest = latest = Sample(out, self._nv)
+        return latest
 
     def run(
         self, time: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
@@ -150,33 +190,70 @@ class Observer(ABC):
         Raises:
             ObserverError, ShapeError: as in `update`.
         """
-        time, q, v, tau = (np.asarray(x, float) for x in (time, q, v, tau))
-        channels = {name: np.asarray(force, float) for name, force in (known or {}).items()}
-        intervals = len(time) - 1
-        if intervals < 1:
-            raise ShapeError(f"{len(time)} samples: at least two are needed")
-        for name, rows, expected in (
-            ("q", len(q), intervals + 1),
-            ("v", len(v), intervals + 1),
-            *((name, len(force), intervals) for name, force in {"tau": tau, **channels}.items()),
-        ):
-            if rows != expected:
-                raise ShapeError(f"{name} has {rows} rows: {expected} were expected for {len(time)} samples")
-        force = np.empty((intervals, len(self.points.frames), 3))
-        residual = np.empty((intervals, self.model.nv))
-        self.reset(q[0], v[0], time[0])
-        for k in range(intervals):
-            known_k = {name: values[k] for name, values in channels.items()}
-            sample = self.update(time[k + 1], q[k + 1], v[k + 1], tau[k], known_k)
-            force[k], residual[k] = sample.force, sample.residual
-        return Estimate(self.name, self.gain.copy(), self.points.frames, time, force, residual, self.identifiability(q))
+        time = np.ascontiguousarray(time, float)
+        count = len(time) - 1
+        if time.ndim != 1 or count < 1:
+            raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
+        nq, nv = int(self.model.nq), int(self.model.nv)
+        q, v = _record(q, count + 1, nq, "q"), _record(v, count + 1, nv, "v")
+        u = _record(tau, count, nv, "tau")
+        for name, force in (known or {}).items():
+            u = u + _record(force, count, nv, name)
+        if not np.all(np.diff(time) >= 0.0):
+            at = int(np.argmin(np.diff(time) >= 0.0))
+            self._time = time[at]
+            self._refuse_time(time[at + 1])
+        model, data, collect = self.model, self.data, kernels.collect
+        fixed = (*self._fixed[:-1], self._store.copy())  # a stream that is under way goes on undisturbed
+        memory = np.empty((count + 1, 2 + 3 * len(self.points.frames), nv))
+        for k, (one_q, one_v) in enumerate(zip(list(q), list(v), strict=True)):
+            crba(model, data, one_q)
+            computeCoriolisMatrix(model, data, one_q, one_v)
+            computeGeneralizedGravity(model, data, one_q)
+            collect(*fixed, v, k, memory)
+        out = np.empty((count, self._width))
+        bad = kernels.observe_all(memory, time, u, fixed[-1], out)
+        if bad >= 0:
+            raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
+        return Estimate(
+            observer=self.name,
+            gain=self.gain.copy(),
+            frames=self.points.frames,
+            time=time,
+            force=out[:, nv:].reshape(count, -1, 3),
+            residual=out[:, :nv],
+            identifiability=self.points.identifiability(memory[:, 2:]),
+        )
 
-    def identifiability(self, q: ArrayLike, samples: int = 64) -> Identifiability:
-        """Find the worst of up to `samples` configurations (m, nq) spread evenly over a run."""
-        q = np.atleast_2d(np.asarray(q, float))
-        chosen = q[np.unique(np.linspace(0, len(q) - 1, samples).astype(int))]
-        found = [self.points.singular_values(one) for one in chosen]
-        values, vectors = min(found, key=lambda item: float(item[0][-1] / item[0][0]))
-        rank = int(np.sum(values > RANK_TOLERANCE * values[0]))
-        null = None if rank == len(values) else vectors[-1].reshape(-1, 3)
-        return Identifiability(rank, values, null)
+    def _checked(
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike]
+    ) -> tuple[Array, Array, Array]:
+        """Return q, v and the sum of the known forces as a kernel takes them. Raises ShapeError naming what is not."""
+        u = checked(tau, self._nv, "tau")
+        for name, force in known.items():
+            u = u + checked(force, self._nv, name)
+        return checked(q, self.model.nq, "q"), checked(v, self._nv, "v"), u
+
+    def _refuse_time(self, time: float) -> None:
+        if np.isnan(self._time):
+            raise ObserverError("reset(q, v) must come before the first update")
+        raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
+
+
+def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:
+    """Let Pinocchio fill M, C, g, the world Jacobians and the placements that the kernels look at."""
+    crba(model, data, q)
+    computeCoriolisMatrix(model, data, q, v)
+    computeGeneralizedGravity(model, data, q)
+
+
+def _record(values: ArrayLike, rows: int, columns: int, name: str) -> Array:
+    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError naming it."""
+    table = np.ascontiguousarray(values, float)
+    if table.ndim != 2 or table.shape[1] != columns:
+        raise ShapeError(f"{name} has shape {table.shape}: ({rows}, {columns}) was expected")
+    if len(table) != rows:
+        raise ShapeError(f"{name} has {len(table)} rows: {rows} were expected")
+    if not np.all(np.isfinite(table)):
+        raise ShapeError(f"{name} holds NaN or infinity in row {int(np.argmin(np.all(np.isfinite(table), axis=1)))}")
+    return table

@@ -1,14 +1,13 @@
-"""From a generalised force to point forces: where they act, and how much of them can be known.
+"""Where unknown forces are taken to act, and how much of them can be known.
 
 Forces f in world axes at the origins of n frames make J^T f, J the stacked translational Jacobians (3n, nv). Rows of
-J^T mix N (base translation) and N m (everything else); moments are weighed as forces at a lever of `MOMENT_ARM`, and
-
-    f = argmin |W (phi - J^T f)|^2 + damping |f|^2
+J^T mix N (base translation) and N m (everything else); moments are weighed as forces at a lever of `MOMENT_ARM`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -18,8 +17,30 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.frames import frame_id
 
 MOMENT_ARM = 0.05  # [m]
-DAMPING = 1.0e-12  # of the largest squared singular value
 RANK_TOLERANCE = 1.0e-6  # of the largest singular value
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the geometry lets an observer know, at the worst configuration of a run.
+
+    Attributes:
+        rank: number of force components that can be told apart.
+        singular_values: (3n,) of the weighted map from forces to generalised forces, largest first.
+        null_direction: (n, 3) unit pattern of forces that leaves no trace, in world axes; None at full rank.
+    """
+
+    rank: int
+    singular_values: Array
+    null_direction: Array | None
+
+    @property
+    def condition(self) -> float:
+        """Largest over smallest singular value; infinite where the rank is not full, 1 without points."""
+        if not self.singular_values.size:
+            return 1.0
+        smallest = self.singular_values[-1]
+        return float(self.singular_values[0] / smallest) if self.null_direction is None else float("inf")
 
 
 class ForcePoints:
@@ -27,42 +48,51 @@ class ForcePoints:
 
     Args:
         model: any model.
-        frames: names of the frames, at least one.
+        frames: names of the frames.
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: no frame, or one twice.
+        ObserverError: a frame is named twice.
     """
 
     def __init__(self, model: pin.Model, frames: Sequence[str]) -> None:
         """Look the frames up."""
-        if not frames or len(set(frames)) != len(frames):
-            raise ObserverError(f"force frames {list(frames)}: one or more different names were expected")
+        if len(set(frames)) != len(frames):
+            raise ObserverError(f"force frames {list(frames)}: different names were expected")
         self.model = model
         self.data = model.createData()
         self.frames = tuple(frames)
         self._ids = [frame_id(model, name) for name in frames]
-        self._weight = np.full(model.nv, 1.0 / MOMENT_ARM)
+        self.weight: Array = np.full(model.nv, 1.0 / MOMENT_ARM)
         if model.njoints > 1 and model.joints[1].nv == 6:
-            self._weight[:3] = 1.0
+            self.weight[:3] = 1.0
+        self.table: Array = np.zeros((len(frames), 4))  # joint that carries the point; its place in the joint's frame
+        self.support: Array = np.zeros((len(frames), model.nv))  # 1 where a velocity moves the point
+        for i, index in enumerate(self._ids):
+            frame = model.frames[index]
+            self.table[i] = frame.parentJoint, *frame.placement.translation
+            joint = int(frame.parentJoint)
+            while joint > 0:
+                start = model.joints[joint].idx_v
+                self.support[i, start : start + model.joints[joint].nv] = 1.0
+                joint = int(model.parents[joint])
 
     def jacobian(self, q: Array) -> Array:
         """Return J (3n, nv): world velocities of the frames' origins per unit generalised velocity."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
         aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        return np.vstack([pin.getFrameJacobian(self.model, self.data, i, aligned)[:3] for i in self._ids])
+        rows = [pin.getFrameJacobian(self.model, self.data, i, aligned)[:3] for i in self._ids]
+        return np.vstack([np.zeros((0, self.model.nv)), *rows])
 
-    def project(self, q: Array, generalized: Array) -> Array:
-        """Return the forces (n, 3) [N] in world axes that explain a generalised force (nv,) best at q."""
-        weighted = self.jacobian(q) * self._weight
-        normal = weighted @ weighted.T
-        normal.flat[:: len(normal) + 1] += DAMPING * np.trace(normal)
-        return np.asarray(np.linalg.solve(normal, weighted @ (self._weight * generalized)).reshape(-1, 3))
-
-    def singular_values(self, q: Array) -> tuple[Array, Array]:
-        """Return singular values (3n,) of W J^T at q, largest first, and right singular vectors (3n, 3n) as rows."""
-        _, values, vectors = np.linalg.svd((self.jacobian(q) * self._weight).T, full_matrices=True)
-        padded = np.zeros(vectors.shape[0])
-        padded[: len(values)] = values
-        return padded, vectors
+    def identifiability(self, jacobians: Array, samples: int = 64) -> Identifiability:
+        """Find the worst of up to `samples` Jacobians, spread evenly over those of a run (m, 3n, nv)."""
+        if not self.frames:
+            return Identifiability(0, np.zeros(0), None)
+        chosen = jacobians[np.unique(np.linspace(0, len(jacobians) - 1, samples).astype(int))] * self.weight
+        squares = np.linalg.eigvalsh(chosen @ np.swapaxes(chosen, 1, 2))  # quick, and exact enough to find the worst
+        worst = int(np.argmin(squares[:, 0] / squares[:, -1]))
+        _, values, vectors = np.linalg.svd(chosen[worst].T, full_matrices=True)
+        values = np.concatenate([values, np.zeros(len(vectors) - len(values))])
+        rank = int(np.sum(values > RANK_TOLERANCE * values[0]))
+        return Identifiability(rank, values, None if rank == len(values) else vectors[-1].reshape(-1, 3))

@@ -1,0 +1,147 @@
+"""Compiled kernels: numba with its cache on disk, and Pinocchio's results as arrays that never need copying.
+
+Pinocchio's Python calls cost little more than their C++ time; numpy's small operations between them are what costs. A
+kernel is one compiled call between two Pinocchio calls, a pure function of arrays. Each has a numpy twin in the tests.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+import pinocchio as pin
+from numba import farray, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from aerobat_pin.arrays import Array
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Integers = NDArray[np.intp]
+KERNEL_SOURCES = (
+    "jit.py",
+    "hold.py",
+    "integrators.py",
+    "plant_kernels.py",
+    "aerodynamics/lifting_line.py",
+    "aerodynamics/robot_air.py",
+    "observers/kernels.py",
+)
+SE3_SIZE, MOTION_SIZE = 12, 6  # doubles: rotation by columns then translation; linear then angular
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function on its first call, and keep the result on disk where a cache can be written."""
+    options = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}  # sums may be reordered; NaN stays NaN
+    try:
+        compiled = numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # numba found no folder for its cache
+        return cast(Function, numba.njit(**options)(function))
+    with suppress(AttributeError):  # a numba that keeps its stamp elsewhere
+        # numba looks for changes in a kernel's own file only, but the kernels that it calls are compiled into it.
+        compiled._cache._cache_file._source_stamp = sources_stamp()
+    return cast(Function, compiled)
+
+
+@cache
+def sources_stamp() -> tuple[tuple[str, int, int], ...]:
+    """Return name, time and size of every file whose code ends up in a kernel: a change in one outdates all."""
+    package = Path(__file__).parent
+    files = (package / name for name in KERNEL_SOURCES)
+    return tuple((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+
+
+def announce_compilation(entry: Any) -> None:
+    """Say on stderr that a kernel is about to be compiled, unless an earlier run left it in the cache."""
+    name = f"{Path(entry.py_func.__code__.co_filename).stem}.{entry.py_func.__qualname__}-"
+    folder = getattr(entry.stats, "cache_path", None)
+    if folder is None or not any(Path(folder).glob(f"{name}*.nbi")):
+        print("compiling the kernels: once per installation, about 15 s", file=sys.stderr, flush=True)
+
+
+def lock(entry: Any, *arguments: Any) -> None:
+    """Compile a kernel for these arguments' types, by calling it, and for no others: they raise TypeError."""
+    if not entry.signatures:
+        entry(*arguments)
+        entry.disable_compile()
+
+
+def placements(vector: Any) -> Array:
+    """View `data.oMi` or `data.liMi` as (njoints, 12): each rotation by columns, then the translation."""
+    return _rows(vector[0].rotation, len(vector), SE3_SIZE)
+
+
+def motions(vector: Any) -> Array:
+    """View `data.v` as (njoints, 6): linear, then angular."""
+    return _rows(vector[0].vector, len(vector), MOTION_SIZE)
+
+
+def _rows(first: Array, count: int, size: int) -> Array:
+    """View `count` equal objects that lie one after the other in memory, from a view of the first one's start."""
+    step = size * first.itemsize
+    return np.lib.stride_tricks.as_strided(first.ravel(order="F")[:1], (count, size), (step, first.itemsize))
+
+
+def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Array) -> None:
+    """Raise RuntimeError unless the views show what Pinocchio computes; its memory layout is not documented."""
+    q = pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv))
+    pin.forwardKinematics(model, data, q, np.linspace(-0.3, 0.2, model.nv))
+    for joint in range(model.njoints):
+        for view, placement in ((oMi, data.oMi[joint]), (liMi, data.liMi[joint])):
+            expected = np.concatenate([placement.rotation.ravel(order="F"), placement.translation])
+            if joint > 0 and not np.array_equal(view[joint], expected):
+                raise RuntimeError("Pinocchio's placements do not lie in memory as this version expects")
+        if not np.array_equal(v[joint], data.v[joint].vector):
+            raise RuntimeError("Pinocchio's velocities do not lie in memory as this version expects")
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _pointer(_: Any, address: Any) -> Any:
+    """Turn an address into a pointer to doubles."""
+    kind = types.CPointer(types.float64)
+    return kind(types.intp), lambda context, builder, _, args: builder.inttoptr(args[0], context.get_value_type(kind))
+
+
+def addresses(*arrays: Array) -> Integers:
+    """Return where the doubles of some arrays lie, for `doubles_at`. Whoever keeps this keeps the arrays alive too."""
+    for array in arrays:
+        if array.dtype != np.float64 or not (array.flags.f_contiguous or array.flags.c_contiguous):
+            raise RuntimeError("only contiguous arrays of doubles can be handed over by address")
+    return np.array([array.ctypes.data for array in arrays], dtype=np.intp)
+
+
+@kernel
+def doubles_at(address: int, rows: int, columns: int) -> Any:
+    """View (rows, columns) doubles at an address, by columns, as Eigen keeps a matrix."""
+    return farray(_pointer(address), (rows, columns))
+
+
+@kernel
+def solve_positive(A: Array, b: Array) -> None:
+    """Solve A x = b in place (x overwrites b, A is destroyed), A (n, n) symmetric positive definite, by Cholesky.
+
+    For n of some six: LAPACK's call alone costs several times as much.
+    """
+    n = b.shape[0]
+    for j in range(n):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k]
+        A[j, j] = np.sqrt(A[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k]
+            A[i, j] /= A[j, j]
+    for i in range(n):
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= A[k, i] * b[k]
+        b[i] /= A[i, i]

@@ -1,0 +1,249 @@
+"""The observers' arithmetic, compiled: one call after Pinocchio's M, C and g, on any model.
+
+A sample is remembered as `memory` (2 + 3n, nv): the momentum p = M v, the drift C^T v - g, and the translational
+Jacobians of the n force points in world axes. From two samples
+
+    phi = (p_1 - p_0) / dt - (drift_0 + drift_1) / 2 - u            mean external generalised force of the interval
+    J   = (J_0 + J_1) / 2                                           Jacobian in its middle, to second order
+    f   = argmin |W (phi - J^T f)|^2 + damping |f|^2                forces that explain a generalised force best
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from aerobat_pin.arrays import Array
+from aerobat_pin.jit import Integers, doubles_at, kernel, solve_positive
+
+DAMPING = 1.0e-12  # of the trace of W J^T J W
+
+
+class Store(NamedTuple):
+    """What an observer keeps between calls. The kernels get it as one flat array, since each array costs a call time.
+
+    `flags` (2,): which of the two memories is the newer, and whether to project first. `gain` (size,) of the filtered
+    quantities. `weight` (nv,) of the rows. `points` (n, 4): joint that carries a point, its place there. `support`
+    (n, nv): 1 where a velocity moves the point. `memory` (2, 2 + 3n, nv): samples. `filtered` (size,): the filter.
+    `jacobian` (3n, nv) and `equations` (3n, 3n): scratch.
+    """
+
+    flags: Array
+    gain: Array
+    weight: Array
+    points: Array
+    support: Array
+    memory: Array
+    filtered: Array
+    jacobian: Array
+    equations: Array
+
+
+def new_store(gain: Array, weight: Array, points: Array, support: Array, *, project_first: bool) -> Array:
+    """Return a store as its flat array, headed by nv, n and size, with an empty memory and the filter at zero."""
+    nv, n, size = len(weight), len(points), len(gain)
+    head = (nv, n, size, 0, project_first)
+    empty = np.zeros(2 * (2 + 3 * n) * nv + size + 3 * n * (nv + 3 * n))
+    return np.concatenate([np.array(head, float), gain, weight, points.ravel(), support.ravel(), empty])
+
+
+@kernel
+def unpack(flat: Array) -> Store:
+    """Give the flat store its names and shapes, without copying."""
+    nv, n, size = int(flat[0]), int(flat[1]), int(flat[2])
+    a = 5 + size
+    b = a + nv
+    c = b + 4 * n
+    d = c + n * nv
+    e = d + 2 * (2 + 3 * n) * nv
+    f = e + size
+    g = f + 3 * n * nv
+    return Store(
+        flat[3:5],
+        flat[5:a],
+        flat[a:b],
+        flat[b:c].reshape((n, 4)),
+        flat[c:d].reshape((n, nv)),
+        flat[d:e].reshape((2, 2 + 3 * n, nv)),
+        flat[e:f],
+        flat[f:g].reshape((3 * n, nv)),
+        flat[g:].reshape((3 * n, 3 * n)),
+    )
+
+
+class Measured(NamedTuple):
+    """Pinocchio's results at a sample: M, C (nv, nv), g (nv, 1), the world Jacobians J (6, nv), oMi (12, njoints)."""
+
+    M: Array
+    C: Array
+    g: Array
+    J: Array
+    oMi: Array
+
+
+@kernel
+def look(places: Integers, nv: int) -> Measured:
+    """View Pinocchio's results where they lie: five arrays handed over one by one would cost a fifth of the call."""
+    return Measured(
+        doubles_at(places[0], nv, nv),
+        doubles_at(places[1], nv, nv),
+        doubles_at(places[2], nv, 1),
+        doubles_at(places[3], 6, nv),
+        doubles_at(places[4], 12, places[5]),
+    )
+
+
+@kernel
+def remember(measured: Measured, v: Array, store: Store, memory: Array) -> None:
+    """Write a sample's momentum, drift and point Jacobians.
+
+    Args:
+        measured: Pinocchio's results at the sample; its J after the Coriolis matrix is in WORLD.
+        v: (nv,) velocity.
+        store: the observer's constants.
+        memory: (2 + 3n, nv) written.
+    """
+    M, C, g, J, oMi = measured
+    nv = v.shape[0]
+    for i in range(nv):
+        momentum, drift = 0.0, -g[i, 0]
+        for j in range(nv):
+            momentum += M[j, i] * v[j]
+            drift += C[j, i] * v[j]
+        memory[0, i], memory[1, i] = momentum, drift
+    for point in range(store.points.shape[0]):
+        P = oMi[:, int(store.points[point, 0])]
+        a, b, c = store.points[point, 1:]
+        x = P[0] * a + P[3] * b + P[6] * c + P[9]
+        y = P[1] * a + P[4] * b + P[7] * c + P[10]
+        z = P[2] * a + P[5] * b + P[8] * c + P[11]
+        row = 2 + 3 * point
+        for i in range(nv):
+            carried = store.support[point, i]
+            memory[row, i] = carried * (J[0, i] + J[4, i] * z - J[5, i] * y)
+            memory[row + 1, i] = carried * (J[1, i] + J[5, i] * x - J[3, i] * z)
+            memory[row + 2, i] = carried * (J[2, i] + J[3, i] * y - J[4, i] * x)
+
+
+@kernel
+def project(J: Array, weight: Array, generalized: Array, equations: Array, force: Array) -> None:
+    """Write the forces (3n,) that explain a generalised force (nv,) best.
+
+    Args:
+        J: (3n, nv) translational Jacobians.
+        weight: (nv,) weights of the rows.
+        generalized: (nv,) to be explained.
+        equations: (3n, 3n) scratch.
+        force: (3n,) written, world axes.
+    """
+    size, nv = force.shape[0], generalized.shape[0]
+    for i in range(size):
+        force[i] = 0.0
+        for j in range(i + 1):
+            equations[i, j] = 0.0
+    for k in range(nv):
+        squared = weight[k] * weight[k]
+        for i in range(size):
+            row = squared * J[i, k]
+            force[i] += row * generalized[k]
+            for j in range(i + 1):
+                equations[i, j] += row * J[j, k]
+    trace = 0.0
+    for i in range(size):
+        trace += equations[i, i]
+    for i in range(size):
+        equations[i, i] += DAMPING * trace
+    solve_positive(equations, force)
+
+
+@kernel
+def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out: Array) -> bool:
+    """Turn one interval into an estimate, by an exact-exponential first-order filter; False where it is not finite.
+
+    Args:
+        before: (2 + 3n, nv) remembered sample at the start.
+        after: (2 + 3n, nv) remembered sample at the end.
+        u: (nv,) known generalised force, mean over the interval.
+        dt: its length [s].
+        store: constants; its filter changes.
+        out: (nv + 3n,) written: generalised residual, then forces.
+    """
+    nv = u.shape[0]
+    residual, force = out[:nv], out[nv:]
+    for i in range(nv):
+        residual[i] = (after[0, i] - before[0, i]) / dt - 0.5 * (before[1, i] + after[1, i]) - u[i]
+        if not np.isfinite(residual[i]):
+            return False
+    J, filtered, project_first = store.jacobian, store.filtered, store.flags[1] > 0.0
+    for row in range(J.shape[0]):
+        for i in range(nv):
+            J[row, i] = 0.5 * (before[2 + row, i] + after[2 + row, i])
+    if project_first:
+        project(J, store.weight, residual, store.equations, force)
+    value = force if project_first else residual
+    decay = 0.0
+    for i in range(filtered.shape[0]):
+        if i == 0 or store.gain[i] != store.gain[i - 1]:
+            decay = np.exp(-store.gain[i] * dt)
+        filtered[i] = value[i] + decay * (filtered[i] - value[i])
+        value[i] = filtered[i]
+    if project_first:
+        for i in range(nv):
+            residual[i] = 0.0
+            for row in range(force.shape[0]):
+                residual[i] += J[row, i] * force[row]
+    else:
+        project(J, store.weight, residual, store.equations, force)
+    return True
+
+
+@kernel
+def start(places: Integers, flat: Array, v: Array) -> None:
+    """Remember the first sample, with the filter at zero."""
+    store = unpack(flat)
+    store.flags[0] = 0.0
+    store.filtered[:] = 0.0
+    remember(look(places, v.shape[0]), v, store, store.memory[0])
+
+
+@kernel
+def update(places: Integers, flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+    """Remember a sample and `observe` the interval since the one before.
+
+    False, and nothing changed, where v or u does not have the model's size or the result is not finite.
+    """
+    store = unpack(flat)
+    if v.shape[0] != store.weight.shape[0] or u.shape[0] != store.weight.shape[0]:
+        return False
+    older = int(store.flags[0])
+    before, after = store.memory[older], store.memory[1 - older]
+    remember(look(places, v.shape[0]), v, store, after)
+    if not observe(before, after, u, dt, store, out):
+        return False
+    store.flags[0] = 1.0 - older
+    return True
+
+
+@kernel
+def collect(places: Integers, flat: Array, v: Array, k: int, memory: Array) -> None:
+    """Remember sample k of a record: v (m + 1, nv), memory (m + 1, 2 + 3n, nv)."""
+    remember(look(places, v.shape[1]), v[k], unpack(flat), memory[k])
+
+
+@kernel
+def observe_all(memory: Array, time: Array, u: Array, flat: Array, out: Array) -> int:
+    """`observe` every interval of a record into out (m, nv + 3n); return the first that is not finite, or -1."""
+    store = unpack(flat)
+    store.filtered[:] = 0.0
+    for k in range(u.shape[0]):
+        dt = time[k + 1] - time[k]
+        if dt == 0.0:  # a repeated stamp changes nothing
+            if k > 0:
+                out[k] = out[k - 1]
+            else:
+                out[k] = 0.0
+            memory[k + 1] = memory[k]
+        elif not observe(memory[k], memory[k + 1], u[k], dt, store, out[k]):
+            return k
+    return -1

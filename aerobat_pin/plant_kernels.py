@@ -1,0 +1,378 @@
+"""The equations of motion as one compiled call after Pinocchio's M and nle; `plant` says what they are.
+
+A compiled call pays for every array it is handed. The constants therefore travel as two flat arrays, and `unpack` gives
+them their names back inside; so does `unpack_work` for the scratch.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from aerobat_pin.aerodynamics.robot_air import AirArrays, air_loads
+from aerobat_pin.arrays import Array
+from aerobat_pin.hold import hold_wrench
+from aerobat_pin.integrators import next_stage
+from aerobat_pin.jit import Integers, kernel, solve_positive
+
+BODIES = 5
+
+
+class Tree(NamedTuple):
+    """The five links in the order of `LINKS`.
+
+    `table` (5, 4): Pinocchio joint, parent link, first velocity, 0 shoulder or 1 elbow. `axis` (5, 3): joint axes.
+    """
+
+    table: Integers
+    axis: Array
+
+
+class Unknown(NamedTuple):
+    """Unknown forces. `table` (n, 3): point, link, axes. `numbers` (n, 4): direction, amplitude. `points` (p, 4)."""
+
+    table: Integers
+    numbers: Array
+    points: Array  # link, then x, y, z in the link's frame [m]
+
+
+class Work(NamedTuple):
+    """Scratch of the kernels.
+
+    Link twists and two sets of link wrenches (3, 5, 6), rotations (5, 3, 3), strip loads (5, N), the base's equations
+    (7, 6), and the base twists of the four stages (4, 6).
+    """
+
+    spatial: Array
+    rotation: Array
+    loads: Array
+    base: Array
+    twists: Array
+
+
+class Constants(NamedTuple):
+    """Everything about robot, air, hold and unknown forces that does not change in flight; `hold` may be empty."""
+
+    air: AirArrays
+    tree: Tree
+    unknown: Unknown
+    hold: Array
+
+
+def pack(constants: Constants) -> tuple[Array, Integers]:
+    """Flatten the constants into numbers and integers, in the order in which `unpack` reads them."""
+    air, tree, unknown, hold = constants
+    numbers = (*air[:1], *air[2:], tree.axis, unknown.numbers, unknown.points, hold)
+    sizes = (len(air.link), len(unknown.table), len(unknown.points), len(hold))
+    integers = (sizes, air.link, tree.table, unknown.table)
+    return np.concatenate([np.ravel(x) for x in numbers]), np.concatenate([np.ravel(x) for x in integers])
+
+
+@kernel
+def unpack(numbers: Array, integers: Integers) -> Constants:
+    """Give the flat constants their names and shapes back, without copying."""
+    count, forces, points, hold = integers[0], integers[1], integers[2], integers[3]
+    a = 8 * count
+    b = a + (count + 1) * count
+    c = b + 6
+    d = c + 5
+    e = d + 3 * BODIES
+    f = e + 4 * forces
+    g = f + 4 * points
+    i = 4 + count
+    j = i + 4 * BODIES
+    return Constants(
+        AirArrays(
+            numbers[:a].reshape((count, 8)),
+            integers[4:i],
+            numbers[a:b].reshape((count + 1, count)),
+            numbers[b:c],
+            numbers[c:d],
+        ),
+        Tree(integers[i:j].reshape((BODIES, 4)), numbers[d:e].reshape((BODIES, 3))),
+        Unknown(
+            integers[j : j + 3 * forces].reshape((forces, 3)),
+            numbers[e:f].reshape((forces, 4)),
+            numbers[f:g].reshape((points, 4)),
+        ),
+        numbers[g : g + hold],
+    )
+
+
+def scratch(strips: int) -> Array:
+    """Return the kernels' scratch for a number of strips."""
+    return np.zeros(18 * BODIES + 9 * BODIES + 42 + 24 + 5 * strips)
+
+
+@kernel
+def unpack_work(flat: Array) -> Work:
+    """Give the scratch its names and shapes."""
+    a = 18 * BODIES
+    b = a + 9 * BODIES
+    loads = flat[b + 66 :]
+    return Work(
+        flat[:a].reshape((3, BODIES, 6)),
+        flat[a:b].reshape((BODIES, 3, 3)),
+        loads.reshape((5, loads.shape[0] // 5)),
+        flat[b : b + 42].reshape((7, 6)),
+        flat[b + 42 : b + 66].reshape((4, 6)),
+    )
+
+
+@kernel
+def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
+    """Carry link wrenches (5, 6) up the tree (in place) and write the generalised force sum J^T f (nv,)."""
+    for link in range(tree.table.shape[0] - 1, 0, -1):
+        joint, parent, at, _ = tree.table[link]
+        fx, fy, fz, mx, my, mz = wrenches[link]
+        force[at] = tree.axis[link, 0] * mx + tree.axis[link, 1] * my + tree.axis[link, 2] * mz
+        P = liMi[joint]
+        gx = P[0] * fx + P[3] * fy + P[6] * fz
+        gy = P[1] * fx + P[4] * fy + P[7] * fz
+        gz = P[2] * fx + P[5] * fy + P[8] * fz
+        up = wrenches[parent]
+        up[0] += gx
+        up[1] += gy
+        up[2] += gz
+        up[3] += P[0] * mx + P[3] * my + P[6] * mz + P[10] * gz - P[11] * gy
+        up[4] += P[1] * mx + P[4] * my + P[7] * mz + P[11] * gx - P[9] * gz
+        up[5] += P[2] * mx + P[5] * my + P[8] * mz + P[9] * gy - P[10] * gx
+    at = tree.table[0, 2]
+    force[at : at + 6] = wrenches[0]
+
+
+@kernel
+def rotations(tree: Tree, liMi: Array, rotation: Array) -> None:
+    """Write the rotations of the links to world (5, 3, 3), down the tree."""
+    for link in range(tree.table.shape[0]):
+        P, parent = liMi[tree.table[link, 0]], tree.table[link, 1]
+        for i in range(3):
+            for j in range(3):
+                if parent < 0:
+                    rotation[link, i, j] = P[i + 3 * j]
+                else:
+                    up = rotation[parent]
+                    rotation[link, i, j] = up[i, 0] * P[3 * j] + up[i, 1] * P[1 + 3 * j] + up[i, 2] * P[2 + 3 * j]
+
+
+@kernel
+def push(
+    unknown: Unknown, elbow: float, held: Array, k: int, rotation: Array, wrenches: Array, at_points: Array
+) -> None:
+    """Write the unknown forces as link wrenches (5, 6), and at their points (2, p, 3) with and without noise.
+
+    Args:
+        unknown: the forces.
+        elbow: elbow angle [rad].
+        held: (2, n, intervals) noise and step of each force [N].
+        k: interval.
+        rotation: (5, 3, 3) links to world.
+        wrenches: (5, 6) written.
+        at_points: (2, p, 3) written, world axes [N].
+    """
+    wrenches[:] = 0.0
+    at_points[:] = 0.0
+    for i in range(unknown.table.shape[0]):
+        point, link, axes = unknown.table[i]
+        clean = unknown.numbers[i, 3] * np.sin(elbow) + held[1, i, k]
+        noisy = clean + held[0, i, k]
+        for row in range(3):
+            direction = unknown.numbers[i, row]
+            if axes < 2:
+                R = rotation[link if axes == 0 else 0]
+                direction = (
+                    R[row, 0] * unknown.numbers[i, 0]
+                    + R[row, 1] * unknown.numbers[i, 1]
+                    + R[row, 2] * unknown.numbers[i, 2]
+                )
+            at_points[0, point, row] += noisy * direction
+            at_points[1, point, row] += clean * direction
+    for point in range(unknown.points.shape[0]):
+        link = int(unknown.points[point, 0])
+        x, y, z = unknown.points[point, 1:]
+        R, f, wrench = rotation[link], at_points[0, point], wrenches[link]
+        fx = R[0, 0] * f[0] + R[1, 0] * f[1] + R[2, 0] * f[2]
+        fy = R[0, 1] * f[0] + R[1, 1] * f[1] + R[2, 1] * f[2]
+        fz = R[0, 2] * f[0] + R[1, 2] * f[1] + R[2, 2] * f[2]
+        wrench[0] += fx
+        wrench[1] += fy
+        wrench[2] += fz
+        wrench[3] += y * fz - z * fy
+        wrench[4] += z * fx - x * fz
+        wrench[5] += x * fy - y * fx
+
+
+@kernel
+def evaluate(
+    constants: Constants,
+    work: Work,
+    M: Array,
+    nle: Array,
+    liMi: Array,
+    twist: Array,
+    joints: Array,
+    held: Array,
+    k: int,
+    state: Array,
+    rate: Array,
+    forces: Array,
+) -> None:
+    """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
+
+    Args:
+        constants: robot, air, hold and unknown forces.
+        work: scratch; its `loads` hold the strips' loads afterwards.
+        M: (nv, nv) Pinocchio's inertia at this instant.
+        nle: (nv,) its C v + g.
+        liMi: (njoints, 12) its placements in the parents.
+        twist: (njoints, 6) its velocities.
+        joints: (3, 2) angle, rate and acceleration of shoulder and elbow.
+        held: (2, n, intervals) noise and step of each unknown force [N].
+        k: interval.
+        state: (6 + 3N,) base twist in body axes, then the air.
+        rate: (6 + 3N,) written: base acceleration, then the rate of the air.
+        forces: (4 nv + 6 p + 1,) written, in the order of `Forces`.
+    """
+    air, tree, unknown, hold = constants
+    nv = nle.shape[0]
+    points = unknown.points.shape[0]
+    twists, wrenches, pushes = work.spatial[0], work.spatial[1], work.spatial[2]
+    for link in range(tree.table.shape[0]):
+        twists[link] = twist[tree.table[link, 0]]
+    aerodynamic, thrusters = forces[:nv], forces[nv : 2 * nv]
+    motor, pushed = forces[2 * nv : 3 * nv], forces[3 * nv : 4 * nv]
+    air_loads(air, twists, state[6:], wrenches, rate[6:], work.loads)
+    climb(tree, liMi, wrenches, aerodynamic)
+    rotations(tree, liMi, work.rotation)
+    thrusters[:] = 0.0
+    if hold.shape[0] > 0:
+        base = tree.table[0, 2]
+        position = liMi[tree.table[0, 0], 9:]
+        hold_wrench(hold, position, work.rotation[0], twists[0], thrusters[base : base + 6])
+    at_points = forces[4 * nv : 4 * nv + 6 * points].reshape((2, points, 3))
+    push(unknown, joints[0, 1], held, k, work.rotation, pushes, at_points)
+    climb(tree, liMi, pushes, pushed)
+
+    A, b = work.base[:6], work.base[6]
+    for i in range(6):
+        b[i] = aerodynamic[i] + thrusters[i] + pushed[i] - nle[i]
+        for j in range(6):
+            A[i, j] = M[i, j]
+        for link in range(1, tree.table.shape[0]):
+            b[i] -= M[i, tree.table[link, 2]] * joints[2, tree.table[link, 3]]
+    solve_positive(A, b)
+    rate[:6] = b
+    power = 0.0
+    motor[:6] = 0.0
+    for link in range(1, tree.table.shape[0]):
+        row = tree.table[link, 2]
+        torque = nle[row] - aerodynamic[row] - thrusters[row] - pushed[row]
+        for j in range(6):
+            torque += M[row, j] * b[j]
+        for other in range(1, tree.table.shape[0]):
+            torque += M[row, tree.table[other, 2]] * joints[2, tree.table[other, 3]]
+        motor[row] = torque
+        power += torque * joints[1, tree.table[link, 3]]
+    forces[4 * nv + 6 * points] = power
+
+
+@kernel
+def advance(
+    numbers: Array,
+    integers: Integers,
+    flat: Array,
+    M: Array,
+    nle: Array,
+    liMi: Array,
+    twist: Array,
+    motion: Array,
+    held: Array,
+    dt: float,
+    k: int,
+    stage: int,
+    stages: Array,
+    tangent: Array,
+    v: Array,
+    forces: Array,
+    means: Array,
+    loads: Array,
+) -> None:
+    """Evaluate one stage of step k and prepare the next: what `integrators.step` does, without its arrays in between.
+
+    Args:
+        numbers: of the packed constants.
+        integers: of the packed constants.
+        flat: scratch.
+        M: (nv, nv) Pinocchio's inertia at this stage.
+        nle: (nv,) its C v + g.
+        liMi: (njoints, 12) its placements in the parents.
+        twist: (njoints, 6) its velocities.
+        motion: (2 n + 1, 3, 2) joints every half step.
+        held: (2, forces, n) noise and step of each unknown force [N].
+        dt: step [s].
+        k: step.
+        stage: 0 to 3.
+        stages: (6, 6 + 3N): the rates of the four stages, the state at the start of the step, the state of the stage.
+        tangent: (2, nv) written: the way of q to the next stage (row 0), or in two parts to the next step.
+        v: (nv,) written: velocity at the next stage.
+        forces: (4 nv + 6 p + 1,) scratch.
+        means: (n, 4 nv + 6 p + 1) row k gathers the mean of the forces.
+        loads: (n, 5, N) row k takes the strips' loads at the start of the step.
+    """
+    constants, work = unpack(numbers, integers), unpack_work(flat)
+    tree = constants.tree
+    start, state = stages[4], stages[5]
+    half = 2 * k + (stage + 1) // 2
+    evaluate(constants, work, M, nle, liMi, twist, motion[half], held, k, state, stages[stage], forces)
+    weight = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
+    for i in range(forces.shape[0]):
+        means[k, i] += weight * forces[i]
+    if stage == 0:
+        loads[k] = work.loads
+    work.twists[stage] = state[:6]
+    next_stage(stage, dt, work.twists, stages[:4], start, state, tangent)
+    if stage == 3:
+        start[:] = state
+    # The joints follow the closed linkage: their part of the tangent leads from where the way starts to where it ends.
+    begin = 2 * k + (1 if stage == 2 else 0)
+    end = 2 * k + (stage + 2) // 2 if stage < 3 else 2 * k + 2
+    base = tree.table[0, 2]
+    v[base : base + 6] = state[:6]
+    for link in range(1, tree.table.shape[0]):
+        at, which = tree.table[link, 2], tree.table[link, 3]
+        v[at] = motion[end, 1, which]
+        tangent[:, at] = 0.0
+        tangent[1 if stage == 3 else 0, at] = motion[end, 0, which] - motion[begin, 0, which]
+
+
+@kernel
+def evaluate_once(
+    numbers: Array,
+    integers: Integers,
+    flat: Array,
+    M: Array,
+    nle: Array,
+    liMi: Array,
+    twist: Array,
+    joints: Array,
+    held: Array,
+    state: Array,
+    rate: Array,
+    forces: Array,
+) -> None:
+    """Unpack and `evaluate`, whose arguments these are."""
+    evaluate(unpack(numbers, integers), unpack_work(flat), M, nle, liMi, twist, joints, held, 0, state, rate, forces)
+
+
+@kernel
+def warm_up(air: AirArrays, twists: Array, dt: float, state: Array) -> None:
+    """Fly the air alone: integrate its state (3N,) in place under link twists (2 n + 1, 5, 6) given every half step."""
+    size = state.shape[0]
+    k, rate, tangent = np.zeros((4, 0)), np.empty((4, size)), np.zeros((2, 0))
+    start, wrenches, loads = np.empty(size), np.empty((5, 6)), np.empty((5, size // 3))
+    for i in range(twists.shape[0] // 2):
+        start[:] = state
+        for stage in range(4):
+            air_loads(air, twists[2 * i + (stage + 1) // 2], state, wrenches, rate[stage], loads)
+            next_stage(stage, dt, k, rate, start, state, tangent)
