@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,6 +35,7 @@ def run(
 ) -> None:
     """Fly a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
     from aerobat_pin import experiment
+    from aerobat_pin.output import output_folder
     from aerobat_pin.scenario import load_scenario
 
     chosen = list(settings or [])
@@ -43,11 +46,14 @@ def run(
         chosen.append(f"observers.names=[{quoted}]")
     loaded = load_scenario(scenario, chosen)
     target = out if out is not None else Path("runs") / loaded.name
-    with experiment.output_folder(target, force=force) as folder, _progress() as show:
+    with output_folder(target, force=force) as folder, _progress() as show:
         made = experiment.run(loaded, show)
-        written = [
-            path.relative_to(folder) for path in experiment.write(made, folder, report=not no_report, progress=show)
-        ]
+        experiment.write(made, folder)
+        if not no_report:
+            from aerobat_pin import gallery
+
+            gallery.draw(made, folder, show)
+        written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     _print_table(made.metrics)
     typer.echo(f"\nresults in {target}/")
     for path in written:
@@ -77,18 +83,22 @@ def main() -> None:
     """Run the command line; every mistake of the caller's ends in one message and exit code 2."""
     from aerobat_pin.errors import AerobatError
 
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # leave as tidily as on Ctrl-C
     try:
         app()
     except AerobatError as error:
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)
+    except BrokenPipeError:  # whoever read our output went away; everything is written
+        sys.stdout = open(os.devnull, "w")
+        sys.exit(0)
 
 
 def _progress() -> Any:
     """Return a context that shows progress on a terminal and stays silent elsewhere."""
     from contextlib import nullcontext
 
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         return nullcontext(None)
     return _Bar()
 

@@ -1,13 +1,10 @@
-"""One experiment from scenario to files: simulate, estimate, evaluate, write. All or nothing."""
+"""One experiment from scenario to numbers: simulate, estimate, evaluate, write."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -16,16 +13,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerobat_pin.errors import OutputError, ScenarioError
+from aerobat_description import MORPHOLOGIES
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.evaluation import flight_metrics, observer_metrics
 from aerobat_pin.flight_log import FlightLog, channel
 from aerobat_pin.known_inputs import known_inputs
 from aerobat_pin.observers import OBSERVERS, Estimate
-from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, scenario_toml
-from aerobat_pin.simulation import simulate
+from aerobat_pin.simulation import load_robot, simulate
 
-RESULTS = ("scenario.toml", "flight.nc", "estimate.nc", "metrics.json", "figures", "report.html", "replay.html")
 PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
 Progress = Callable[[str, float], None]
 
@@ -55,10 +52,8 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
     unknown = [name for name in names if name not in OBSERVERS]
     if unknown or not names:
         raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
-    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
-    model = robot.model.copy()
-    model.gravity.linear = np.array([0.0, 0.0, -scenario.flight.gravity])
-    observers = [OBSERVERS[name](model, scenario.observers.frames, scenario.observers.gain) for name in names]
+    robot = load_robot(scenario)
+    observers = [OBSERVERS[name](robot.model, scenario.observers.frames, scenario.observers.gain) for name in names]
     log = simulate(scenario, None if progress is None else lambda share: progress("flying", share))
     inputs = known_inputs(log)
     estimates = {}
@@ -71,6 +66,7 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
         "seed": scenario.simulation.seed,
         "versions": versions(),
         "torque": log.measured.attrs["torque"],
+        "inputs": dict(inputs.source),
         "note": flight_note(scenario, robot),
         "observers": {name: observer_metrics(estimate, log) for name, estimate in estimates.items()},
         "flight": flight_metrics(log, robot.mass),
@@ -79,11 +75,18 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
 
 
 def flight_note(scenario: Scenario, robot: Aerobat) -> str:
-    """Say in a line what keeps the robot up: it belongs wherever the flight is shown."""
-    if scenario.hold is None:
-        return "free flight, nothing held"
-    share = scenario.hold.lift / (robot.mass * scenario.flight.gravity) if scenario.flight.gravity > 0.0 else 0.0
-    return f"attitude held, {100.0 * share:.0f} % thruster-borne"
+    """Say in a line what keeps the robot up, and which forces nobody looks for; it goes wherever the flight is shown.
+
+    The share is the hold's constant lift over the weight; what it lifts on average in flight is among the metrics.
+    """
+    weight = robot.mass * scenario.flight.gravity
+    note = "free flight, nothing held"
+    if scenario.hold is not None:
+        note = "attitude held"
+        if weight > 0.0:
+            note += f", {100.0 * scenario.hold.lift / weight:.0f} % thruster-borne"
+    unseen = sorted({force.frame for force in scenario.unknown_force} - set(scenario.observers.frames))
+    return note + (f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else "")
 
 
 def versions() -> dict[str, str]:
@@ -113,84 +116,18 @@ def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
     )
 
 
-def write(experiment: Experiment, folder: Path, *, report: bool, progress: Progress | None = None) -> list[Path]:
-    """Write an experiment's files into a folder that holds nothing else yet; return them in order.
+def write(experiment: Experiment, folder: Path) -> None:
+    """Write an experiment's scenario, log, estimates and metrics into an existing folder.
 
-    Args:
-        experiment: what `run` returned.
-        folder: an existing folder.
-        report: whether to draw figures, report and replay.
-        progress: as in `run`.
+    A morphology file of the user's own is copied beside the scenario, so that the folder can be run again anywhere.
     """
-    (folder / "scenario.toml").write_text(scenario_toml(experiment.scenario), encoding="utf-8")
+    scenario = experiment.scenario
+    if scenario.robot.morphology not in MORPHOLOGIES:
+        shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
+        robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})
+        scenario = scenario.model_copy(update={"robot": robot})
+    (folder / "scenario.toml").write_text(scenario_toml(scenario), encoding="utf-8")
     experiment.log.save(folder / "flight.nc")
     estimate_dataset(experiment.estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
     text = json.dumps(experiment.metrics, indent=2, allow_nan=False)
     (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")
-    if report:
-        from aerobat_pin import figures
-        from aerobat_pin.replay import replay_html
-        from aerobat_pin.report import report_html
-
-        drawn = figures.draw_all(experiment.robot, experiment.log, experiment.estimates)
-        (folder / "figures").mkdir()
-        for i, (name, figure) in enumerate(drawn.items()):
-            if progress is not None:
-                progress("drawing", i / len(drawn))
-            figures.save(figure, folder / "figures" / name)
-        images = {name: folder / "figures" / f"{name}.png" for name in drawn}
-        page = report_html(experiment.metrics, experiment.scenario, images)
-        (folder / "report.html").write_text(page, encoding="utf-8")
-        replay = replay_html(experiment.robot, experiment.log, experiment.estimates, experiment.metrics["note"])
-        (folder / "replay.html").write_text(replay, encoding="utf-8")
-    return sorted(path for path in folder.rglob("*") if path.is_file())
-
-
-@contextmanager
-def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
-    """Give a fresh folder to write into, and move its content to `target` when all went well.
-
-    Nothing appears at the target unless everything was written. With `force` the results of an earlier run are
-    replaced; other files in the folder are left alone.
-
-    Raises:
-        OutputError: the target is not empty (and not `force`), is a file, or cannot be written.
-    """
-    if target.exists() and not target.is_dir():
-        raise OutputError(f"output {target}: is a file; a folder was expected")
-    try:
-        if target.is_dir() and any(target.iterdir()) and not force:
-            raise OutputError(f"output folder {target} is not empty; --force replaces an earlier run's results in it")
-        made = _missing_parents(target)
-        target.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=".aerobat-", dir=target))
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"output folder {target}: cannot be written: {error.strerror or error}") from error
-    done = False
-    try:
-        yield work
-        for name in RESULTS:
-            _remove(target / name)
-            if (work / name).exists():
-                os.replace(work / name, target / name)
-        done = True
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-        if not done:
-            for folder in made:
-                if folder.is_dir() and not any(folder.iterdir()):
-                    folder.rmdir()
-
-
-def _missing_parents(target: Path) -> list[Path]:
-    """Return the folders that making `target` will create, deepest first."""
-    return [folder for folder in (target, *target.parents) if not folder.exists()]
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)

@@ -21,22 +21,25 @@ from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import JOINTS, Aerobat
 
 Estimates = Mapping[str, Estimate]
-STICK_SPACING = 0.1  # [s] between two snapshots of the stick diagram
+STICK_SPACING = 0.08  # [s], no simple fraction of a flap, between two snapshots of the stick diagram
 STICK_STRETCH = 2.5  # of Y against X in the stick diagram
 SHOWN_CRANK_DEG = 235.0  # crank angle at which the linkage figure shows the mechanism
 CLOSE_UP = 0.06  # [s], the stretch in which the noise is looked at closely
 
 
-def draw_all(robot: Aerobat, log: FlightLog, estimates: Estimates) -> dict[str, Figure]:
-    """Draw every figure of a run: name -> figure."""
+def draw_all(robot: Aerobat, log: FlightLog, estimates: Estimates, note: str) -> dict[str, Figure]:
+    """Draw every figure of a run: name -> figure. The note says on each picture of the flight what holds the robot."""
     with mpl.rc_context(style.RC):
-        return {
+        drawn = {
             "position": position(log),
             "states": states(log),
             "stick_diagram": stick_diagram(robot, log),
             "estimation": estimation(log, estimates),
-            "linkage": linkage(robot),
         }
+        for figure in drawn.values():
+            title = figure.get_suptitle()
+            figure.suptitle(f"{title}\n{note}", fontsize=style.RC["axes.titlesize"])
+        return {**drawn, "linkage": linkage(robot)}
 
 
 def save(figure: Figure, stem: Path) -> None:
@@ -83,7 +86,7 @@ def states(log: FlightLog) -> Figure:
 
 def stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
     """Top view of body and wings at fixed intervals along the flight (the paper's Fig. 7)."""
-    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 2.7), layout="constrained")
     axis = figure.add_subplot()
     q = log.measured["q"].values
     axis.plot(q[:, 0], q[:, 1], color=style.MUTED, linewidth=0.8, label="path of the body")
@@ -98,7 +101,7 @@ def stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
     axis.set_aspect(STICK_STRETCH)
     axis.set_xlabel("X [m]")
     axis.set_ylabel("Y [m]")
-    axis.set_title(f"Top view, a snapshot every {STICK_SPACING:g} s; Y drawn {STICK_STRETCH:g} times larger than X")
+    figure.suptitle(f"Top view, a snapshot every {STICK_SPACING:g} s; Y drawn {STICK_STRETCH:g} times larger than X")
     figure.legend(ncols=4, loc="outside lower center")
     return figure
 
@@ -175,7 +178,7 @@ def linkage(robot: Aerobat) -> Figure:
         ground = name in ("J1", "J5", "J8")
         left.plot(*point, "s" if ground else "o", ms=6 if ground else 4.5, mfc="white", mec=style.INK, zorder=5)
         left.annotate(name, point, xytext=(4, 5), textcoords="offset points", fontsize=8)
-    _forearm(left, pins, float(shown.angles["t6"]), 1e3 * robot.linkage.lengths.L7a)
+    _angles(left, pins, float(shown.theta_s), float(shown.theta_e), 1e3 * robot.linkage.lengths.L7a)
     left.set_aspect("equal")
     left.set_xlabel("outboard [mm]")
     left.set_ylabel("up [mm]")
@@ -192,16 +195,22 @@ def linkage(robot: Aerobat) -> Figure:
     return figure
 
 
-def _forearm(axis: Axes, pins: Mapping[str, Array], t6: float, length: float) -> None:
-    """Draw the distal wing as far as L7a, and mark both joint angles."""
-    elbow, shoulder = pins["J6"], pins["J5"]
-    tip = elbow + length * np.array([np.cos(t6), np.sin(t6)])
-    axis.plot(*zip(elbow, tip, strict=True), color=style.INK, linewidth=2.2)
-    bone = (elbow - shoulder) / np.linalg.norm(elbow - shoulder)
-    axis.plot(*zip(shoulder, shoulder + np.array([26.0, 0.0]), strict=True), ":", color=style.MUTED)
-    axis.plot(*zip(elbow, elbow + 15.0 * bone, strict=True), ":", color=style.MUTED)
-    axis.annotate(r"$\theta_s$", shoulder + np.array([27.0, -1.0]), fontsize=10)
-    axis.annotate(r"$\theta_e$", tuple(elbow + 15.0 * bone), xytext=(-2, 6), textcoords="offset points", fontsize=10)
+def _angles(axis: Axes, pins: Mapping[str, Array], theta_s: float, theta_e: float, length: float) -> None:
+    """Draw the distal wing as far as L7a, and both joint angles.
+
+    theta_s lies between the horizontal and the proximal frame's y axis, theta_e between that axis and the distal one's.
+    """
+    for pivot, start, turn, name in (("J5", 0.0, theta_s, "s"), ("J6", theta_s, theta_e, "e")):
+        here = pins[pivot]
+        for way, line in ((start, ":"), (start + turn, "-" if pivot == "J6" else ":")):
+            reach = length if line == "-" else 27.0
+            end = here + reach * np.array([np.cos(way), np.sin(way)])
+            colour, width = (style.INK, 2.2) if line == "-" else (style.MUTED, 1.0)
+            axis.plot(*zip(here, end, strict=True), line, color=colour, linewidth=width)
+        sweep = start + turn * np.linspace(0.0, 1.0, 40)
+        axis.plot(here[0] + 20.0 * np.cos(sweep), here[1] + 20.0 * np.sin(sweep), color=style.AXES[0], linewidth=1.2)
+        middle = here + 23.0 * np.array([np.cos(sweep[20]), np.sin(sweep[20])])
+        axis.annotate(rf"$\theta_{name}$", (middle[0], middle[1]), color=style.AXES[0], fontsize=11, va="center")
 
 
 def _stack(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:

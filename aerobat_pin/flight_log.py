@@ -44,9 +44,13 @@ class FlightLog:
         missing = [name for name in REQUIRED if name not in self.measured]
         if missing:
             raise LogError(f"flight log: no channel named {', '.join(missing)}; needed are {', '.join(REQUIRED)}")
+        if "time" not in self.measured.coords:
+            raise LogError("flight log: no coordinate named time")
         time = self.measured["time"].values
         if len(time) < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0.0):
             raise LogError("flight log: time must be finite and must not decrease, with two samples or more")
+        if self.measured.sizes["interval"] != len(time) - 1:
+            raise LogError(f"flight log: {self.measured.sizes['interval']} intervals between {len(time)} samples")
 
     @property
     def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:

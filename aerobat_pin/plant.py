@@ -88,8 +88,7 @@ class Plant:
     def __init__(self, robot: Aerobat, scenario: Scenario) -> None:
         """Build air, hold and unknown forces, and lay out the kernel's arrays."""
         self.robot, self.scenario = robot, scenario
-        self.model = model = robot.model.copy()
-        model.gravity.linear = np.array([0.0, 0.0, -scenario.flight.gravity])
+        self.model = model = robot.model
         self.data = data = model.createData()
         self.air = RobotAir(robot.wing, strips=scenario.air.strips, air_density=scenario.air.density)
         self.crank_rate = 2.0 * np.pi * scenario.crank.frequency
@@ -158,7 +157,7 @@ class Plant:
         v = self.robot.velocity(self.start.twist, *motion[0, 1])
         forces, means = np.zeros(self.force_size), np.zeros((count, self.force_size))
         loads = np.zeros((count, 5, self.air.line.strips))
-        placement, states = np.empty((count + 1, 7)), np.empty((count + 1, size))
+        placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
         placement[0], states[0] = q[:7], stages[4]
         constants = (*self._fixed, motion, np.ascontiguousarray(held), dt)
         written = (stages, tangent, v, forces, means, loads)
@@ -184,7 +183,8 @@ class Plant:
             q = integrate(model, integrate(model, q, way), rest)
             placement[k + 1], states[k + 1] = q[:7], stages[4]
             if k % every == 0:
-                if not np.isfinite(stages[4, 0]):
+                if not np.all(np.isfinite(stages[4])):
+                    states[k + 1 :] = np.nan
                     break
                 if progress is not None:
                     progress((k + 1) / count)
@@ -202,7 +202,7 @@ class Plant:
         """Name the parts of the kernel's rows of forces (n, 4 nv + 6 p + 1)."""
         nv, points = self.model.nv, len(self.points)
         generalized = [rows[:, i * nv : (i + 1) * nv] for i in range(4)]
-        at_points = rows[:, 4 * nv : 4 * nv + 6 * points].reshape(-1, 2, points, 3)
+        at_points = rows[:, 4 * nv : 4 * nv + 6 * points].reshape(len(rows), 2, points, 3)
         aerodynamic, thrusters, motor, unknown = generalized
         return Forces(aerodynamic, thrusters, motor, unknown, at_points[:, 0], at_points[:, 1], rows[:, -1])
 
@@ -316,4 +316,5 @@ def _hold(scenario: Scenario, rotation: Array) -> AttitudeHold | None:
 def _check_finite(name: str, states: Array, dt: float) -> None:
     bad = np.flatnonzero(~np.all(np.isfinite(states), axis=1))
     if bad.size:
-        raise SimulationError(f"scenario {name}: the flight diverged at t = {bad[0] * dt:.4f} s")
+        advice = "try a smaller simulation.dt, fewer air.strips, or gentler forces and speeds"
+        raise SimulationError(f"scenario {name}: the flight diverged at t = {bad[0] * dt:.4f} s; {advice}")

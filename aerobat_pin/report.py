@@ -53,7 +53,10 @@ def report_html(metrics: Mapping[str, Any], scenario: Scenario, images: Mapping[
         ("height", f"{flight['z_range'][0]:.3f} .. {flight['z_range'][1]:.3f} m"),
         *((name, f"{low:.2f} .. {high:.2f} deg") for name, (low, high) in degrees.items()),
     ]
-    for key, label in (("thrusters", "mean lift of the hold"), ("aerodynamic", "mean lift of the air")):
+    for key, label in (
+        ("thrusters", "mean lift of the hold in flight"),
+        ("aerodynamic", "mean lift of the air in flight"),
+    ):
         if f"{key}_lift_over_weight" in flight:
             facts.append((label, f"{100 * flight[f'{key}_lift_over_weight']:.0f} % of the weight"))
     if "motor_power_mean" in flight:

@@ -24,7 +24,8 @@ from aerobat_pin.wing import Wing
 
 JOINTS = ("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")
 FORCE_POINTS = ("left_force_point", "right_force_point")
-CRANK_START = -np.pi / 2  # [rad], crank straight down: the start of every flight
+CRANK_START = -np.pi / 2  # [rad], crank straight down
+STANDARD_GRAVITY = 9.81  # [m/s2]
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Aerobat:
 
     @property
     def q0(self) -> Array:
-        """Configuration (nq,) with the base at the origin and the crank at its start."""
+        """Configuration (nq,) with the base at the origin and the crank straight down."""
         start = self.linkage.solve(CRANK_START)
         return self.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], start.theta_s, start.theta_e)
 
@@ -83,12 +84,15 @@ class Aerobat:
         return v
 
 
-def load_aerobat(morphology: str | Path = "aerobat", changes: Mapping[str, Any] | None = None) -> Aerobat:
+def load_aerobat(
+    morphology: str | Path = "aerobat", changes: Mapping[str, Any] | None = None, *, gravity: float = STANDARD_GRAVITY
+) -> Aerobat:
     """Load a robot from a morphology.
 
     Args:
         morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
         changes: nested values laid over it, such as `{"wing": {"offset_x": -0.06}}`.
+        gravity: downward, along -z of the world [m/s2].
 
     Raises:
         MorphologyFileError: no such morphology, or one that no robot can have.
@@ -102,6 +106,7 @@ def load_aerobat(morphology: str | Path = "aerobat", changes: Mapping[str, Any] 
     linkage.check()
     text = urdf(shape)
     model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
     pin.loadReferenceConfigurationsFromXML(model, srdf(shape))
     indices = [model.getJointId(name) for name in JOINTS]
     return Aerobat(

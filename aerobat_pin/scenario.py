@@ -13,13 +13,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import ScenarioError
 
-Positive = Annotated[FiniteFloat, Field(gt=0.0)]
-NonNegative = Annotated[FiniteFloat, Field(ge=0.0)]
-Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Positive = Annotated[Number, Field(gt=0.0)]
+NonNegative = Annotated[Number, Field(ge=0.0)]
+Triple = tuple[Number, Number, Number]
+LONGEST_WARM_UP = 60.0  # [s]
 Limits = tuple[Positive, Positive, Positive]
 
 
@@ -41,9 +45,9 @@ class FlightSection(Section):
 
     position: Triple = Field((0.0, 0.0, 0.0), description="body COM in world [m]")
     velocity: Triple = Field((3.0, 0.0, 0.0), description="of the body COM in world axes [m/s]")
-    roll_deg: FiniteFloat = Field(0.0, description="positive: right wing down [deg]")
-    pitch_deg: FiniteFloat = Field(0.0, description="positive: nose up [deg]")
-    yaw_deg: FiniteFloat = Field(0.0, description="positive: nose to the left [deg]")
+    roll_deg: Number = Field(0.0, description="positive: right wing down [deg]")
+    pitch_deg: Number = Field(0.0, description="positive: nose up [deg]")
+    yaw_deg: Number = Field(0.0, description="positive: nose to the left [deg]")
     gravity: NonNegative = Field(9.81, description="[m/s2]")
 
 
@@ -51,15 +55,15 @@ class CrankSection(Section):
     """How the crank turns."""
 
     frequency: NonNegative = Field(4.75, description="flapping frequency, one turn a flap [Hz]")
-    start_deg: FiniteFloat = Field(-90.0, description="absolute crank angle t1 at the start [deg]")
+    start_deg: Number = Field(-90.0, description="absolute crank angle t1 at the start [deg]")
 
 
 class AirSection(Section):
     """The air."""
 
     density: Positive = Field(1.225, description="[kg/m3]")
-    strips: int = Field(16, ge=2, le=200, description="strips over the full span")
-    warm_up_cycles: int = Field(6, ge=0, description="flapping cycles flown with the body held before t = 0")
+    strips: Whole = Field(16, ge=2, le=200, description="strips over the full span")
+    warm_up_cycles: Whole = Field(6, ge=0, description="flapping cycles flown with the body held before t = 0")
 
 
 class HoldSection(Section):
@@ -70,7 +74,7 @@ class HoldSection(Section):
     torque_limit: Limits = Field(description="roll, pitch, yaw [N m]")
     speed_gain: NonNegative = Field(description="world x [N s/m]")
     thrust_limit: Positive = Field(description="world x [N]")
-    lift: FiniteFloat = Field(description="constant, world z [N]")
+    lift: Number = Field(description="constant, world z [N]")
     height_stiffness: NonNegative = Field(description="world z [N/m]")
     height_damping: NonNegative = Field(description="world z [N s/m]")
     lift_limit: Positive = Field(description="of stiffness and damping together, world z [N]")
@@ -82,20 +86,34 @@ class UnknownForceSection(Section):
     frame: str = Field(description="frame at whose origin it acts")
     direction: Triple = Field((0.0, 0.0, 1.0), description="normalised on reading")
     axes: Literal["link", "body", "world"] = Field("link", description="axes in which the direction is fixed")
-    amplitude: FiniteFloat = Field(0.2, description="factor of sin(elbow angle) [N]")
+    amplitude: Number = Field(0.2, description="factor of sin(elbow angle) [N]")
     noise: NonNegative = Field(0.01, description="standard deviation [N], drawn per force")
-    step: FiniteFloat = Field(0.15, description="height of the step [N]")
-    step_start: FiniteFloat = Field(1.0, description="on for step_start < t <= step_end [s]")
-    step_end: FiniteFloat = Field(1.6, description="[s]")
-    tick: Positive = Field(1.0e-3, description="one value of noise and step is held this long [s]")
+    step: Number = Field(0.15, description="height of the step [N]")
+    step_start: Number = Field(1.0, description="on for step_start < t <= step_end [s]")
+    step_end: Number = Field(1.6, description="[s]")
+    tick: Annotated[Number, Field(ge=1.0e-5)] = Field(
+        1.0e-3, description="one value of noise and step is held this long [s]"
+    )
 
 
 class SimulationSection(Section):
     """Time and chance."""
 
     duration: Positive = Field(2.0, description="[s]")
-    dt: Annotated[FiniteFloat, Field(gt=0.0, le=0.02)] = Field(1.0e-3, description="integration and logging step [s]")
-    seed: int = Field(1, ge=0, description="of all random numbers")
+    dt: Annotated[Number, Field(gt=0.0, le=0.02)] = Field(1.0e-3, description="integration and logging step [s]")
+    seed: Whole = Field(1, ge=0, description="of all random numbers")
+
+    @property
+    def count(self) -> int:
+        """Number of steps."""
+        return round(self.duration / self.dt)
+
+    @model_validator(mode="after")
+    def _whole_steps(self) -> SimulationSection:
+        steps = self.duration / self.dt
+        if steps < 0.5 or abs(steps - round(steps)) > 1e-6 * steps:
+            raise ValueError(f"duration = {self.duration} s is not a whole number of steps of dt = {self.dt} s")
+        return self
 
 
 class ObserverSection(Section):
@@ -111,7 +129,9 @@ class ObserverSection(Section):
 class Scenario(Section):
     """One experiment."""
 
-    name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9_.-]+$", description="also the default output folder")
+    name: str = Field(
+        min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder"
+    )
     description: str = ""
     robot: RobotSection = RobotSection()
     flight: FlightSection = FlightSection()
@@ -121,6 +141,16 @@ class Scenario(Section):
     unknown_force: tuple[UnknownForceSection, ...] = ()
     simulation: SimulationSection = SimulationSection()
     observers: ObserverSection = ObserverSection()
+
+    @model_validator(mode="after")
+    def _short_warm_up(self) -> Scenario:
+        cycles, frequency = self.air.warm_up_cycles, self.crank.frequency
+        if frequency > 0.0 and cycles / frequency > LONGEST_WARM_UP:
+            raise ValueError(
+                f"air.warm_up_cycles = {cycles} at crank.frequency = {frequency} Hz take {cycles / frequency:.0f} s "
+                f"to fly; at most {LONGEST_WARM_UP:.0f} s are allowed"
+            )
+        return self
 
 
 def shipped_scenarios() -> dict[str, str]:
@@ -141,12 +171,20 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
         ScenarioError: not found, not TOML, or a value that breaks its rule; the message names key, value and rule.
     """
     values = _read(str(source))
+    robot = values.get("robot")
+    if isinstance(robot, dict) and isinstance(robot.get("morphology"), str) and Path(source).is_file():
+        robot["morphology"] = _beside(Path(source), robot["morphology"])
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not equals or not key.strip():
             raise ScenarioError(f"--set {setting}: dotted.key=value was expected")
         _assign(values, key.strip().split("."), _parsed(text.strip()), setting)
     return parse_scenario(values, str(source))
+
+
+def _beside(scenario: Path, morphology: str) -> str:
+    """Find a morphology file from where the scenario lies; shipped names stay as they are."""
+    return morphology if morphology in MORPHOLOGIES else str((scenario.parent / morphology).resolve())
 
 
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
@@ -212,9 +250,16 @@ def _explain(error: dict[str, Any]) -> str:
         known = _known_keys(error["loc"][:-1])
         close = difflib.get_close_matches(str(error["loc"][-1]), known, n=1)
         return f"unknown key '{where}'" + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}")
+    if error["type"] == "missing" and isinstance(error["loc"][-1], int):
+        return (
+            f"{'.'.join(str(part) for part in error['loc'][:-1])} = {list(error['input'])}: more numbers were expected"
+        )
     if error["type"] == "missing":
         return f"missing key '{where}'"
-    return f"{where} = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+    if error["type"] == "value_error":
+        return str(error["ctx"]["error"])
+    rule = error["msg"].replace("tuple", "list")
+    return f"{where} = {error['input']!r}: {rule[:1].lower()}{rule[1:]}"
 
 
 def _known_keys(loc: tuple[Any, ...]) -> list[str]:

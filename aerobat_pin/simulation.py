@@ -14,11 +14,17 @@ from aerobat_pin.flight_log import KNOWN, FlightLog, channel
 from aerobat_pin.jit import announce_compilation
 from aerobat_pin.plant import Flown, Plant
 from aerobat_pin.plant_kernels import advance
-from aerobat_pin.robot import JOINTS, load_aerobat
+from aerobat_pin.robot import JOINTS, Aerobat, load_aerobat
 from aerobat_pin.scenario import Scenario
 
 Q_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 V_AXIS = ("vx", "vy", "vz", "wx", "wy", "wz")
+
+
+def load_robot(scenario: Scenario) -> Aerobat:
+    """Load a scenario's robot, with its changes and its gravity. Raises as `load_aerobat`."""
+    chosen = scenario.robot
+    return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
 
 
 def simulate(scenario: Scenario, progress: Callable[[float], None] | None = None) -> FlightLog:
@@ -34,9 +40,8 @@ def simulate(scenario: Scenario, progress: Callable[[float], None] | None = None
     """
     settings = scenario.simulation
     announce_compilation(advance)
-    plant = Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
-    count = max(1, round(settings.duration / settings.dt))
-    dt = settings.duration / count
+    plant = Plant(load_robot(scenario), scenario)
+    count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
     flown = plant.fly(count, dt, held_parts(plant.forces, time, settings.seed), progress)
     return _flight_log(plant, time, flown)

@@ -12,6 +12,7 @@ model.addFrame(pin.Frame("tool", last, 0, pin.SE3(np.eye(3), np.array([0.0, 0.0,
 data = model.createData()
 observer = MomentumObserver(model, ["tool"], gain=200.0)
 
+np.set_printoptions(precision=3, suppress=True)
 dt, q, v = 1e-3, np.array([0.2, -0.4, 0.8, 1.1, 0.3, -0.2]), np.zeros(model.nv)
 observer.reset(q, v)
 for k in range(300):
@@ -25,4 +26,4 @@ for k in range(300):
     q = pin.integrate(model, q, dt * v)
     estimate = observer.update((k + 1) * dt, q, v, tau)
     if k % 50 == 49:
-        print(f"t {1e3 * (k + 1) * dt:4.0f} ms   true {force}   estimated {estimate.force[0].round(3)} N")
+        print(f"t {1e3 * (k + 1) * dt:4.0f} ms   true {force}   estimated {estimate.force[0]} N")

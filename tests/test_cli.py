@@ -96,6 +96,10 @@ def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
         (["run", "paper", "--set", "robot.changes.linkage.L3b=0.002"], "cannot close at J4"),
         (["run", "paper", "--observer", "magic"], "choose from momentum, force_level"),
         (["run", "paper", "--seed", "-3"], "simulation.seed = -3"),
+        (["run", "paper", "--set", "air.strips=60"], "the flight diverged at t = "),
+        (["run", "paper", "--set", "flight.velocity=[300, 0, 0]"], "the flight diverged at t = "),
+        (["run", "paper", "--set", "simulation.dt=0.0015"], "duration = 0.01 s is not a whole number of steps"),
+        (["run", "paper", "--set", "crank.frequency=0.001"], "at most 60 s are allowed"),
     ],
 )
 def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
@@ -124,6 +128,44 @@ def test_a_folder_that_cannot_be_written_is_refused(
         assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / out), *SHORT) == 2
         assert "error: output" in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == ""
+
+
+def test_a_way_that_leads_through_a_missing_folder_is_followed_before_it_is_judged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`missing/../mine` is `mine`: not empty, so refused, and nothing is made on the way."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "metrics.json").write_text("mine")
+    assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / "missing" / ".." / "mine"), *SHORT) == 2
+    assert "not empty" in capsys.readouterr().err
+    assert (tmp_path / "mine" / "metrics.json").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_what_a_killed_run_left_is_swept_away(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A work folder of a run that was killed does not make the folder count as full."""
+    (tmp_path / ".aerobat-dead").mkdir()
+    assert call(monkeypatch, "run", "paper", "--out", str(tmp_path), "--no-report", *SHORT) == 0
+    assert not (tmp_path / ".aerobat-dead").exists()
+
+
+def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_results(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A relative morphology means: relative to the scenario file; the results hold a copy and run again anywhere."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "bird.toml").write_text('extends = "aerobat_guard"\nname = "bird"\n[body]\nmass = 0.09\n')
+    scenario = '[robot]\nmorphology = "bird.toml"\n[simulation]\nduration = 0.01\n[air]\nwarm_up_cycles = 0\n'
+    (mine / "flight.toml").write_text(f'name = "flight"\n{scenario}')
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "run", "mine/flight.toml", "--no-report") == 0
+    first = tmp_path / "runs" / "flight"
+    (mine / "bird.toml").unlink()
+    moved = tmp_path / "moved"
+    first.rename(moved)
+    assert call(monkeypatch, "run", "moved/scenario.toml", "--out", "again", "--no-report") == 0
+    assert (moved / "metrics.json").read_bytes() == (tmp_path / "again" / "metrics.json").read_bytes()
 
 
 def test_nan_in_a_scenario_file_is_refused(

@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from aerobat_pin.evaluation import true_force
 from aerobat_pin.experiment import Experiment, write
+from aerobat_pin.figures import draw_all
+from aerobat_pin.gallery import draw
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -26,7 +29,8 @@ needs_browser = pytest.mark.skipif(
 def folder(paper: Experiment, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the paper's experiment written with everything."""
     target = tmp_path_factory.mktemp("paper")
-    write(paper, target, report=True)
+    write(paper, target)
+    draw(paper, target)
     return target
 
 
@@ -52,9 +56,27 @@ def test_the_papers_figures_are_drawn_as_png_and_pdf(folder: Path) -> None:
         assert (folder / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
 
 
+def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
+    """Lines hold the log's own numbers: joints, X Y Z, truth and estimates; the titles say what holds the robot."""
+    drawn = draw_all(paper.robot, paper.log, paper.estimates, paper.metrics["note"])
+    q = paper.log.measured["q"]
+    shoulder, elbow = (line.get_ydata() for line in drawn["states"].axes[0].lines)
+    np.testing.assert_allclose(np.radians(shoulder), q.sel(q_axis="left_shoulder"))
+    np.testing.assert_allclose(np.radians(elbow), q.sel(q_axis="left_elbow"))
+    for axis, name in zip(drawn["position"].axes, "xyz", strict=True):
+        np.testing.assert_array_equal(axis.lines[0].get_ydata(), q.sel(q_axis=name))
+    right_fz = drawn["estimation"].axes[5]
+    truth = true_force(paper.log, "right_force_point")[0]
+    np.testing.assert_array_equal(right_fz.lines[0].get_ydata(), truth[:, 2])
+    np.testing.assert_array_equal(right_fz.lines[1].get_ydata(), paper.estimates["momentum"].force[:, 1, 2])
+    for name in ("position", "states", "stick_diagram", "estimation"):
+        assert "79 % thruster-borne" in drawn[name].get_suptitle()
+
+
 def test_the_same_run_draws_the_same_figures(paper: Experiment, folder: Path, tmp_path: Path) -> None:
     """Byte for byte: no date, no random order (the replay's viewer numbers its objects at random)."""
-    write(paper, tmp_path, report=True)
+    write(paper, tmp_path)
+    draw(paper, tmp_path)
     for path in sorted(folder.rglob("*")):
         if path.suffix in (".png", ".pdf", ".json", ".toml"):
             assert path.read_bytes() == (tmp_path / path.relative_to(folder)).read_bytes(), path.name
@@ -86,7 +108,7 @@ def test_the_report_opens_without_a_request_or_an_error(folder: Path, browser: A
 
 
 @needs_browser
-def test_the_replay_plays_the_flight_with_moving_arrows(folder: Path, browser: Any) -> None:
+def test_the_replay_plays_the_flight_with_moving_arrows(paper: Experiment, folder: Path, browser: Any) -> None:
     """From disk, offline: as long as the flight, robot and arrows in the scene, the arrows change, pause holds."""
     page = browser.new_page(viewport={"width": 1000, "height": 650})
     problems: list[str] = []
@@ -102,6 +124,12 @@ def test_the_replay_plays_the_flight_with_moving_arrows(folder: Path, browser: A
         page.evaluate(f"viewer.animator.pause(); viewer.animator.seek({time})")
         lengths.append(page.evaluate(f"{shaft}.scale.y"))
     assert max(lengths) - min(lengths) > 0.02
+    # The head of the estimated arrow lies ahead of its tail along the force.
+    where = "viewer.scene_tree.find(['meshcat', 'force', 'estimated', 'left_force_point', '{}'])"
+    where += ".object.position.toArray()"
+    ahead = np.subtract(*(page.evaluate(where.format(part)) for part in ("head", "shaft")))
+    force = paper.estimates["momentum"].force[180, 0]
+    assert float(ahead @ force) > 0.99 * float(np.linalg.norm(ahead) * np.linalg.norm(force))
     held = page.evaluate("viewer.animator.actions[0].time")
     page.wait_for_timeout(300)
     assert page.evaluate("viewer.animator.actions[0].time") == held

@@ -72,6 +72,20 @@ def test_the_unknown_force_along_the_wing_normal_has_a_small_fore_aft_part(paper
     assert std[2] > 0.08
 
 
+def test_the_noise_of_the_two_wings_is_not_the_same(paper: Experiment) -> None:
+    """Independent draws: 2000 samples of each correlate by less than four standard errors."""
+    assert paper.log.truth is not None
+    noise = (paper.log.truth["force_W"] - paper.log.truth["force_noise_free_W"]).values
+    left, right = np.sign(noise[:, 0, 2]), np.sign(noise[:, 1, 2])  # normals of both wings point up alike
+    assert abs(float(np.mean(left * right))) < 4.0 / np.sqrt(2000.0)
+
+
+def test_the_observers_use_the_gravity_of_the_scenario() -> None:
+    """On a world of 3.7 m/s2 the forces are found as well; with 9.81 an observer would see a force of 0.56 N."""
+    experiment = run(load_scenario("paper", ["flight.gravity=3.7", "simulation.duration=0.3"]))
+    assert max(scores(experiment, "rmse").values()) < 3e-3
+
+
 @pytest.fixture(scope="module", params=[1, 2])
 def benchmark(request: pytest.FixtureRequest) -> Experiment:
     """Return the observer benchmark for a seed."""
