@@ -88,7 +88,7 @@ def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> 
         ET.SubElement(joint, "axis", xyz=_text((sign, 0.0, 0.0)))
         bounds = {"lower": limits[0], "upper": limits[1], "effort": joints.effort, "velocity": joints.velocity}
         ET.SubElement(joint, "limit", {key: repr(value) for key, value in bounds.items()})
-    _frame(robot, f"{side}_force_point", f"{side}_distal", morphology.distal.com, sign)
+    _frame(robot, f"{side}_force_point", f"{side}_distal", morphology.force_point, sign)
     for pin, pivot in (("J1", bars.P1), ("J8", bars.P8)):
         _frame(robot, f"{side}_linkage_{pin}", "base_link", (wing.offset_x, *pivot), sign)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from aerobat_description.morphology import Guard, Morphology, Surface
+from aerobat_description.morphology import Fin, Guard, Morphology, Surface
 
 Point = tuple[float, float, float]
 Triangle = tuple[Point, Point, Point]
@@ -45,6 +45,8 @@ def parts(morphology: Morphology) -> dict[str, Part]:
         made["guard"] = Part("base_link", "guard", partial(ring, morphology.guard))
     if morphology.tail is not None:
         made["tail"] = Part("base_link", "tail", partial(plate, morphology.tail))
+    if morphology.fin is not None:
+        made["fin"] = Part("base_link", "tail", partial(blade, morphology.fin))
     # The proximal panel is drawn along the straight line from shoulder to elbow, so that the panels meet.
     _, along, up = morphology.elbow
     length = wing.proximal_stations[-1]
@@ -72,6 +74,19 @@ def plate(surface: Surface) -> Mesh:
     top = [(x + nose, y - half, z + rise), (x + nose, y + half, z + rise)]
     top += [(x - nose, y + half, z - rise), (x - nose, y - half, z - rise)]
     return prism(top, [(0, 1, 2, 3)])
+
+
+def blade(fin: Fin) -> Mesh:
+    """Return a thin square plate for a vertical surface, in body axes."""
+    x, y, z = fin.position
+    half, thin = math.sqrt(fin.area) / 2, MEMBRANE_THICKNESS / 2
+    corners = [(x + a * half, z + b * half) for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
+    left, right = ([(u, y + side * thin, w) for u, w in corners] for side in (1.0, -1.0))
+    mesh = _quad(*reversed(left)) + _quad(*right)
+    for i in range(4):
+        j = (i + 1) % 4
+        mesh += _quad(right[j], right[i], left[i], left[j])
+    return mesh
 
 
 def membrane(stations: Sequence[tuple[float, float]], leading: Sequence[float], trailing: Sequence[float]) -> Mesh:

@@ -78,7 +78,10 @@ class Joints:
 
 @dataclass(frozen=True)
 class WingShape:
-    """Planform of the left wing in its wing frames: stations along y, edges along x [m]."""
+    """Planform of the left wing in its wing frames: stations along y, edges along x [m].
+
+    `force_point`, in the distal frame, is where unknown forces are taken to act: the distal COM when left out.
+    """
 
     offset_x: float
     proximal_stations: Vector
@@ -88,6 +91,7 @@ class WingShape:
     distal_leading_edge: Vector
     distal_trailing_edge: Vector
     minimum_chord: float
+    force_point: Triple | None = None
 
     def check(self, where: str) -> None:
         """Raise unless stations increase and the leading edge stays ahead of the trailing edge."""
@@ -151,6 +155,19 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class Fin:
+    """A vertical quasi-steady surface in the body's plane of symmetry: area [m2], lift slope [1/rad], centre [m]."""
+
+    area: float
+    lift_slope: float
+    position: Triple
+
+    def check(self, where: str) -> None:
+        """Raise unless area and lift slope are positive."""
+        _positive(self, where, "area", "lift_slope")
+
+
+@dataclass(frozen=True)
 class Aerodynamics:
     """Profile drag coefficient, drag area of the body [m2], tail downwash over centre-line downwash."""
 
@@ -192,6 +209,7 @@ class Morphology:
     linkage: LinkageLengths
     aerodynamics: Aerodynamics
     tail: Surface | None = None
+    fin: Fin | None = None
     guard: Guard | None = None
 
     @classmethod
@@ -228,6 +246,11 @@ class Morphology:
     def shoulder(self) -> Vector:
         """Left shoulder axis from the body COM [m], in body axes."""
         return (self.wing.offset_x, *self.linkage.P5)
+
+    @property
+    def force_point(self) -> Vector:
+        """Left point of application of unknown forces [m], in the distal frame."""
+        return self.distal.com if self.wing.force_point is None else self.wing.force_point
 
     @property
     def elbow(self) -> Vector:
@@ -291,8 +314,9 @@ def _build(kind: Any, values: object, where: str) -> Any:
     made = {}
     for key, field in known.items():
         if key in values:
-            inner = [choice for choice in get_args(hints[key]) if hasattr(choice, "__dataclass_fields__")]
-            made[key] = _build(inner[0] if inner else hints[key], values[key], _dotted(where, key))
+            optional = [choice for choice in get_args(hints[key]) if choice is not type(None)]
+            inner = optional[0] if type(None) in get_args(hints[key]) else hints[key]
+            made[key] = _build(inner, values[key], _dotted(where, key))
         elif field.default is MISSING:
             raise MorphologyError(f"morphology: missing key '{_dotted(where, key)}'")
     section = kind(**made)

@@ -60,6 +60,37 @@ def run(
         typer.echo(f"  {target / path}")
 
 
+@app.command()
+def trim(
+    scenario: Annotated[str, typer.Argument(help="Shipped name or TOML file: robot, speed and first guesses.")],
+    out: Annotated[Path | None, typer.Option(help="File for the trimmed scenario; printed when omitted.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
+    ] = None,
+) -> None:
+    """Find the frequency, wing offset and start of a flight that repeats itself every flap; write it as a scenario."""
+    from aerobat_pin import trim as solver
+    from aerobat_pin.output import write_text
+    from aerobat_pin.scenario import load_scenario, scenario_toml
+
+    found = solver.trim(load_scenario(scenario, settings or []))
+    flight, crank = found.scenario.flight, found.scenario.crank
+    offset = found.scenario.robot.changes["wing"]["offset_x"]
+    doubling = found.time_to_double
+    summary = (
+        f"{crank.frequency:.3f} Hz, wing offset {1e3 * offset:.2f} mm, pitch {flight.pitch_deg:.2f} deg, vertical speed "
+        f"{flight.velocity[2]:.3f} m/s; one flap misses its start by {found.residual:.1e}; a disturbance "
+        + (f"doubles in {doubling:.2f} s" if doubling < 1e3 else "does not grow")
+    )
+    typer.echo(summary, err=out is None)
+    text = scenario_toml(found.scenario)
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        write_text(out, text)
+        typer.echo(f"written to {out}")
+
+
 @app.command("list")
 def list_shipped() -> None:
     """List the shipped scenarios, morphologies and observers."""

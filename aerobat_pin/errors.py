@@ -55,3 +55,7 @@ class OutputError(AerobatError, OSError):
 
 class SimulationError(AerobatError, ArithmeticError):
     """The flight diverged."""
+
+
+class TrimError(AerobatError, ArithmeticError):
+    """No periodic flight was found."""

@@ -71,6 +71,17 @@ def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
                 folder.rmdir()
 
 
+def write_text(target: Path, text: str) -> None:
+    """Write a file whole or not at all. Raises OutputError when it cannot be written."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=target.parent, prefix=WORK, delete=False, encoding="utf-8") as file:
+            file.write(text)
+        os.replace(file.name, target)
+    except OSError as error:
+        raise OutputError(f"output {target}: cannot be written: {error.strerror or error}") from error
+
+
 def _replace(work: Path, target: Path) -> None:
     """Remove an earlier run's files and move the new ones in."""
     for name in RESULTS:

@@ -136,25 +136,34 @@ class Plant:
         evaluate_once(*self._fixed, joints, held, state, rate, forces)
         return rate[:BASE], rate[BASE:], self.split(forces[None])
 
-    def fly(self, count: int, dt: float, held: Array, progress: Callable[[float], None] | None = None) -> Flown:
-        """Fly from the start.
+    def fly(
+        self,
+        count: int,
+        dt: float,
+        held: Array,
+        progress: Callable[[float], None] | None = None,
+        start: State | None = None,
+    ) -> Flown:
+        """Fly.
 
         Args:
             count: number n of steps.
             dt: step [s].
             held: (2, forces, n) noise and step of each unknown force over each step [N].
             progress: called with the share done, 0..1, about a hundred times.
+            start: where from; the scenario's start, air warmed up, when omitted.
 
         Raises:
             SimulationError: the flight diverged.
         """
+        start = self.start if start is None else start
         model, data = self.model, self.data
         motion = joint_table(self.closure(np.arange(2 * count + 1) * 0.5 * dt))
         size = BASE + self.air.state_size
         stages, tangent = np.zeros((6, size)), np.zeros((2, model.nv))
-        stages[4] = stages[5] = np.concatenate([self.start.twist, self.start.air])
-        q = self.robot.configuration(self.start.placement, *motion[0, 0])
-        v = self.robot.velocity(self.start.twist, *motion[0, 1])
+        stages[4] = stages[5] = np.concatenate([start.twist, start.air])
+        q = self.robot.configuration(start.placement, *motion[0, 0])
+        v = self.robot.velocity(start.twist, *motion[0, 1])
         forces, means = np.zeros(self.force_size), np.zeros((count, self.force_size))
         loads = np.zeros((count, 5, self.air.line.strips))
         placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
@@ -210,7 +219,7 @@ class Plant:
         """Return the start, the air warmed up over whole cycles with the body held at its attitude and velocity."""
         flight, air = self.scenario.flight, self.scenario.air
         placement = np.concatenate([flight.position, pin.Quaternion(rotation).coeffs()])
-        twist = np.concatenate([rotation.T @ np.array(flight.velocity), np.zeros(3)])
+        twist = np.concatenate([rotation.T @ np.array(flight.velocity), flight.angular_velocity])
         state: Array = np.zeros(self.air.state_size)
         if self.crank_rate == 0.0 or air.warm_up_cycles == 0:
             return State(placement, twist, state)

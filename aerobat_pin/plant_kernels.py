@@ -76,7 +76,7 @@ def unpack(numbers: Array, integers: Integers) -> Constants:
     a = 8 * count
     b = a + (count + 1) * count
     c = b + 6
-    d = c + 5
+    d = c + 9
     e = d + 3 * BODIES
     f = e + 4 * forces
     g = f + 4 * points

@@ -48,6 +48,7 @@ class FlightSection(Section):
     roll_deg: Number = Field(0.0, description="positive: right wing down [deg]")
     pitch_deg: Number = Field(0.0, description="positive: nose up [deg]")
     yaw_deg: Number = Field(0.0, description="positive: nose to the left [deg]")
+    angular_velocity: Triple = Field((0.0, 0.0, 0.0), description="of the body in body axes [rad/s]")
     gravity: NonNegative = Field(9.81, description="[m/s2]")
 
 

@@ -4,7 +4,8 @@ A strip lives in its link's frame: chord along x, normal along z. It sees the ve
 against still air, u forward and w upward relative to the section, U = hypot(u, w), w_n = w |u| / U; spanwise flow is
 ignored. At its 1/4-chord point act, per span, the lift along +z, the suction toward the leading edge, and the profile
 drag rho/2 c cd0 U (-u, w). The tail is a flat plate, rho/2 S a |u| w with a = 2 pi / (1 + 2 / aspect ratio), in the
-wing's centre-line downwash times a factor; the body a drag area at its centre of mass.
+wing's centre-line downwash times a factor; the fin a vertical one, -rho/2 S a |u| v against its lateral velocity v; the
+body a drag area at its centre of mass.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class AirArrays(NamedTuple):
     `strips` (N, 8): 1/4-chord point x, y, z and 3/4-chord point x, y, z in the link's frame, chord, width [m].
     `link` (N,): index into `LINKS`. `downwash` (N + 1, N): the operator D, and the centre line's row below it [1/m].
     `numbers` (6,): density, lift slope, cd0, body drag area, tail's downwash factor, tail's lift per rho |u| w [m2].
-    `tail` (5,): the tail's centre x, y, z, and cosine and sine of its incidence.
+    `tail` (9,): the tail's centre x, y, z, cosine and sine of its incidence, the fin's centre, and its lift per
+    rho |u| v [m2].
     """
 
     strips: Array
@@ -106,7 +108,7 @@ def air_loads(air: AirArrays, twists: Array, state: Array, wrenches: Array, rate
     centre = 0.0
     for j in range(count):
         centre += air.downwash[count, j] * circulation[j]
-    x, y, z, cosine, sine = air.tail
+    x, y, z, cosine, sine = air.tail[:5]
     u = base[0] + base[4] * z - base[5] * y
     w = -(base[2] + base[3] * y - base[4] * x) - air.numbers[4] * centre
     force = density * air.numbers[5] * abs(u * cosine - w * sine) * (u * sine + w * cosine)
@@ -116,6 +118,12 @@ def air_loads(air: AirArrays, twists: Array, state: Array, wrenches: Array, rate
     body[3] += y * fz
     body[4] += z * fx - x * fz
     body[5] -= y * fx
+    x, y, z, lift = air.tail[5:]
+    u = base[0] + base[4] * z - base[5] * y
+    fy = -density * lift * abs(u) * (base[1] + base[5] * x - base[3] * z)
+    body[1] += fy
+    body[3] -= z * fy
+    body[5] += x * fy
 
 
 class RobotAir:
@@ -151,12 +159,14 @@ class RobotAir:
             drag.tail_downwash_factor,
             lift,
         )
+        fin = shape.fin
+        blade = (0.0, 0.0, 0.0, 0.0) if fin is None else (*fin.position, 0.5 * fin.area * fin.lift_slope)
         self.arrays = AirArrays(
             strips=np.column_stack([quarter, three_quarter, line.chord, line.width]),
             link=self.link,
             downwash=np.vstack([line.downwash, line.centre_downwash]),
             numbers=np.array(numbers),
-            tail=np.array([*place, np.cos(tilt), np.sin(tilt)]),
+            tail=np.array([*place, np.cos(tilt), np.sin(tilt), *blade]),
         )
 
     @property

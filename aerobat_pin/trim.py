@@ -1,0 +1,193 @@
+"""Trim: the flapping frequency, wing offset and start from which a symmetric flight repeats itself every flap.
+
+A periodic orbit of the whole plant, air included. Given the horizontal speed at the start of a flap, find frequency,
+`wing.offset_x`, pitch, vertical speed, pitch rate and the air's state such that one flap later speed, vertical speed,
+pitch, pitch rate, height and the air are what they were. Noise and steps of unknown forces are left out, their smooth
+part stays. The Floquet multipliers of the orbit tell how a small disturbance grows per flap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.optimize import root
+
+from aerobat_pin.arrays import Array
+from aerobat_pin.errors import AerobatError, TrimError
+from aerobat_pin.plant import Plant, State
+from aerobat_pin.scenario import Scenario
+from aerobat_pin.simulation import load_robot
+
+BODY = 5  # unknowns beside the air: frequency, offset, pitch, vertical speed, pitch rate
+SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
+AIR_SCALE = 0.1
+STEP = 1.0e-6  # of the finite differences, in scaled unknowns
+CONVERGED = 1.0e-6
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A periodic flight, but for the air's own start: a scenario warms the air up with the body held.
+
+    Attributes:
+        scenario: the scenario, flying from the orbit's start at its frequency and wing offset.
+        residual: largest difference between the ends of one flap, in m/s, rad, rad/s, m and scaled air states.
+        multipliers: Floquet multipliers (n,), largest first: factors per flap on attitude, twist, height and air.
+        period: of a flap [s].
+    """
+
+    scenario: Scenario
+    residual: float
+    multipliers: NDArray[np.complex128]
+    period: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the orbit closes to rounding of the solver."""
+        return self.residual < CONVERGED
+
+    @property
+    def time_to_double(self) -> float:
+        """Time in which the fastest growing disturbance doubles [s]; infinite when nothing grows by a percent a flap."""
+        growth = float(np.abs(self.multipliers[0]))
+        return self.period * float(np.log(2.0) / np.log(growth)) if growth > 1.01 else float("inf")
+
+
+def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Trim:
+    """Find the periodic flight nearest to a scenario's start.
+
+    Args:
+        scenario: robot, horizontal velocity, and first guesses of frequency, offset, pitch, vertical speed and pitch rate.
+        progress: called with the residual after each evaluation of the orbit.
+
+    Raises:
+        TrimError: the crank stands still, or no periodic flight was found near the guess.
+    """
+    if scenario.crank.frequency <= 0.0:
+        raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
+    guess = load_robot(scenario).morphology.wing.offset_x
+    flight = scenario.flight
+    body = [
+        scenario.crank.frequency,
+        guess,
+        np.radians(flight.pitch_deg),
+        flight.velocity[2],
+        flight.angular_velocity[1],
+    ]
+    air = Plant(load_robot(scenario), scenario).start.air
+
+    def miss(unknowns: Array) -> Array:
+        try:
+            found = _flap_miss(scenario, unknowns)
+        except AerobatError:
+            return np.full_like(unknowns, 1e3)
+        if progress is not None:
+            progress(float(np.max(np.abs(found))))
+        return found
+
+    solved = root(miss, np.concatenate([body / SCALE, air / AIR_SCALE]), method="hybr", options={"eps": STEP**2})
+    residual = float(np.max(np.abs(miss(solved.x))))
+    if not residual < 1e-3:
+        raise TrimError(
+            f"no periodic flight found near {body[0]:.2f} Hz and offset {1e3 * guess:.0f} mm at {_speed(scenario):g} m/s: "
+            f"one flap misses its start by {residual:.2g}; try another frequency, offset or pitch"
+        )
+    plant, start = _plant(scenario, solved.x)
+    found = _headed(plant.scenario, scenario)
+    return Trim(found, residual, _multipliers(plant, start), 1.0 / found.crank.frequency)
+
+
+def _speed(scenario: Scenario) -> float:
+    """Return the horizontal speed at the start [m/s]."""
+    return math.hypot(*scenario.flight.velocity[:2])
+
+
+def _headed(found: Scenario, wanted: Scenario) -> Scenario:
+    """Turn a flight along x to the heading of another one's velocity, nose first."""
+    heading = math.atan2(wanted.flight.velocity[1], wanted.flight.velocity[0])
+    speed, rise = _speed(found), found.flight.velocity[2]
+    flight = {
+        "velocity": (speed * math.cos(heading), speed * math.sin(heading), rise),
+        "yaw_deg": math.degrees(heading),
+    }
+    return found.model_copy(update={"flight": found.flight.model_copy(update=flight)})
+
+
+def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
+    """Build the plant and the start of its flap from scaled unknowns."""
+    frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * SCALE)
+    flight = scenario.flight.model_copy(
+        update={
+            "velocity": (_speed(scenario), 0.0, rise),
+            "roll_deg": 0.0,
+            "yaw_deg": 0.0,
+            "angular_velocity": (0.0, pitch_rate, 0.0),
+            "pitch_deg": float(np.degrees(pitch)),
+        }
+    )
+    changes = {**scenario.robot.changes, "wing": {**scenario.robot.changes.get("wing", {}), "offset_x": offset}}
+    trimmed = scenario.model_copy(
+        update={
+            "flight": flight,
+            "crank": scenario.crank.model_copy(update={"frequency": frequency}),
+            "robot": scenario.robot.model_copy(update={"changes": changes}),
+        }
+    )
+    still = trimmed.model_copy(update={"air": scenario.air.model_copy(update={"warm_up_cycles": 0})})
+    plant = Plant(load_robot(still), still)
+    plant.scenario = trimmed
+    return plant, State(plant.start.placement, plant.start.twist, unknowns[BODY:] * AIR_SCALE)
+
+
+def _flap(plant: Plant, start: State) -> State:
+    """Fly one flap and return where it ends."""
+    period = 1.0 / plant.scenario.crank.frequency
+    count = max(20, round(period / plant.scenario.simulation.dt))
+    flown = plant.fly(count, period / count, np.zeros((2, len(plant.forces), count)), start=start)
+    return State(flown.q[-1, :7], flown.v[-1, :6], flown.air[-1])
+
+
+def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
+    """Return by how much one flap misses its start: speed, vertical speed, pitch, pitch rate, height, air."""
+    plant, start = _plant(scenario, unknowns)
+    end = _flap(plant, start)
+    velocity = [pin.Quaternion(state.placement[3:]).matrix() @ state.twist[:3] for state in (start, end)]
+    turned = pin.XYZQUATToSE3(start.placement).actInv(pin.XYZQUATToSE3(end.placement))
+    body = [
+        velocity[1][0] - velocity[0][0],
+        velocity[1][2] - velocity[0][2],
+        pin.log3(turned.rotation)[1],
+        end.twist[4] - start.twist[4],
+        end.placement[2] - start.placement[2],
+    ]
+    return np.concatenate([body, (end.air - start.air) / AIR_SCALE])
+
+
+def _multipliers(plant: Plant, start: State) -> NDArray[np.complex128]:
+    """Return the eigenvalues of one flap's map of small changes, by central differences; x and y do not matter."""
+    retract = pin.liegroups.SE3()
+    size = 10 + len(start.air)
+    moved = []
+    for i in range(size):
+        ends = []
+        for sign in (1.0, -1.0):
+            change = np.zeros(size)
+            change[i] = sign * 1e-5
+            pose = np.concatenate([np.zeros(2), change[:4]])  # height and attitude, in body axes
+            shifted = State(
+                retract.integrate(start.placement, pose),
+                start.twist + change[4:10],
+                start.air + change[10:] * AIR_SCALE,
+            )
+            end = _flap(plant, shifted)
+            placement = end.placement.copy()
+            way = retract.difference(start.placement, placement)
+            ends.append(np.concatenate([way[2:], end.twist, end.air / AIR_SCALE]))
+        moved.append((ends[0] - ends[1]) / 2e-5)
+    values = np.linalg.eigvals(np.array(moved).T)
+    return np.asarray(values[np.argsort(-np.abs(values))])
