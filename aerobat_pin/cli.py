@@ -78,9 +78,9 @@ def trim(
     offset = found.scenario.robot.changes["wing"]["offset_x"]
     doubling = found.time_to_double
     summary = (
-        f"{crank.frequency:.3f} Hz, wing offset {1e3 * offset:.2f} mm, pitch {flight.pitch_deg:.2f} deg, vertical speed "
-        f"{flight.velocity[2]:.3f} m/s; one flap misses its start by {found.residual:.1e}; a disturbance "
-        + (f"doubles in {doubling:.2f} s" if doubling < 1e3 else "does not grow")
+        f"{crank.frequency:.3f} Hz, wing offset {1e3 * offset:.2f} mm, pitch {flight.pitch_deg:.2f} deg, "
+        f"vertical speed {flight.velocity[2]:.3f} m/s; one flap misses its start by {found.residual:.1e}; "
+        "a disturbance " + (f"doubles in {doubling:.2f} s" if doubling < 1e3 else "does not grow")
     )
     typer.echo(summary, err=out is None)
     text = scenario_toml(found.scenario)

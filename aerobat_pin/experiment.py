@@ -17,7 +17,7 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.evaluation import flight_metrics, observer_metrics
 from aerobat_pin.flight_log import FlightLog, channel
-from aerobat_pin.known_inputs import known_inputs
+from aerobat_pin.known_inputs import ROWS_OF_TORQUE, known_inputs
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, scenario_toml
@@ -53,9 +53,11 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
     if unknown or not names:
         raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
     robot = load_robot(scenario)
-    observers = [OBSERVERS[name](robot.model, scenario.observers.frames, scenario.observers.gain) for name in names]
+    torque = scenario.observers.torque
+    rows, frames, gain = ROWS_OF_TORQUE[torque], scenario.observers.frames, scenario.observers.gain
+    observers = [OBSERVERS[name](robot.model, frames, gain, rows) for name in names]
     log = simulate(scenario, None if progress is None else lambda share: progress("flying", share))
-    inputs = known_inputs(log)
+    inputs = known_inputs(log, robot, torque)
     estimates = {}
     for i, observer in enumerate(observers):
         if progress is not None:
@@ -65,7 +67,7 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
         "scenario": scenario.name,
         "seed": scenario.simulation.seed,
         "versions": versions(),
-        "torque": log.measured.attrs["torque"],
+        "torque": torque,
         "inputs": dict(inputs.source),
         "note": flight_note(scenario, robot),
         "observers": {name: observer_metrics(estimate, log) for name, estimate in estimates.items()},

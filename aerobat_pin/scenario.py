@@ -122,6 +122,11 @@ class ObserverSection(Section):
 
     names: tuple[str, ...] = Field(("momentum", "force_level"), description="observers to run")
     gain: Positive = Field(1000.0, description="K [1/s]")
+    torque: Literal["measured", "modelled", "motor_only", "none"] = Field(
+        "measured",
+        description="what is known of the joint torques: all of them; a model without the unknown force; the motor's "
+        "torque at the crank alone; nothing",
+    )
     frames: tuple[str, ...] = Field(
         ("left_force_point", "right_force_point"), description="frames at which forces are sought"
     )

@@ -87,7 +87,6 @@ def _flight_log(plant: Plant, time: Array, flown: Flown) -> FlightLog:
             "morphology": scenario.robot.morphology,
             "morphology_changes": json.dumps(scenario.robot.changes),
             "gravity": scenario.flight.gravity,
-            "torque": "measured",
         },
     )
     at_point = (*per_interval, "point", "axis")

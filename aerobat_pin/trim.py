@@ -53,7 +53,7 @@ class Trim:
 
     @property
     def time_to_double(self) -> float:
-        """Time in which the fastest growing disturbance doubles [s]; infinite when nothing grows by a percent a flap."""
+        """Time in which the fastest growing disturbance doubles [s]; infinite below a percent a flap."""
         growth = float(np.abs(self.multipliers[0]))
         return self.period * float(np.log(2.0) / np.log(growth)) if growth > 1.01 else float("inf")
 
@@ -62,7 +62,7 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
     """Find the periodic flight nearest to a scenario's start.
 
     Args:
-        scenario: robot, horizontal velocity, and first guesses of frequency, offset, pitch, vertical speed and pitch rate.
+        scenario: robot, horizontal velocity, and first guesses of frequency, offset, pitch, vertical speed, pitch rate.
         progress: called with the residual after each evaluation of the orbit.
 
     Raises:
@@ -94,8 +94,9 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
     residual = float(np.max(np.abs(miss(solved.x))))
     if not residual < 1e-3:
         raise TrimError(
-            f"no periodic flight found near {body[0]:.2f} Hz and offset {1e3 * guess:.0f} mm at {_speed(scenario):g} m/s: "
-            f"one flap misses its start by {residual:.2g}; try another frequency, offset or pitch"
+            f"no periodic flight found near {body[0]:.2f} Hz and offset {1e3 * guess:.0f} mm at "
+            f"{_speed(scenario):g} m/s: one flap misses its start by {residual:.2g}; "
+            "try another frequency, offset or pitch"
         )
     plant, start = _plant(scenario, solved.x)
     found = _headed(plant.scenario, scenario)

@@ -75,7 +75,7 @@ def benchmark_table(experiments: list[Experiment]) -> str:
         for name, kind in OBSERVERS.items():
             worst = np.ones(len(columns))
             for one in experiments:
-                inputs, frames = known_inputs(one.log), one.scenario.observers.frames
+                inputs, frames = known_inputs(one.log, one.robot), one.scenario.observers.frames
                 estimate = kind(one.robot.model, frames, gain).run(
                     inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
                 )
@@ -85,6 +85,37 @@ def benchmark_table(experiments: list[Experiment]) -> str:
                 ]
                 worst = np.minimum(worst, np.array(found, float))
             lines.append(f"| {gain:.0f} | `{name}` | {' | '.join(f'{value:.5f}' for value in worst)} |")
+    return "\n".join(lines)
+
+
+def torque_table() -> str:
+    """Return R2 of `paper` and `observer_benchmark` for each knowledge of the joint torques, seed 1, left wing."""
+    lines = ["| scenario | torque | rank | observer | Fx | Fy | Fz |", "|---|---|---|---|---|---|---|"]
+    for name in ("paper", "observer_benchmark"):
+        for torque in ("measured", "modelled", "motor_only", "none"):
+            observers = run(load_scenario(name, [f"observers.torque={torque}"])).metrics["observers"]
+            for observer, scores in observers.items():
+                cells = " | ".join(f"{scores['left'][axis]['r2']:.4f}" for axis in AXES)
+                lines.append(f"| `{name}` | {torque} | {scores['rank']} | `{observer}` | {cells} |")
+    return "\n".join(lines)
+
+
+def flights_table() -> str:
+    """Return how the other flights end and how well their forces are found, seed 1, `force_level`."""
+    lines = [
+        "| scenario | X, Y, Z [m] | Z [m] | pitch [deg] | roll [deg] | yaw [deg] | lowest R2 | Fx error rms [mN] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in ("paper_left", "paper_open_loop", "tumble"):
+        metrics = run(load_scenario(name)).metrics
+        flight, scores = metrics["flight"], metrics["observers"]["force_level"]
+        angles = [_span(np.degrees(flight[f"{angle}_range"]), "{:.1f}") for angle in ("pitch", "roll", "yaw")]
+        axes = [scores[wing][axis] for wing in ("left", "right") for axis in AXES]
+        worst = min(one["r2"] for one in axes if one["r2"] is not None)
+        fx = max(1e3 * scores[wing]["Fx"]["rmse"] for wing in ("left", "right"))
+        end = ", ".join(f"{x:.2f}" for x in flight["position_end"])
+        cells = [end, _span(flight["z_range"], "{:.2f}"), *angles, f"{worst:.5f}", f"{fx:.2f}"]
+        lines.append(f"| `{name}` | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -119,6 +150,30 @@ mass ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg; added mass is
 
 At K = 100 1/s `force_level` shows the filter's lag alone. `momentum` adds the turning of the wings within the filter's
 memory; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
+
+## The other flights
+
+{flights_table()}
+
+`paper_left` pushes on the left wing alone: it drifts to the right, as the paper's figure does. `paper_open_loop` flies
+without any hold, trimmed by `aerobat trim`, on a tail and a fin that the robot does not have; the dive after 1 s is the
+step. `tumble` has no fin and is pushed to the left.
+
+## What must be known of the joint torques
+
+{torque_table()}
+
+* **measured**: all joint torques. They contain the reaction to the unknown force, since the linkage holds the joints
+  whatever pushes; with them two point forces are six unknowns against rows of rank six.
+* **modelled**: the torque that the prescribed motion takes without the unknown force, as the paper's text describes its
+  `u_m`. The joint rows then say "nothing pushes here", which is wrong, and the estimate is pulled between them and the base
+  rows. Rank six, and yet wrong: rank tells what the equations could decide, not whether they are true.
+* **motor_only**: the crank's torque. The power of all joints is one true row beside the six of the base: rank six again.
+  `force_level` uses it without loss. `momentum` filters the ten rows first, and what a crank sensor leaves open rotates
+  between them while the filter remembers.
+* **none**: base rows alone, rank five. An equal and opposite pair along the line between the points leaves no trace; the
+  estimate has that part at zero. Where the true forces have none of it (`observer_benchmark`, both wings alike), little is
+  lost; where they have (`paper`, whose normals lean toward each other), Fy is lost.
 
 ## The linkage
 

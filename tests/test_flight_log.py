@@ -26,7 +26,7 @@ def test_a_log_survives_its_file(paper: Experiment, tmp_path: Path) -> None:
 
 def test_an_observer_is_fed_from_the_measured_side_alone(paper: Experiment) -> None:
     """Without its truth a log gives the same inputs, each with its source."""
-    whole, blind = known_inputs(paper.log), known_inputs(FlightLog(paper.log.measured))
+    whole, blind = (known_inputs(log, paper.robot) for log in (paper.log, FlightLog(paper.log.measured)))
     np.testing.assert_array_equal(whole.tau, blind.tau)
     assert set(blind.known) == {"aerodynamic", "thrusters"}
     assert blind.source["motor_torque"] == "measured"

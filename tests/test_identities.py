@@ -89,7 +89,7 @@ def momentum_balance(log_dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     scenario = load_scenario("paper", ["simulation.duration=0.05", f"simulation.dt={log_dt}", "air.warm_up_cycles=1"])
     log = simulate(scenario)
     robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
-    inputs, data = known_inputs(log), robot.model.createData()
+    inputs, data = known_inputs(log, robot), robot.model.createData()
     assert log.truth is not None
     forces = inputs.tau + sum(inputs.known.values()) + log.truth["unknown"].values
     p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)

@@ -8,6 +8,7 @@ import pytest
 
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import OBSERVERS, ForceLevelObserver, Identifiability, MomentumObserver, Observer
+from aerobat_pin.observers.force_points import Rows
 from aerobat_pin.robot import Aerobat, load_aerobat
 
 KINDS = list(OBSERVERS.values())
@@ -175,10 +176,10 @@ def test_a_gain_per_row_filters_each_row_on_its_own() -> None:
         np.testing.assert_array_equal(one.update(1e-3, q, v, tau).force, many.update(1e-3, q, v, tau).force)
 
 
-def identifiability(robot: Aerobat, frames: list[str]) -> Identifiability:
+def identifiability(robot: Aerobat, frames: list[str], rows: Rows = "all") -> Identifiability:
     """Judge force points at the robot's start."""
     points = MomentumObserver(robot.model, frames).points
-    return points.identifiability(points.jacobian(robot.q0)[None])
+    return points.identifiability(points.jacobian(robot.q0)[None], np.ones((1, robot.model.nv)), rows)
 
 
 def test_two_wing_forces_have_full_rank_and_one_more_point_on_the_body_has_not() -> None:

@@ -98,7 +98,7 @@ def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:
     from aerobat_pin.known_inputs import known_inputs
     from aerobat_pin.observers import OBSERVERS
 
-    inputs = known_inputs(experiment.log)
+    inputs = known_inputs(experiment.log, experiment.robot)
     found = {}
     for name, kind in OBSERVERS.items():
         frames = experiment.scenario.observers.frames

@@ -48,7 +48,8 @@ def flight() -> Flight:
     scenario = load_scenario("paper", ["simulation.duration=0.05", "air.warm_up_cycles=1"])
     log = simulate(scenario)
     assert log.truth is not None
-    robot, inputs = load_aerobat(scenario.robot.morphology, scenario.robot.changes), known_inputs(log)
+    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    inputs = known_inputs(log, robot)
     model, data, terms = robot.model, robot.model.createData(), []
     for q, v in zip(inputs.q, inputs.v, strict=True):
         C = pin.computeCoriolisMatrix(model, data, q, v).copy()

@@ -19,7 +19,7 @@ from aerobat_pin.arrays import Array, checked
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.jit import addresses, check_views, lock, motions, placements
 from aerobat_pin.observers import kernels
-from aerobat_pin.observers.force_points import ForcePoints, Identifiability
+from aerobat_pin.observers.force_points import ROWS, ForcePoints, Identifiability, Rows
 from aerobat_pin.observers.kernels import update
 
 DEFAULT_GAIN = 1000.0  # [1/s]
@@ -75,16 +75,22 @@ class Observer:
         model: any model, free-flyer or fixed base.
         frames: names of the frames at which the unknown forces act; none for the generalised residual alone.
         gain: K [1/s], one number or one per filtered quantity.
+        rows: which rows of the generalised residual to believe when looking for forces: `"all"`; `"base"` where no
+            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known (then
+            any `tau` with the right power v . tau will do).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: the gain is not finite and positive, or has the wrong length.
+        ObserverError: rows other than `"all"` without a free-flyer base, or a gain that is not finite and positive or
+            has the wrong length.
     """
 
     name: ClassVar[str]
     project_first: ClassVar[bool]
 
-    def __init__(self, model: pin.Model, frames: Sequence[str] = (), gain: ArrayLike = DEFAULT_GAIN) -> None:
+    def __init__(
+        self, model: pin.Model, frames: Sequence[str] = (), gain: ArrayLike = DEFAULT_GAIN, rows: Rows = "all"
+    ) -> None:
         """Prepare the filter; `reset` starts it."""
         if self.project_first and not frames:
             raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
@@ -102,8 +108,16 @@ class Observer:
         check_views(model, data, oMi, placements(data.liMi), motions(data.v))
         points = self.points
         gains = np.broadcast_to(self.gain, (size,))
+        if rows not in ROWS or (rows != "all" and not points.floating):
+            raise ObserverError(f"rows = {rows!r}: one of {', '.join(ROWS)}; all on a fixed base")
+        self.rows = rows
         self._store = kernels.new_store(
-            gains, points.weight, points.table, points.support, project_first=self.project_first
+            gains,
+            points.weight,
+            points.table,
+            points.support,
+            project_first=self.project_first,
+            rows=ROWS.index(rows),
         )
         self._width, self._nv = nv + 3 * n, nv
         places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
@@ -115,7 +129,7 @@ class Observer:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
-        return type(self), (self.model, self.points.frames, self.gain)
+        return type(self), (self.model, self.points.frames, self.gain, self.rows)
 
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
         """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
@@ -205,7 +219,7 @@ class Observer:
             self._refuse_time(time[at + 1])
         model, data, collect = self.model, self.data, kernels.collect
         fixed = (*self._fixed[:-1], self._store.copy())  # a stream that is under way goes on undisturbed
-        memory = np.empty((count + 1, 2 + 3 * len(self.points.frames), nv))
+        memory = np.empty((count + 1, 3 + 3 * len(self.points.frames), nv))
         for k, (one_q, one_v) in enumerate(zip(list(q), list(v), strict=True)):
             crba(model, data, one_q)
             computeCoriolisMatrix(model, data, one_q, one_v)
@@ -222,7 +236,7 @@ class Observer:
             time=time,
             force=out[:, nv:].reshape(count, -1, 3),
             residual=out[:, :nv],
-            identifiability=self.points.identifiability(memory[:, 2:]),
+            identifiability=self.points.identifiability(memory[:, 3:], memory[:, 2], self.rows),
         )
 
     def _checked(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,9 @@ from aerobat_pin.frames import frame_id
 
 MOMENT_ARM = 0.05  # [m]
 RANK_TOLERANCE = 1.0e-6  # of the largest singular value
+BASE = 6  # rows of a free-flyer base
+Rows = Literal["all", "base", "base+power"]
+ROWS = ("all", "base", "base+power")  # in the order of the kernels' numbers
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ class ForcePoints:
         self.frames = tuple(frames)
         self._ids = [frame_id(model, name) for name in frames]
         self.weight: Array = np.full(model.nv, 1.0 / MOMENT_ARM)
-        if model.njoints > 1 and model.joints[1].nv == 6:
+        self.floating = bool(model.njoints > 1 and model.joints[1].nv == BASE)
+        if self.floating:
             self.weight[:3] = 1.0
         self.table: Array = np.zeros((len(frames), 4))  # joint that carries the point; its place in the joint's frame
         self.support: Array = np.zeros((len(frames), model.nv))  # 1 where a velocity moves the point
@@ -85,11 +90,28 @@ class ForcePoints:
         rows = [pin.getFrameJacobian(self.model, self.data, i, aligned)[:3] for i in self._ids]
         return np.vstack([np.zeros((0, self.model.nv)), *rows])
 
-    def identifiability(self, jacobians: Array, samples: int = 64) -> Identifiability:
-        """Find the worst of up to `samples` Jacobians, spread evenly over those of a run (m, 3n, nv)."""
+    def identifiability(
+        self, jacobians: Array, velocities: Array, rows: Rows = "all", samples: int = 64
+    ) -> Identifiability:
+        """Find the worst of up to `samples` instants, spread evenly over those of a run.
+
+        Args:
+            jacobians: (m, 3n, nv).
+            velocities: (m, nv), whose joint part is the direction of the power row.
+            rows: which rows of the generalised residual are believed.
+            samples: how many instants to look at.
+        """
         if not self.frames:
             return Identifiability(0, np.zeros(0), None)
-        chosen = jacobians[np.unique(np.linspace(0, len(jacobians) - 1, samples).astype(int))] * self.weight
+        at = np.unique(np.linspace(0, len(jacobians) - 1, samples).astype(int))
+        chosen = jacobians[at] * self.weight
+        if rows != "all":
+            believed = [chosen[:, :, :BASE]]
+            if rows == "base+power":
+                joint = velocities[at, BASE:]
+                unit = joint / np.maximum(np.linalg.norm(joint, axis=1, keepdims=True), 1e-12)
+                believed.append(chosen[:, :, BASE:] @ unit[:, :, None])
+            chosen = np.concatenate(believed, axis=2)
         squares = np.linalg.eigvalsh(chosen @ np.swapaxes(chosen, 1, 2))  # quick, and exact enough to find the worst
         worst = int(np.argmin(squares[:, 0] / squares[:, -1]))
         _, values, vectors = np.linalg.svd(chosen[worst].T, full_matrices=True)

@@ -1,11 +1,14 @@
 """The observers' arithmetic, compiled: one call after Pinocchio's M, C and g, on any model.
 
-A sample is remembered as `memory` (2 + 3n, nv): the momentum p = M v, the drift C^T v - g, and the translational
-Jacobians of the n force points in world axes. From two samples
+A sample is remembered as `memory` (3 + 3n, nv): the momentum p = M v, the drift C^T v - g, the velocity v, and the
+translational Jacobians of the n force points in world axes. From two samples
 
     phi = (p_1 - p_0) / dt - (drift_0 + drift_1) / 2 - u            mean external generalised force of the interval
     J   = (J_0 + J_1) / 2                                           Jacobian in its middle, to second order
     f   = argmin |W (phi - J^T f)|^2 + damping |f|^2                forces that explain a generalised force best
+
+Where joint torques are not measured, the joint rows of phi say nothing and only the six base rows are explained; where
+the power of one motor that drives all joints is measured, one more row, v_j . phi_j, holds.
 """
 
 from __future__ import annotations
@@ -18,15 +21,17 @@ from aerobat_pin.arrays import Array
 from aerobat_pin.jit import Integers, doubles_at, kernel, solve_positive
 
 DAMPING = 1.0e-12  # of the trace of W J^T J W
+BASE = 6  # rows of a free-flyer base
+ALL_ROWS, BASE_ROWS, POWER_ROW = 0, 1, 2
 
 
 class Store(NamedTuple):
     """What an observer keeps between calls. The kernels get it as one flat array, since each array costs a call time.
 
-    `flags` (2,): which of the two memories is the newer, and whether to project first. `gain` (size,) of the filtered
-    quantities. `weight` (nv,) of the rows. `points` (n, 4): joint that carries a point, its place there. `support`
-    (n, nv): 1 where a velocity moves the point. `memory` (2, 2 + 3n, nv): samples. `filtered` (size,): the filter.
-    `jacobian` (3n, nv) and `equations` (3n, 3n): scratch.
+    `flags` (3,): which of the two memories is the newer, whether to project first, which rows to project. `gain`
+    (size,) of the filtered quantities. `weight` (nv,) of the rows. `points` (n, 4): joint that carries a point, its
+    place there. `support` (n, nv): 1 where a velocity moves the point. `memory` (2, 3 + 3n, nv): samples. `filtered`
+    (size,): the filter. `velocity` (nv,), `jacobian` (3n, nv) and `equations` (3n, 3n): scratch.
     """
 
     flags: Array
@@ -36,15 +41,16 @@ class Store(NamedTuple):
     support: Array
     memory: Array
     filtered: Array
+    velocity: Array
     jacobian: Array
     equations: Array
 
 
-def new_store(gain: Array, weight: Array, points: Array, support: Array, *, project_first: bool) -> Array:
+def new_store(gain: Array, weight: Array, points: Array, support: Array, *, project_first: bool, rows: int) -> Array:
     """Return a store as its flat array, headed by nv, n and size, with an empty memory and the filter at zero."""
     nv, n, size = len(weight), len(points), len(gain)
-    head = (nv, n, size, 0, project_first)
-    empty = np.zeros(2 * (2 + 3 * n) * nv + size + 3 * n * (nv + 3 * n))
+    head = (nv, n, size, 0, project_first, rows)
+    empty = np.zeros(2 * (3 + 3 * n) * nv + size + nv + 3 * n * (nv + 3 * n))
     return np.concatenate([np.array(head, float), gain, weight, points.ravel(), support.ravel(), empty])
 
 
@@ -52,23 +58,25 @@ def new_store(gain: Array, weight: Array, points: Array, support: Array, *, proj
 def unpack(flat: Array) -> Store:
     """Give the flat store its names and shapes, without copying."""
     nv, n, size = int(flat[0]), int(flat[1]), int(flat[2])
-    a = 5 + size
+    a = 6 + size
     b = a + nv
     c = b + 4 * n
     d = c + n * nv
-    e = d + 2 * (2 + 3 * n) * nv
+    e = d + 2 * (3 + 3 * n) * nv
     f = e + size
-    g = f + 3 * n * nv
+    g = f + nv
+    h = g + 3 * n * nv
     return Store(
-        flat[3:5],
-        flat[5:a],
+        flat[3:6],
+        flat[6:a],
         flat[a:b],
         flat[b:c].reshape((n, 4)),
         flat[c:d].reshape((n, nv)),
-        flat[d:e].reshape((2, 2 + 3 * n, nv)),
+        flat[d:e].reshape((2, 3 + 3 * n, nv)),
         flat[e:f],
-        flat[f:g].reshape((3 * n, nv)),
-        flat[g:].reshape((3 * n, 3 * n)),
+        flat[f:g],
+        flat[g:h].reshape((3 * n, nv)),
+        flat[h:].reshape((3 * n, 3 * n)),
     )
 
 
@@ -102,7 +110,7 @@ def remember(measured: Measured, v: Array, store: Store, memory: Array) -> None:
         measured: Pinocchio's results at the sample; its J after the Coriolis matrix is in WORLD.
         v: (nv,) velocity.
         store: the observer's constants.
-        memory: (2 + 3n, nv) written.
+        memory: (3 + 3n, nv) written.
     """
     M, C, g, J, oMi = measured
     nv = v.shape[0]
@@ -111,14 +119,14 @@ def remember(measured: Measured, v: Array, store: Store, memory: Array) -> None:
         for j in range(nv):
             momentum += M[j, i] * v[j]
             drift += C[j, i] * v[j]
-        memory[0, i], memory[1, i] = momentum, drift
+        memory[0, i], memory[1, i], memory[2, i] = momentum, drift, v[i]
     for point in range(store.points.shape[0]):
         P = oMi[:, int(store.points[point, 0])]
         a, b, c = store.points[point, 1:]
         x = P[0] * a + P[3] * b + P[6] * c + P[9]
         y = P[1] * a + P[4] * b + P[7] * c + P[10]
         z = P[2] * a + P[5] * b + P[8] * c + P[11]
-        row = 2 + 3 * point
+        row = 3 + 3 * point
         for i in range(nv):
             carried = store.support[point, i]
             memory[row, i] = carried * (J[0, i] + J[4, i] * z - J[5, i] * y)
@@ -127,28 +135,58 @@ def remember(measured: Measured, v: Array, store: Store, memory: Array) -> None:
 
 
 @kernel
-def project(J: Array, weight: Array, generalized: Array, equations: Array, force: Array) -> None:
-    """Write the forces (3n,) that explain a generalised force (nv,) best.
+def add_power_row(store: Store, before: Array, after: Array, generalized: Array, force: Array) -> None:
+    """Add to the normal equations one row for all joints: their power, per unit of joint velocity."""
+    J, nv = store.jacobian, generalized.shape[0]
+    velocity = store.velocity
+    speed = 0.0
+    for k in range(BASE, nv):
+        velocity[k] = 0.5 * (before[2, k] + after[2, k])
+        speed += velocity[k] * velocity[k]
+    if speed == 0.0:
+        return
+    value = 0.0
+    for k in range(BASE, nv):
+        value += velocity[k] * generalized[k]
+    squared = store.weight[nv - 1] ** 2 / speed
+    for i in range(J.shape[0]):
+        along = 0.0
+        for k in range(BASE, nv):
+            along += J[i, k] * velocity[k]
+        force[i] += squared * along * value
+        for j in range(i + 1):
+            other = 0.0
+            for k in range(BASE, nv):
+                other += J[j, k] * velocity[k]
+            store.equations[i, j] += squared * along * other
+
+
+@kernel
+def project(store: Store, before: Array, after: Array, generalized: Array, force: Array) -> None:
+    """Write the forces (3n,) that explain a generalised force (nv,) best, with the store's mid-interval Jacobian.
 
     Args:
-        J: (3n, nv) translational Jacobians.
-        weight: (nv,) weights of the rows.
+        store: rows, weights, Jacobian, scratch.
+        before: (3 + 3n, nv) remembered sample, for the direction of the power row.
+        after: (3 + 3n, nv) the next one.
         generalized: (nv,) to be explained.
-        equations: (3n, 3n) scratch.
         force: (3n,) written, world axes.
     """
+    J, weight, equations, rows = store.jacobian, store.weight, store.equations, int(store.flags[2])
     size, nv = force.shape[0], generalized.shape[0]
     for i in range(size):
         force[i] = 0.0
         for j in range(i + 1):
             equations[i, j] = 0.0
-    for k in range(nv):
+    for k in range(nv if rows == ALL_ROWS else BASE):
         squared = weight[k] * weight[k]
         for i in range(size):
             row = squared * J[i, k]
             force[i] += row * generalized[k]
             for j in range(i + 1):
                 equations[i, j] += row * J[j, k]
+    if rows == POWER_ROW:
+        add_power_row(store, before, after, generalized, force)
     trace = 0.0
     for i in range(size):
         trace += equations[i, i]
@@ -162,8 +200,8 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
     """Turn one interval into an estimate, by an exact-exponential first-order filter; False where it is not finite.
 
     Args:
-        before: (2 + 3n, nv) remembered sample at the start.
-        after: (2 + 3n, nv) remembered sample at the end.
+        before: (3 + 3n, nv) remembered sample at the start.
+        after: (3 + 3n, nv) remembered sample at the end.
         u: (nv,) known generalised force, mean over the interval.
         dt: its length [s].
         store: constants; its filter changes.
@@ -178,9 +216,9 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
     J, filtered, project_first = store.jacobian, store.filtered, store.flags[1] > 0.0
     for row in range(J.shape[0]):
         for i in range(nv):
-            J[row, i] = 0.5 * (before[2 + row, i] + after[2 + row, i])
+            J[row, i] = 0.5 * (before[3 + row, i] + after[3 + row, i])
     if project_first:
-        project(J, store.weight, residual, store.equations, force)
+        project(store, before, after, residual, force)
     value = force if project_first else residual
     decay = 0.0
     for i in range(filtered.shape[0]):
@@ -194,7 +232,7 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
             for row in range(force.shape[0]):
                 residual[i] += J[row, i] * force[row]
     else:
-        project(J, store.weight, residual, store.equations, force)
+        project(store, before, after, residual, force)
     return True
 
 
@@ -227,7 +265,7 @@ def update(places: Integers, flat: Array, v: Array, u: Array, dt: float, out: Ar
 
 @kernel
 def collect(places: Integers, flat: Array, v: Array, k: int, memory: Array) -> None:
-    """Remember sample k of a record: v (m + 1, nv), memory (m + 1, 2 + 3n, nv)."""
+    """Remember sample k of a record: v (m + 1, nv), memory (m + 1, 3 + 3n, nv)."""
     remember(look(places, v.shape[1]), v[k], unpack(flat), memory[k])
 
 
