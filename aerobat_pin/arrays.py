@@ -12,6 +12,14 @@ from aerobat_pin.errors import ShapeError
 Array = NDArray[np.floating[Any]]
 
 
+def shaped(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+    """Return values as a contiguous array of doubles, as kernels take it. Raises ShapeError where the shape differs."""
+    array = np.ascontiguousarray(values, float)
+    if array.shape != shape:
+        raise ShapeError(f"{name} has shape {array.shape}: {shape} was expected")
+    return array
+
+
 def checked(values: ArrayLike, size: int, name: str) -> Array:
     """Return a private copy of a finite vector. Raises ShapeError naming it."""
     vector = np.array(values, float)

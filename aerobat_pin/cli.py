@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -91,6 +92,17 @@ def trim(
         typer.echo(f"written to {out}")
 
 
+@app.command()
+def doctor() -> None:
+    """Examine the installation: what is there, and what to do about what is not."""
+    from aerobat_pin.doctor import check
+
+    findings = check()
+    for one in findings:
+        typer.echo(str(one))
+    raise typer.Exit(0 if all(one.ok for one in findings) else 1)
+
+
 @app.command("list")
 def list_shipped() -> None:
     """List the shipped scenarios, morphologies and observers."""
@@ -123,6 +135,8 @@ def main() -> None:
     except BrokenPipeError:  # whoever read our output went away; everything is written
         sys.stdout = open(os.devnull, "w")
         sys.exit(0)
+    finally:
+        gc.freeze()  # or Python would search every library for garbage on its way out: a quarter of a second
 
 
 def _progress() -> Any:
@@ -154,6 +168,11 @@ def _print_table(metrics: dict[str, Any]) -> None:
     typer.echo(f"\n{metrics['scenario']}, seed {metrics['seed']}: {metrics['note']}; motor torque {metrics['torque']}")
     typer.echo(f"{'observer':<12} {'wing':<6} {'axis':<4} {'R2':>9} {'R2 noise-free':>14} {'error rms':>10} {'lag':>9}")
     for name, scores in metrics["observers"].items():
+        if scores["null_direction"] is not None:
+            hidden = ", ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in scores["null_direction"])
+            typer.echo(
+                f"{name}: rank {scores['rank']}; cannot be seen at all: forces along {hidden} on the points in turn"
+            )
         for wing, axes in scores.items():
             if not isinstance(axes, dict):
                 continue

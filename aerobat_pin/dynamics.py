@@ -11,7 +11,6 @@ where F is the sum of all other generalised forces and nle = C v + g, so that M 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from aerobat_pin.arrays import Array
 
@@ -33,7 +32,7 @@ def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_accelera
     acceleration = np.empty_like(nle)
     acceleration[BASE:] = joint_acceleration
     push = force[:BASE] - nle[:BASE] - M[:BASE, BASE:] @ joint_acceleration
-    acceleration[:BASE] = cho_solve(cho_factor(M[:BASE, :BASE]), push)
+    acceleration[:BASE] = np.linalg.solve(M[:BASE, :BASE], push)
     torque = np.zeros_like(nle)
     torque[BASE:] = M[BASE:] @ acceleration + nle[BASE:] - force[BASE:]
     return acceleration, torque

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.arrays import Array
+from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.jit import kernel
 
 
@@ -117,8 +117,12 @@ class AttitudeHold:
             position: (3,) body COM in world [m].
             rotation: (3, 3) body to world.
             twist: (6,) body twist in body axes [m/s, rad/s].
+
+        Raises:
+            ShapeError: an array does not fit.
         """
         wrench = np.empty(6)
-        position, rotation, twist = (np.ascontiguousarray(x, float) for x in (position, rotation, twist))
+        position, rotation = shaped(position, (3,), "position"), shaped(rotation, (3, 3), "rotation")
+        twist = shaped(twist, (6,), "twist")
         hold_wrench(self.packed, position, rotation, twist, wrench)
         return wrench

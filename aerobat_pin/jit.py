@@ -6,6 +6,7 @@ kernel is one compiled call between two Pinocchio calls, a pure function of arra
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -59,6 +60,8 @@ def sources_stamp() -> tuple[tuple[str, int, int], ...]:
 
 def announce_compilation(entry: Any) -> None:
     """Say on stderr that a kernel is about to be compiled, unless an earlier run left it in the cache."""
+    if numba.config.DISABLE_JIT:
+        return
     name = f"{Path(entry.py_func.__code__.co_filename).stem}.{entry.py_func.__qualname__}-"
     folder = getattr(entry.stats, "cache_path", None)
     if folder is None or not any(Path(folder).glob(f"{name}*.nbi")):
@@ -67,7 +70,7 @@ def announce_compilation(entry: Any) -> None:
 
 def lock(entry: Any, *arguments: Any) -> None:
     """Compile a kernel for these arguments' types, by calling it, and for no others: they raise TypeError."""
-    if not entry.signatures:
+    if not numba.config.DISABLE_JIT and not entry.signatures:
         entry(*arguments)
         entry.disable_compile()
 
@@ -101,11 +104,21 @@ def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Ar
             raise RuntimeError("Pinocchio's velocities do not lie in memory as this version expects")
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _pointer(_: Any, address: Any) -> Any:
-    """Turn an address into a pointer to doubles."""
-    kind = types.CPointer(types.float64)
-    return kind(types.intp), lambda context, builder, _, args: builder.inttoptr(args[0], context.get_value_type(kind))
+if numba.config.DISABLE_JIT:
+
+    def _pointer(address: Any) -> Any:
+        """Turn an address into a pointer to doubles, for kernels that run as plain Python."""
+        return ctypes.cast(int(address), ctypes.POINTER(ctypes.c_double))
+
+else:
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def _pointer(_: Any, address: Any) -> Any:
+        """Turn an address into a pointer to doubles."""
+        kind = types.CPointer(types.float64)
+        return kind(types.intp), lambda context, builder, _, args: builder.inttoptr(
+            args[0], context.get_value_type(kind)
+        )
 
 
 def addresses(*arrays: Array) -> Integers:

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerodynamics import RobotAir
-from aerobat_pin.arrays import Array
+from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.disturbances import PaperSignal, PointForce
 from aerobat_pin.dynamics import BASE
 from aerobat_pin.errors import ScenarioError, SimulationError
@@ -106,6 +106,10 @@ class Plant:
         self._fixed = (*pack(self.constants), scratch(self.air.line.strips), data.M, data.nle, liMi, twist)
         self.start = self._warmed_up(rotation)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as a fresh plant: the views of Pinocchio's results cannot travel."""
+        return type(self), (self.robot, self.scenario)
+
     @property
     def force_size(self) -> int:
         """Length of the kernel's row of forces: four generalised forces, two sets of point forces, the motor power."""
@@ -127,14 +131,37 @@ class Plant:
 
         Returns:
             Base acceleration (6,) in body axes, rate of the air's state (3N,), forces with n = 1.
+
+        Raises:
+            ShapeError: an array does not fit.
+        """
+        q, v = shaped(q, (self.model.nq,), "q"), shaped(v, (self.model.nv,), "v")
+        joints, air = shaped(joints, (3, 2), "joints"), shaped(air, (self.air.state_size,), "air")
+        held = shaped(held, (2, len(self.forces)), "held")[:, :, None]
+        state = np.concatenate([v[:BASE], air])
+        rate, forces = np.empty_like(state), np.empty(self.force_size)
+        self.evaluate(q, v, joints, held, state, rate, forces)
+        return rate[:BASE], rate[BASE:], self.split(forces[None])
+
+    def evaluate(
+        self, q: Array, v: Array, joints: Array, held: Array, state: Array, rate: Array, forces: Array
+    ) -> None:
+        """Evaluate the equations of motion into the caller's arrays: the right-hand side, without allocating.
+
+        Nothing is checked: contiguous arrays of doubles of the shapes below, or memory is overwritten. `rates` checks.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) velocity.
+            joints: (3, 2) angle, rate and acceleration of shoulder and elbow, those of q and v.
+            held: (2, n, 1) noise and step of each unknown force [N].
+            state: (6 + 3N,) base twist in body axes, that of v, then the air.
+            rate: (6 + 3N,) written: base acceleration, then the rate of the air.
+            forces: (`force_size`,) written; `split` names its parts.
         """
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, v)
-        state = np.concatenate([v[:BASE], air])
-        rate, forces = np.empty_like(state), np.empty(self.force_size)
-        held = np.ascontiguousarray(held, float)[:, :, None]
         evaluate_once(*self._fixed, joints, held, state, rate, forces)
-        return rate[:BASE], rate[BASE:], self.split(forces[None])
 
     def fly(
         self,
@@ -154,21 +181,23 @@ class Plant:
             start: where from; the scenario's start, air warmed up, when omitted.
 
         Raises:
+            ShapeError: `held` or `start` does not fit.
             SimulationError: the flight diverged.
         """
+        held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
         model, data = self.model, self.data
         motion = joint_table(self.closure(np.arange(2 * count + 1) * 0.5 * dt))
         size = BASE + self.air.state_size
         stages, tangent = np.zeros((6, size)), np.zeros((2, model.nv))
-        stages[4] = stages[5] = np.concatenate([start.twist, start.air])
+        stages[4] = stages[5] = shaped(np.concatenate([start.twist, start.air]), (size,), "start")
         q = self.robot.configuration(start.placement, *motion[0, 0])
         v = self.robot.velocity(start.twist, *motion[0, 1])
         forces, means = np.zeros(self.force_size), np.zeros((count, self.force_size))
         loads = np.zeros((count, 5, self.air.line.strips))
         placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
         placement[0], states[0] = q[:7], stages[4]
-        constants = (*self._fixed, motion, np.ascontiguousarray(held), dt)
+        constants = (*self._fixed, motion, held, dt)
         written = (stages, tangent, v, forces, means, loads)
         crba, nle, integrate = pin.crba, pin.nonLinearEffects, pin.integrate
         way, rest = tangent

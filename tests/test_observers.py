@@ -143,6 +143,8 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
         observer.update(1.1, q[:-1], v, tau)
     with pytest.raises(ShapeError, match="q has 1 rows"):
         observer.run([0.0, 1.0], q[None], np.zeros((2, model.nv)), tau[None])
+    with pytest.raises(ShapeError, match="too large"):
+        observer.update(1.1, q, v, np.full(model.nv, 1e307))
     strict = observer.update(1.1, q, v, rest(model, q))
     np.testing.assert_allclose(strict.force, 0.0, atol=1e-9)
     loose = observer.update(1.2, list(q), v.astype(np.float32), rest(model, q).tolist())

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0, LiftingLine
-from aerobat_pin.arrays import Array
+from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.jit import kernel
 from aerobat_pin.wing import LINKS, Wing
 
@@ -183,10 +183,13 @@ class RobotAir:
 
         Returns:
             Wrenches (5, 6) on the links at and in their own frames, force first [N, N m]; state rates (3N,); strips.
+
+        Raises:
+            ShapeError: an array does not fit.
         """
+        twists, state = shaped(twists, (len(LINKS), 6), "twists"), shaped(state, (self.state_size,), "state")
         wrenches, rates = np.empty((len(LINKS), 6)), np.empty(self.state_size)
         loads = np.empty((5, self.line.strips))
-        twists, state = (np.ascontiguousarray(x, float) for x in (twists, state))
         air_loads(self.arrays, twists, state, wrenches, rates, loads)
         u, w, w_eff, force_x, force_z = loads
         circulation = self.line.split(state)[2].copy()

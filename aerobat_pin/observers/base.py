@@ -76,8 +76,9 @@ class Observer:
         frames: names of the frames at which the unknown forces act; none for the generalised residual alone.
         gain: K [1/s], one number or one per filtered quantity.
         rows: which rows of the generalised residual to believe when looking for forces: `"all"`; `"base"` where no
-            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known (then
-            any `tau` with the right power v . tau will do).
+            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known.
+            `force_level` then takes any `tau` with the right power v . tau; `momentum` filters the rows before it
+            combines them, and keeps a part of what `tau` has wrong (2 % at 1000 1/s on a flapping wing).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.

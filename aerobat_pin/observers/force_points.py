@@ -113,7 +113,7 @@ class ForcePoints:
                 believed.append(chosen[:, :, BASE:] @ unit[:, :, None])
             chosen = np.concatenate(believed, axis=2)
         squares = np.linalg.eigvalsh(chosen @ np.swapaxes(chosen, 1, 2))  # quick, and exact enough to find the worst
-        worst = int(np.argmin(squares[:, 0] / squares[:, -1]))
+        worst = int(np.argmin(squares[:, 0] / np.maximum(squares[:, -1], 1e-300)))
         _, values, vectors = np.linalg.svd(chosen[worst].T, full_matrices=True)
         values = np.concatenate([values, np.zeros(len(vectors) - len(values))])
         rank = int(np.sum(values > RANK_TOLERANCE * values[0]))

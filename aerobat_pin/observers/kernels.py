@@ -21,6 +21,7 @@ from aerobat_pin.arrays import Array
 from aerobat_pin.jit import Integers, doubles_at, kernel, solve_positive
 
 DAMPING = 1.0e-12  # of the trace of W J^T J W
+TOO_LARGE = 1.0e150  # of a residual: its square still is a number
 BASE = 6  # rows of a free-flyer base
 ALL_ROWS, BASE_ROWS, POWER_ROW = 0, 1, 2
 
@@ -191,13 +192,13 @@ def project(store: Store, before: Array, after: Array, generalized: Array, force
     for i in range(size):
         trace += equations[i, i]
     for i in range(size):
-        equations[i, i] += DAMPING * trace
+        equations[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # a point that nothing moves gets no force
     solve_positive(equations, force)
 
 
 @kernel
 def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out: Array) -> bool:
-    """Turn one interval into an estimate, by an exact-exponential first-order filter; False where it is not finite.
+    """Turn one interval into an estimate by an exact-exponential first-order filter; False where it is NaN or huge.
 
     Args:
         before: (3 + 3n, nv) remembered sample at the start.
@@ -211,7 +212,7 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
     residual, force = out[:nv], out[nv:]
     for i in range(nv):
         residual[i] = (after[0, i] - before[0, i]) / dt - 0.5 * (before[1, i] + after[1, i]) - u[i]
-        if not np.isfinite(residual[i]):
+        if not abs(residual[i]) < TOO_LARGE:  # NaN too
             return False
     J, filtered, project_first = store.jacobian, store.filtered, store.flags[1] > 0.0
     for row in range(J.shape[0]):
@@ -231,8 +232,8 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
             residual[i] = 0.0
             for row in range(force.shape[0]):
                 residual[i] += J[row, i] * force[row]
-    else:
-        project(store, before, after, residual, force)
+        return True
+    project(store, before, after, residual, force)
     return True
 
 

@@ -1,0 +1,306 @@
+"""How fast is it? Every hot path beside the bare Pinocchio calls that it cannot do without, measured in one run.
+
+Absolute times belong to a machine and its mood; ratios hardly do. Each round times ours and the bare calls in turn, a
+few milliseconds apart, and takes the best of three of each; a figure is the median over the rounds of their ratio, with
+the lowest and the highest round beside it. Nothing fails here: benchmarks inform, tests decide.
+
+    python benchmarks/bench.py                       all of it, about a minute
+    python benchmarks/bench.py --quick               a glance
+    python benchmarks/bench.py --save before.json    keep the figures
+    python benchmarks/bench.py --compare before.json measure again and print what changed
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from aerobat_pin.flight_log import KNOWN
+from aerobat_pin.observers import ForceLevelObserver, MomentumObserver
+from aerobat_pin.plant import Plant, joint_table
+from aerobat_pin.robot import load_aerobat
+from aerobat_pin.scenario import load_scenario
+from aerobat_pin.simulation import held_parts, simulate
+
+STEPS, DT = 2000, 1.0e-3  # the paper's flight: two seconds, dt in s
+STREAM = 500  # samples of one pass through a streaming observer
+REPEATS = 3  # of which a round takes the best
+FRAMES = ("left_force_point", "right_force_point")
+PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "numba", "scipy")
+
+Part = tuple[Callable[[], object], int]
+Times = dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of the table: median, lowest and highest round, in `unit`; a target is an upper limit."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    target: float | None = None
+
+
+def interleaved(rounds: int, **parts: Part) -> Times:
+    """Time several callables in turn.
+
+    Args:
+        rounds: number n of rounds.
+        parts: name -> a callable and the number of operations that one call of it does.
+
+    Returns:
+        Name -> (n,) time of one operation [s], the best of each round.
+    """
+    times = {name: np.full(rounds, np.inf) for name in parts}
+    for call, _ in parts.values():
+        call()
+    gc.disable()
+    try:
+        for k in range(rounds):
+            for _ in range(REPEATS):
+                for name, (call, operations) in parts.items():
+                    start = time.perf_counter()
+                    call()
+                    times[name][k] = min(times[name][k], (time.perf_counter() - start) / operations)
+    finally:
+        gc.enable()
+    return times
+
+
+def figure(name: str, values: NDArray[np.float64], unit: str, target: float | None = None) -> Figure:
+    """Summarise the rounds (n,) of one quantity."""
+    return Figure(name, float(np.median(values)), float(values.min()), float(values.max()), unit, target)
+
+
+def flight_figures(rounds: int) -> Iterator[Figure]:
+    """Right-hand side and step, beside crba, nle and integrate on the configurations of the same flight."""
+    scenario = load_scenario("paper")
+    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    plant = Plant(robot, scenario)
+    edges = np.arange(STEPS + 1) * DT
+    held = held_parts(plant.forces, edges, scenario.simulation.seed)
+    flown = plant.fly(STEPS, DT, held)
+    model, data = plant.model, plant.data
+    states = list(zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True))
+    tangents = [(q, v * DT) for q, v in states]
+    joints = list(joint_table(plant.closure(edges[:-1])))
+    noise = [np.ascontiguousarray(held[:, :, k : k + 1]) for k in range(STEPS)]
+    bodies = np.concatenate([flown.v[:-1, :6], flown.air[:-1]], axis=1)
+    evaluated = [(q, v, *rest) for (q, v), *rest in zip(states, joints, noise, list(bodies), strict=True)]
+    rate, forces = np.empty(bodies.shape[1]), np.empty(plant.force_size)
+    crba, nle, integrate, evaluate = pin.crba, pin.nonLinearEffects, pin.integrate, plant.evaluate
+
+    def bare_pair() -> None:
+        for q, v in states:
+            crba(model, data, q)
+            nle(model, data, q, v)
+
+    def bare_integrate() -> None:
+        for q, way in tangents:
+            integrate(model, q, way)
+
+    def one_by_one() -> None:
+        for arguments in evaluated:
+            evaluate(*arguments, rate, forces)
+
+    times = interleaved(
+        rounds,
+        fly=(lambda: plant.fly(STEPS, DT, held), STEPS),
+        pair=(bare_pair, STEPS),
+        integrate=(bare_integrate, STEPS),
+        evaluate=(one_by_one, STEPS),
+    )
+    fly, pair, move = times["fly"], times["pair"], times["integrate"]
+    yield figure("bare crba + nle", 1e6 * pair, "us")
+    yield figure("bare integrate", 1e6 * move, "us")
+    yield figure("flight, one step of RK4", 1e6 * fly, "us")
+    yield figure("right-hand side (Plant.evaluate), over crba + nle", times["evaluate"] / pair, "x", 3.0)
+    yield figure("step, over 4 (crba + nle) + 5 integrate", fly / (4 * pair + 5 * move), "x", 3.5)
+
+
+def observer_figures(rounds: int) -> Iterator[Figure]:
+    """Observers on the paper's flight, streaming and in batch, beside the three Pinocchio calls of one sample."""
+    scenario = load_scenario("paper")
+    log = simulate(scenario)
+    instants, measured = log.time, log.measured
+    configurations, velocities, torque, aerodynamic = (
+        np.ascontiguousarray(measured[name].values) for name in ("q", "v", "motor_torque", f"{KNOWN}aerodynamic")
+    )
+    model = load_aerobat(scenario.robot.morphology, scenario.robot.changes).model
+    data = model.createData()
+    samples = list(zip(list(configurations), list(velocities), strict=True))
+    stamps = [float(stamp) for stamp in instants[1 : STREAM + 1]]
+    torques = list(torque[:STREAM])
+    known = [{"aerodynamic": row} for row in aerodynamic[:STREAM]]
+    crba, coriolis, gravity = pin.crba, pin.computeCoriolisMatrix, pin.computeGeneralizedGravity
+
+    def bare(count: int) -> Part:
+        chosen = samples[:count]
+
+        def call() -> None:
+            for q, v in chosen:
+                crba(model, data, q)
+                coriolis(model, data, q, v)
+                gravity(model, data, q)
+
+        return call, count
+
+    def stream(observer: Any, with_known: bool) -> Part:
+        extras = [(one,) if with_known else () for one in known]
+        rows = [
+            (stamp, q, v, tau, *extra)
+            for stamp, (q, v), tau, extra in zip(stamps, samples[1:], torques, extras, strict=False)
+        ]
+
+        def call() -> None:
+            observer.reset(*samples[0], float(instants[0]))
+            update = observer.update
+            for row in rows:
+                update(*row)
+
+        return call, STREAM
+
+    def batch(observer: Any, channels: dict[str, Any] | None = None) -> Part:
+        arguments = (instants, configurations, velocities, torque, channels)
+        return (lambda: observer.run(*arguments)), len(instants)
+
+    kinds = {
+        "momentum, no points": (MomentumObserver(model), 1.5, 1.4),
+        "momentum, two points": (MomentumObserver(model, FRAMES), 1.7, None),
+        "force_level, two points": (ForceLevelObserver(model, FRAMES), 1.7, None),
+    }
+    floor = "crba + Coriolis + gravity"
+    parts = {f"{kind}{more}": stream(one[0], bool(more)) for kind, one in kinds.items() for more in ("", ", one known")}
+    times = interleaved(4 * rounds, bare=bare(STREAM), **parts)
+    yield figure(f"bare {floor}", 1e6 * times["bare"], "us")
+    for kind, (_, target, _) in kinds.items():
+        yield figure(f"update, {kind}", times[kind] / times["bare"], "x", target)
+        yield figure(f"update, {kind}, one known", times[f"{kind}, one known"] / times["bare"], "x")
+    parts = {kind: batch(one[0]) for kind, one in kinds.items()}
+    parts["momentum, no points, one known"] = batch(kinds["momentum, no points"][0], {"aerodynamic": aerodynamic})
+    times = interleaved(rounds, bare=bare(len(samples)), **parts)
+    for kind in parts:
+        limit = kinds[kind][2] if kind in kinds else None
+        yield figure(f"batch per sample, {kind}", times[kind] / times["bare"], "x", limit)
+
+
+def absolute_figures(rounds: int) -> Iterator[Figure]:
+    """What a caller waits for, in this process, with everything compiled and imported."""
+    scenario = load_scenario("paper")
+    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    times = interleaved(
+        max(3, rounds // 2),
+        simulate=(lambda: simulate(scenario), 1),
+        load=(load_aerobat, 1),
+        plant=(lambda: Plant(robot, scenario), 1),
+    )
+    yield figure("simulate the paper's 2 s, warm", 1e3 * times["simulate"], "ms", 80.0)
+    yield figure("load_aerobat()", 1e3 * times["load"], "ms")
+    yield figure("Plant(robot, scenario), air warmed up", 1e3 * times["plant"], "ms")
+
+
+def process_figures(count: int) -> Iterator[Figure]:
+    """Whole processes, from start to exit, caches warm."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    program = [sys.executable, "-m", "aerobat_pin.cli"]
+    with tempfile.TemporaryDirectory() as folder:
+        commands = {
+            "python -c pass": ([sys.executable, "-c", "pass"], None),
+            "python -c 'import aerobat_pin'": ([sys.executable, "-c", "import aerobat_pin"], None),
+            "aerobat --help": ([*program, "--help"], 200.0),
+            "aerobat list": ([*program, "list"], None),
+            "aerobat run paper --no-report": (
+                [*program, "run", "paper", "--no-report", "--force", "--out", folder],
+                1500.0,
+            ),
+        }
+        for name, (command, target) in commands.items():
+            taken = np.empty(count + 1)
+            for k in range(count + 1):
+                start = time.perf_counter()
+                subprocess.run(command, env=environment, check=True, capture_output=True)
+                taken[k] = 1e3 * (time.perf_counter() - start)
+            yield figure(name, taken[1:], "ms", target)  # the first one fills the caches
+
+
+def machine() -> dict[str, str]:
+    """Return what a reader must know to judge absolute times."""
+    here = {"python": platform.python_version(), "machine": platform.machine(), "cores": str(os.cpu_count())}
+    return here | {name: metadata.version(name) for name in PACKAGES}
+
+
+def table_lines(figures: list[Figure]) -> Iterator[str]:
+    """Lay the figures out."""
+    yield f"{'':<58} {'median':>9}    {'min .. max':>18}  {'target':>8}"
+    for one in figures:
+        between = f"{one.low:.2f} .. {one.high:.2f}"
+        goal = "" if one.target is None else f"{one.target:8.1f}  {'met' if one.value <= one.target else 'MISSED'}"
+        yield f"{one.name:<58} {one.value:9.2f} {one.unit:<2} {between:>18}  {goal}".rstrip()
+
+
+def change_lines(figures: list[Figure], before: dict[str, Any]) -> Iterator[str]:
+    """Compare with saved figures; what is on one side only is said to be so."""
+    old = {one["name"]: one for one in before["figures"]}
+    yield f"{'':<58} {'before':>9} {'now':>9}    {'change':>8}"
+    for one in figures:
+        earlier = old.pop(one.name, None)
+        if earlier is None:
+            yield f"{one.name:<58} {'-':>9} {one.value:9.2f} {one.unit}"
+            continue
+        change = 100.0 * (one.value / earlier["value"] - 1.0)
+        yield f"{one.name:<58} {earlier['value']:9.2f} {one.value:9.2f} {one.unit:<2} {change:+7.1f} %"
+    for name, earlier in old.items():
+        yield f"{name:<58} {earlier['value']:9.2f} {'-':>9} {earlier['unit']}"
+
+
+def main() -> None:
+    """Measure, print, and save or compare as asked."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer rounds, and each process only once")
+    parser.add_argument("--save", type=Path, metavar="FILE.json", help="write the figures to a file")
+    parser.add_argument("--compare", type=Path, metavar="FILE.json", help="print the change since saved figures")
+    chosen = parser.parse_args()
+    before = json.loads(chosen.compare.read_text(encoding="utf-8")) if chosen.compare else None
+    rounds, runs = (3, 1) if chosen.quick else (15, 5)
+    conditions = machine()
+    print(", ".join(f"{name} {value}" for name, value in conditions.items()), flush=True)
+    figures = [
+        *flight_figures(rounds),
+        *observer_figures(rounds),
+        *absolute_figures(rounds),
+        *process_figures(runs),
+    ]
+    print("\n".join(table_lines(figures)))
+    if before is not None:
+        print(f"\ncompared with {chosen.compare}")
+        for name, value in conditions.items():
+            if before["machine"].get(name) != value:
+                print(f"  {name} was {before['machine'].get(name)}, is {value}")
+        print("\n".join(change_lines(figures, before)))
+    if chosen.save:
+        saved = {"machine": conditions, "figures": [asdict(one) for one in figures]}
+        chosen.save.write_text(json.dumps(saved, indent=2) + "\n", encoding="utf-8")
+        print(f"\nsaved to {chosen.save}")
+
+
+if __name__ == "__main__":
+    main()
