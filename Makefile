@@ -1,9 +1,11 @@
 # Two commands: `make demo` flies the paper's experiment, `make test` proves it.
 PYTHON ?= python3
 VENV := .venv
+PYTHONS := 3.11 3.12 3.13
+HEART := tests/test_description.py tests/test_identities.py tests/test_observers.py tests/test_paper_experiment.py tests/test_cli.py
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs bench clean
+.PHONY: demo test test-python docs bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -14,6 +16,16 @@ test: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest
+	@for version in $(PYTHONS); do $(MAKE) --no-print-directory test-python VERSION=$$version || exit 1; done
+
+# The heart of the tests on every other supported Python that is installed here.
+test-python:
+	@if python$(VERSION) -c '' 2>/dev/null && ! $(BIN)/python -c 'import sys; sys.exit(sys.version_info[:2] != tuple(map(int, "$(VERSION)".split("."))))'; then \
+		echo "Python $(VERSION):"; \
+		test -x $(VENV)-$(VERSION)/bin/python || python$(VERSION) -m venv $(VENV)-$(VERSION); \
+		$(VENV)-$(VERSION)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
+		$(VENV)-$(VERSION)/bin/python -m pytest $(HEART); \
+	fi
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
@@ -33,4 +45,4 @@ $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed | $(BIN)/python
 	touch $@
 
 clean:
-	rm -rf $(VENV) build *.egg-info runs
+	rm -rf $(VENV) $(VENV)-3.* build *.egg-info runs

@@ -57,7 +57,7 @@ def hold_wrench(hold: Array, position: Array, rotation: Array, twist: Array, wre
         twist: (6,) body twist in body axes.
         wrench: (6,) written.
     """
-    error_rotation = np.empty((3, 3))
+    error_rotation = hold[26:].reshape((3, 3))
     for i in range(3):
         for j in range(3):
             error_rotation[i, j] = 0.0
@@ -104,11 +104,11 @@ class AttitudeHold:
 
     @property
     def packed(self) -> Array:
-        """All of it as (26,) numbers for the kernel: rotation by rows, then gains and limits in their order there."""
+        """All of it as (35,) numbers for the kernel: rotation by rows, gains and limits in its order, scratch."""
         gains = (self.attitude_stiffness, self.attitude_damping, self.torque_limit)
         speed = (self.forward_speed, self.height, self.speed_gain, self.thrust_limit)
         height = (self.lift, self.height_stiffness, self.height_damping, self.lift_limit)
-        return np.concatenate([np.ravel(self.rotation), *gains, speed, height])
+        return np.concatenate([np.ravel(self.rotation), *gains, speed, height, np.zeros(9)])
 
     def wrench(self, position: Array, rotation: Array, twist: Array) -> Array:
         """Return the wrench (6,) at the body's centre of mass in body axes, force first [N, N m].

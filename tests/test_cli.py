@@ -198,6 +198,32 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
+def test_trim_writes_a_scenario_that_flies(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Standard output alone is the scenario; with --out it is a file, and the summary is printed."""
+    assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 0
+    assert "6.862 Hz, wing offset -79.97 mm" in capsys.readouterr().out
+    assert call(monkeypatch, "trim", "paper_open_loop") == 0
+    printed = capsys.readouterr()
+    assert printed.out == (tmp_path / "found.toml").read_text()
+    assert "doubles in" in printed.err
+    out = str(tmp_path / "run")
+    short = ["--set", "simulation.duration=0.02"]
+    assert call(monkeypatch, "run", str(tmp_path / "found.toml"), "--out", out, "--no-report", *short) == 0
+    assert call(monkeypatch, "trim", "paper", "--set", "crank.frequency=0") == 2
+
+
+def test_doctor_finds_this_installation_healthy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line per finding; exit code 0 where all is well."""
+    code = call(monkeypatch, "doctor")
+    printed = capsys.readouterr().out
+    assert "pinocchio" in printed
+    assert code == (0 if all(line.startswith("ok") for line in printed.splitlines() if line[:1].strip()) else 1)
+
+
 def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Scenarios, morphologies, observers."""
     assert call(monkeypatch, "list") == 0
