@@ -11,15 +11,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.arrays import Array
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.scenario import Scenario
 
 Axes = Literal["link", "body", "world"]
 
 
 @dataclass(frozen=True)
 class PaperSignal:
-    """The paper's unknown force as a scalar [N].
+    """The paper's unknown force as a scalar [N]; the plant's kernel adds its sine, which follows the elbow.
 
     Attributes:
         amplitude: factor of sin(elbow angle) [N].
@@ -35,10 +38,6 @@ class PaperSignal:
     step_start: float = 1.0
     step_end: float = 1.6
     tick: float = 1.0e-3
-
-    def smooth(self, elbow_angle: float) -> float:
-        """Return the part that varies continuously [N]."""
-        return self.amplitude * float(np.sin(elbow_angle))
 
     def held(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw the run's noise and average noise and step over intervals.
@@ -81,8 +80,19 @@ class PointForce:
     axes: Axes
     signal: PaperSignal
 
-    def direction_W(self, link_rotation: Array, body_rotation: Array) -> Array:
-        """Return the direction (3,) in world axes, given the rotations to world of the frame's link and the body."""
-        if self.axes == "link":
-            return np.asarray(link_rotation @ self.direction)
-        return np.asarray(body_rotation @ self.direction) if self.axes == "body" else self.direction
+
+def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]:
+    """Read a scenario's unknown forces. Raises ScenarioError for a frame the model lacks, or no direction."""
+    forces = []
+    for i, section in enumerate(scenario.unknown_force):
+        if not model.existFrame(section.frame):
+            known = ", ".join(frame.name for frame in model.frames if frame.name != "universe")
+            raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': the robot's frames are {known}")
+        size = float(np.linalg.norm(section.direction))
+        if size == 0.0:
+            raise ScenarioError(f"unknown_force.{i}.direction = {section.direction}: a direction is not zero")
+        signal = PaperSignal(
+            section.amplitude, section.noise, section.step, section.step_start, section.step_end, section.tick
+        )
+        forces.append(PointForce(section.frame, np.array(section.direction) / size, section.axes, signal))
+    return tuple(forces)

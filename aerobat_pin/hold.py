@@ -14,6 +14,7 @@ import numpy as np
 
 from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.jit import kernel
+from aerobat_pin.scenario import Scenario
 
 
 @kernel
@@ -126,3 +127,24 @@ class AttitudeHold:
         twist = shaped(twist, (6,), "twist")
         hold_wrench(self.packed, position, rotation, twist, wrench)
         return wrench
+
+
+def hold_about(scenario: Scenario, rotation: Array) -> AttitudeHold | None:
+    """Return a scenario's hold about its start, whose attitude is `rotation` (3, 3); None where nothing holds."""
+    if scenario.hold is None:
+        return None
+    gains = scenario.hold
+    return AttitudeHold(
+        rotation=rotation,
+        forward_speed=scenario.flight.velocity[0],
+        height=scenario.flight.position[2],
+        attitude_stiffness=np.array(gains.attitude_stiffness),
+        attitude_damping=np.array(gains.attitude_damping),
+        torque_limit=np.array(gains.torque_limit),
+        speed_gain=gains.speed_gain,
+        thrust_limit=gains.thrust_limit,
+        lift=gains.lift,
+        height_stiffness=gains.height_stiffness,
+        height_damping=gains.height_damping,
+        lift_limit=gains.lift_limit,
+    )

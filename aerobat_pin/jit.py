@@ -30,6 +30,7 @@ KERNEL_SOURCES = (
     "hold.py",
     "integrators.py",
     "plant_kernels.py",
+    "plant_layout.py",
     "aerodynamics/lifting_line.py",
     "aerodynamics/robot_air.py",
     "observers/kernels.py",

@@ -20,14 +20,15 @@ import pinocchio as pin
 
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.arrays import Array, shaped
-from aerobat_pin.disturbances import PaperSignal, PointForce
+from aerobat_pin.disturbances import PointForce, point_forces
 from aerobat_pin.dynamics import BASE
-from aerobat_pin.errors import ScenarioError, SimulationError
+from aerobat_pin.errors import SimulationError
 from aerobat_pin.frames import frame_id
-from aerobat_pin.hold import AttitudeHold
+from aerobat_pin.hold import hold_about
 from aerobat_pin.jit import check_views, motions, placements
 from aerobat_pin.linkage import Closure
-from aerobat_pin.plant_kernels import Constants, Tree, Unknown, advance, evaluate_once, pack, scratch, warm_up
+from aerobat_pin.plant_kernels import advance, evaluate_once, warm_up
+from aerobat_pin.plant_layout import Constants, Tree, Unknown, pack, scratch
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import Scenario
 from aerobat_pin.wing import LINKS
@@ -93,13 +94,13 @@ class Plant:
         self.air = RobotAir(robot.wing, strips=scenario.air.strips, air_density=scenario.air.density)
         self.crank_rate = 2.0 * np.pi * scenario.crank.frequency
         self.crank_start = np.radians(scenario.crank.start_deg)
-        self.forces = _point_forces(model, scenario)
+        self.forces = point_forces(model, scenario)
         self.points = tuple(dict.fromkeys(force.frame for force in self.forces))
         liMi, twist = placements(data.liMi), motions(data.v)
         check_views(model, data, placements(data.oMi), liMi, twist)
         flight = scenario.flight
         rotation = pin.rpy.rpyToMatrix(*np.radians([flight.roll_deg, -flight.pitch_deg, flight.yaw_deg]))
-        self.hold = _hold(scenario, rotation)
+        self.hold = hold_about(scenario, rotation)
         hold = np.zeros(0) if self.hold is None else self.hold.packed
         self.constants = Constants(self.air.arrays, _tree(model), _unknown(model, self.forces, self.points), hold)
         # What every kernel call begins with: constants, scratch, and Pinocchio's results as they are.
@@ -282,22 +283,6 @@ def joint_table(closure: Closure) -> Array:
     )
 
 
-def _point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]:
-    forces = []
-    for i, section in enumerate(scenario.unknown_force):
-        if not model.existFrame(section.frame):
-            known = ", ".join(frame.name for frame in model.frames if frame.name != "universe")
-            raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': the robot's frames are {known}")
-        size = float(np.linalg.norm(section.direction))
-        if size == 0.0:
-            raise ScenarioError(f"unknown_force.{i}.direction = {section.direction}: a direction is not zero")
-        signal = PaperSignal(
-            section.amplitude, section.noise, section.step, section.step_start, section.step_end, section.tick
-        )
-        forces.append(PointForce(section.frame, np.array(section.direction) / size, section.axes, signal))
-    return tuple(forces)
-
-
 def _tree(model: pin.Model) -> Tree:
     table: list[tuple[int, ...]] = []
     axis = [np.zeros(3)]
@@ -328,26 +313,6 @@ def _unknown(model: pin.Model, forces: tuple[PointForce, ...], points: tuple[str
         np.array(table, dtype=np.intp).reshape(-1, 3),
         np.array(numbers, dtype=float).reshape(-1, 4),
         np.array(places, dtype=float).reshape(-1, 4),
-    )
-
-
-def _hold(scenario: Scenario, rotation: Array) -> AttitudeHold | None:
-    if scenario.hold is None:
-        return None
-    gains = scenario.hold
-    return AttitudeHold(
-        rotation=rotation,
-        forward_speed=scenario.flight.velocity[0],
-        height=scenario.flight.position[2],
-        attitude_stiffness=np.array(gains.attitude_stiffness),
-        attitude_damping=np.array(gains.attitude_damping),
-        torque_limit=np.array(gains.torque_limit),
-        speed_gain=gains.speed_gain,
-        thrust_limit=gains.thrust_limit,
-        lift=gains.lift,
-        height_stiffness=gains.height_stiffness,
-        height_damping=gains.height_damping,
-        lift_limit=gains.lift_limit,
     )
 
 

@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerobat_pin.disturbances import PaperSignal, PointForce, held_means
+from aerobat_pin.disturbances import PaperSignal, held_means
+from aerobat_pin.plant import Plant
+from aerobat_pin.robot import load_aerobat
+from aerobat_pin.scenario import load_scenario
 
 SIGNAL = PaperSignal()
 
@@ -16,12 +19,6 @@ SIGNAL = PaperSignal()
 def clock(duration: float, dt: float = 1e-3) -> np.ndarray:
     """Return the edges of equal intervals from 0 [s]."""
     return np.arange(round(duration / dt) + 1) * dt
-
-
-@pytest.mark.parametrize("angle", [-1.9, -0.3, 0.0, 0.5, np.pi / 2])
-def test_the_smooth_part_is_a_fifth_of_a_newton_times_the_sine_of_the_elbow(angle: float) -> None:
-    """Section III-A of the paper: f_t = 0.2 sin(q_e) + ..."""
-    assert SIGNAL.smooth(angle) == pytest.approx(0.2 * np.sin(angle), rel=1e-15)
 
 
 def test_the_step_is_on_for_more_than_1_s_up_to_1_6_s() -> None:
@@ -90,13 +87,23 @@ def test_averaging_conserves_the_impulse(intervals: list[float], seed: int) -> N
     assert means.max() < values.max() + 1e-9
 
 
-def test_a_direction_turns_with_the_axes_it_is_fixed_in() -> None:
-    """Fixed in the link, in the body, or in the world: R_link d, R_body d, d."""
-    rng = np.random.default_rng(4)
-    link, body = (pin.exp3(rng.normal(size=3)) for _ in range(2))
-    direction = np.array([0.6, 0.0, 0.8])
-    expected = {"link": link @ direction, "body": body @ direction, "world": direction}
-    for axes, along in expected.items():
-        force = PointForce("left_force_point", direction, axes, SIGNAL)
-        assert force.direction_W(link, body) == pytest.approx(along, abs=1e-15)
-        assert np.linalg.norm(force.direction_W(link, body)) == pytest.approx(1.0, abs=1e-15)
+@pytest.mark.parametrize("axes", ["link", "body", "world"])
+@pytest.mark.parametrize("elbow", [-1.9, -0.3, 0.0, 0.5])
+def test_the_force_is_a_fifth_of_a_newton_times_the_sine_of_the_elbow_along_its_direction(
+    axes: str, elbow: float
+) -> None:
+    """Section III-A: f_t = 0.2 sin(q_e) + noise + step, along a direction fixed in the link, the body or the world."""
+    settings = [f"unknown_force.0.axes={axes}", "unknown_force.0.direction=[0.6, 0.0, 0.8]", "air.warm_up_cycles=0"]
+    robot = load_aerobat("aerobat_guard")
+    plant = Plant(robot, load_scenario("paper_left", settings))
+    placement = pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(np.array([0.4, -0.3, 0.9])), np.zeros(3)))
+    q, v = robot.configuration(placement, 0.2, elbow), np.zeros(10)
+    joints = np.array([[0.2, elbow], [0.0, 0.0], [0.0, 0.0]])
+    forces = plant.rates(q, v, joints, np.zeros(plant.air.state_size), np.array([[0.007], [0.15]]))[2]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    link, body = (data.oMf[robot.model.getFrameId(name)].rotation for name in ("left_distal", "base_link"))
+    direction = {"link": link, "body": body, "world": np.eye(3)}[axes] @ np.array([0.6, 0.0, 0.8])
+    clean = 0.2 * np.sin(elbow) + 0.15
+    np.testing.assert_allclose(forces.force_noise_free_W[0, 0], clean * direction, atol=1e-14)
+    np.testing.assert_allclose(forces.force_W[0, 0], (clean + 0.007) * direction, atol=1e-14)

@@ -24,7 +24,7 @@ import pytest
 import twins
 
 import aerobat_pin
-from aerobat_pin import jit, plant_kernels
+from aerobat_pin import jit, plant_kernels, plant_layout
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.hold import AttitudeHold, rotation_vector
 from aerobat_pin.integrators import next_stage
@@ -358,8 +358,8 @@ def test_a_few_steps_in_every_case_equal_the_twin(morphology: str, case: str) ->
 def test_packed_constants_come_back_as_views_of_the_same_numbers(case: str) -> None:
     """`unpack` undoes `pack`, without copying, with and without forces and hold; nothing is left over."""
     constants = built("aerobat", case).constants
-    numbers, integers = plant_kernels.pack(constants)
-    air, tree, unknown, hold = plant_kernels.unpack(numbers, integers)
+    numbers, integers = plant_layout.pack(constants)
+    air, tree, unknown, hold = plant_layout.unpack(numbers, integers)
     doubles = (air.strips, air.downwash, air.numbers, air.tail, tree.axis, unknown.numbers, unknown.points, hold)
     whole = (air.link, tree.table, unknown.table)
     expected = constants.air, constants.tree, constants.unknown
@@ -375,8 +375,8 @@ def test_packed_constants_come_back_as_views_of_the_same_numbers(case: str) -> N
 
 def test_the_scratch_is_cut_into_parts_that_do_not_overlap() -> None:
     """Each double of the scratch belongs to exactly one name."""
-    flat = plant_kernels.scratch(7)
-    work = plant_kernels.unpack_work(flat)
+    flat = plant_layout.scratch(7)
+    work = plant_layout.unpack_work(flat)
     assert [part.shape for part in work] == [(3, 5, 6), (5, 3, 3), (5, 7), (7, 6), (4, 6)]
     for part in work:
         part += 1.0

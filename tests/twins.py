@@ -111,8 +111,9 @@ def forces_at_points(
     total = np.zeros((2, len(points), 3))
     for force, drawn, stepped in zip(forces, noise, steps, strict=True):
         turned = data.oMf[model.getFrameId(force.frame)].rotation
-        direction = force.direction_W(turned, data.oMi[1].rotation)
-        clean = force.signal.smooth(elbow) + stepped
+        axes = {"link": turned, "body": data.oMi[1].rotation, "world": np.eye(3)}
+        direction = axes[force.axes] @ force.direction
+        clean = force.signal.amplitude * np.sin(elbow) + stepped
         total[:, points.index(force.frame)] += np.outer([clean + drawn, clean], direction)
     return total
 
