@@ -102,7 +102,14 @@ def _scores(observers: Mapping[str, Any]) -> str:
                 ]
                 names = "".join(f"<td class=text>{escape(text)}</td>" for text in (name, wing, axis))
                 lines.append("<tr>" + names + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    return "<table>" + "".join(lines) + "</table>"
+    hidden = {name: scores["null_direction"] for name, scores in observers.items() if scores["null_direction"]}
+    unseen = "".join(
+        f"<p class=text><b>{escape(name)} cannot see</b> forces along "
+        + ", ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in pattern)
+        + " on the points in turn: that part of its estimate is zero, whatever the truth.</p>"
+        for name, pattern in hidden.items()
+    )
+    return "<table>" + "".join(lines) + "</table>" + unseen
 
 
 def _number(value: float | None, form: str, otherwise: str) -> str:
