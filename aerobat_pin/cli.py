@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import signal
 import sys
 from pathlib import Path
@@ -65,15 +64,18 @@ def run(
 def trim(
     scenario: Annotated[str, typer.Argument(help="Shipped name or TOML file: robot, speed and first guesses.")],
     out: Annotated[Path | None, typer.Option(help="File for the trimmed scenario; printed when omitted.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
     ] = None,
 ) -> None:
     """Find the frequency, wing offset and start of a flight that repeats itself every flap; write it as a scenario."""
     from aerobat_pin import trim as solver
-    from aerobat_pin.output import write_text
+    from aerobat_pin.output import check_file, write_text
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
+    if out is not None:
+        check_file(out, force=force)
     found = solver.trim(load_scenario(scenario, settings or []))
     flight, crank = found.scenario.flight, found.scenario.crank
     offset = found.scenario.robot.changes["wing"]["offset_x"]
@@ -126,15 +128,13 @@ def main() -> None:
     """Run the command line; every mistake of the caller's ends in one message and exit code 2."""
     from aerobat_pin.errors import AerobatError
 
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when whoever reads our output goes away
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # leave as tidily as on Ctrl-C
     try:
         app()
     except AerobatError as error:
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)
-    except BrokenPipeError:  # whoever read our output went away; everything is written
-        sys.stdout = open(os.devnull, "w")
-        sys.exit(0)
     finally:
         gc.freeze()  # or Python would search every library for garbage on its way out: a quarter of a second
 

@@ -85,8 +85,8 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
     """Read a scenario's unknown forces. Raises ScenarioError for a frame the model lacks, or no direction."""
     forces = []
     for i, section in enumerate(scenario.unknown_force):
-        if not model.existFrame(section.frame):
-            known = ", ".join(frame.name for frame in model.frames if frame.name != "universe")
+        if not model.existFrame(section.frame) or model.frames[model.getFrameId(section.frame)].parentJoint == 0:
+            known = ", ".join(frame.name for frame in model.frames if frame.parentJoint > 0)
             raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': the robot's frames are {known}")
         size = float(np.linalg.norm(section.direction))
         if size == 0.0:

@@ -190,11 +190,12 @@ def _model() -> Iterator[Finding]:
 
 def _kernels() -> Iterator[Finding]:
     """Tell where numba keeps the compiled kernels."""
+    from aerobat_pin.jit import is_compiled
     from aerobat_pin.plant_kernels import advance
 
     folder = getattr(getattr(advance, "stats", None), "cache_path", None)
     detail = "nowhere to write: every start compiles for about 15 s"
     if folder:
-        compiled = any(Path(folder).glob("plant_kernels.advance-*.nbi"))
-        detail = f"{folder}, {'compiled' if compiled else 'not compiled yet: the first run takes some 15 s more'}"
+        state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 15 s more"
+        detail = f"{folder}, {state}"
     yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")

@@ -59,13 +59,19 @@ def sources_stamp() -> tuple[tuple[str, int, int], ...]:
     return tuple((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 
+def is_compiled(entry: Any) -> bool:
+    """Tell whether an up-to-date compilation of a kernel lies in the cache (or none is wanted)."""
+    if numba.config.DISABLE_JIT:
+        return True
+    try:
+        return bool(entry._cache._cache_file._load_index())
+    except AttributeError:  # no cache, or a numba that keeps it elsewhere
+        return False
+
+
 def announce_compilation(entry: Any) -> None:
     """Say on stderr that a kernel is about to be compiled, unless an earlier run left it in the cache."""
-    if numba.config.DISABLE_JIT:
-        return
-    name = f"{Path(entry.py_func.__code__.co_filename).stem}.{entry.py_func.__qualname__}-"
-    folder = getattr(entry.stats, "cache_path", None)
-    if folder is None or not any(Path(folder).glob(f"{name}*.nbi")):
+    if not is_compiled(entry) and not entry.signatures:
         print("compiling the kernels: once per installation, about 15 s", file=sys.stderr, flush=True)
 
 
@@ -137,15 +143,18 @@ def doubles_at(address: int, rows: int, columns: int) -> Any:
 
 
 @kernel
-def solve_positive(A: Array, b: Array) -> None:
+def solve_positive(A: Array, b: Array) -> float:
     """Solve A x = b in place (x overwrites b, A is destroyed), A (n, n) symmetric positive definite, by Cholesky.
 
-    For n of some six: LAPACK's call alone costs several times as much.
+    For n of some six: LAPACK's call alone costs several times as much. Only the lower triangle is read. Returns the
+    smallest pivot, which shows how near to singular A is.
     """
     n = b.shape[0]
+    least = np.inf
     for j in range(n):
         for k in range(j):
             A[j, j] -= A[j, k] * A[j, k]
+        least = min(least, A[j, j])
         A[j, j] = np.sqrt(A[j, j])
         for i in range(j + 1, n):
             for k in range(j):
@@ -159,3 +168,34 @@ def solve_positive(A: Array, b: Array) -> None:
         for k in range(i + 1, n):
             b[i] -= A[k, i] * b[k]
         b[i] /= A[i, i]
+    return least
+
+
+@kernel
+def eigenvectors(A: Array, V: Array) -> None:
+    """Diagonalise A (n, n), symmetric, in place, and write its eigenvectors into the columns of V: cyclic Jacobi."""
+    n = A.shape[0]
+    V[:] = 0.0
+    for i in range(n):
+        V[i, i] = 1.0
+    for _ in range(30):
+        off, size = 0.0, 0.0
+        for i in range(n):
+            size += A[i, i] * A[i, i]
+            for j in range(i):
+                off += A[i, j] * A[i, j]
+        if not off > 1e-32 * size:
+            return
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                if A[p, q] == 0.0:
+                    continue
+                slope = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
+                t = (1.0 if slope >= 0.0 else -1.0) / (abs(slope) + np.sqrt(slope * slope + 1.0))
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(n):
+                    A[k, p], A[k, q] = c * A[k, p] - s * A[k, q], s * A[k, p] + c * A[k, q]
+                for k in range(n):
+                    A[p, k], A[q, k] = c * A[p, k] - s * A[q, k], s * A[p, k] + c * A[q, k]
+                    V[k, p], V[k, q] = c * V[k, p] - s * V[k, q], s * V[k, p] + c * V[k, q]

@@ -71,7 +71,7 @@ def known_inputs(log: FlightLog, robot: Aerobat, torque: str = "measured") -> Kn
     tau = np.asarray(measured["motor_torque"].values, float)
     crank = np.asarray(measured["crank_angle"].values, float)
     if torque == "modelled":
-        tau = modelled_torque(robot, log.time, q, v, crank, np.sum(list(known.values()), axis=0))
+        tau = modelled_torque(robot, log.time, q, v, crank, sum(known.values(), np.zeros_like(tau)))
     elif torque == "motor_only":
         tau = through_the_crank(robot, crank, tau)
     elif torque == "none":
@@ -93,7 +93,7 @@ def modelled_torque(robot: Aerobat, time: Array, q: Array, v: Array, crank: Arra
     """
     model, data = robot.model, robot.model.createData()
     dt = np.diff(time)
-    rate = np.diff(crank) / dt
+    rate = np.divide(np.diff(crank), dt, out=np.zeros_like(dt), where=dt > 0.0)
     closure = robot.linkage.solve(0.5 * (crank[1:] + crank[:-1]), rate)
     joints = robot.velocity(np.zeros((len(dt), BASE)), closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE:]
     torque = np.zeros_like(force)

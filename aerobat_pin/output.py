@@ -71,15 +71,26 @@ def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
                 folder.rmdir()
 
 
+def check_file(target: Path, *, force: bool) -> None:
+    """Raise OutputError where a file is not to be written: a folder, no folder for it, or (not `force`) a file."""
+    if target.is_dir():
+        raise OutputError(f"output {target}: is a folder; a file was expected")
+    if target.exists() and not force:
+        raise OutputError(f"output {target} exists; --force overwrites it")
+    if not target.absolute().parent.is_dir():
+        raise OutputError(f"output {target}: there is no folder {target.parent}")
+
+
 def write_text(target: Path, text: str) -> None:
     """Write a file whole or not at all. Raises OutputError when it cannot be written."""
+    part = target.with_name(f"{WORK}{os.getpid()}-{target.name}")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=target.parent, prefix=WORK, delete=False, encoding="utf-8") as file:
-            file.write(text)
-        os.replace(file.name, target)
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, target)
     except OSError as error:
         raise OutputError(f"output {target}: cannot be written: {error.strerror or error}") from error
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _replace(work: Path, target: Path) -> None:

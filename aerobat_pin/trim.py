@@ -66,7 +66,7 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
         progress: called with the residual after each evaluation of the orbit.
 
     Raises:
-        TrimError: the crank stands still, or no periodic flight was found near the guess.
+        TrimError: the crank stands still, no periodic flight was found near the guess, or the flight is not symmetric.
     """
     if scenario.crank.frequency <= 0.0:
         raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
@@ -90,17 +90,28 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
             progress(float(np.max(np.abs(found))))
         return found
 
-    solved = root(miss, np.concatenate([body / SCALE, air / AIR_SCALE]), method="hybr", options={"eps": STEP**2})
+    def slopes(unknowns: Array) -> Array:
+        here = miss(unknowns)
+        return np.column_stack([(miss(unknowns + STEP * one) - here) / STEP for one in np.eye(len(unknowns))])
+
+    solved = root(miss, np.concatenate([body / SCALE, air / AIR_SCALE]), jac=slopes, method="hybr")
     residual = float(np.max(np.abs(miss(solved.x))))
-    if not residual < 1e-3:
+    if not residual < CONVERGED:
         raise TrimError(
             f"no periodic flight found near {body[0]:.2f} Hz and offset {1e3 * guess:.0f} mm at "
             f"{_speed(scenario):g} m/s: one flap misses its start by {residual:.2g}; "
             "try another frequency, offset or pitch"
         )
     plant, start = _plant(scenario, solved.x)
+    end = _flap(plant, start)
+    lopsided = max(abs(end.twist[i] - start.twist[i]) for i in (1, 3, 5))
+    if not lopsided < 1e-6:
+        raise TrimError(
+            "only a symmetric flight can be trimmed: the forces of this scenario push it sideways or turn it, "
+            f"{lopsided:.2g} m/s or rad/s in one flap"
+        )
     found = _headed(plant.scenario, scenario)
-    return Trim(found, residual, _multipliers(plant, start), 1.0 / found.crank.frequency)
+    return Trim(found, residual, _multipliers(plant, start, end), 1.0 / found.crank.frequency)
 
 
 def _speed(scenario: Scenario) -> float:
@@ -116,12 +127,15 @@ def _headed(found: Scenario, wanted: Scenario) -> Scenario:
         "velocity": (speed * math.cos(heading), speed * math.sin(heading), rise),
         "yaw_deg": math.degrees(heading),
     }
-    return found.model_copy(update={"flight": found.flight.model_copy(update=flight)})
+    turned = found.flight.model_copy(update=flight)
+    return found.model_copy(update={"name": f"{found.name}_trimmed", "flight": turned})
 
 
 def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
     """Build the plant and the start of its flap from scaled unknowns."""
     frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * SCALE)
+    if frequency <= 0.0:
+        raise TrimError(f"crank.frequency = {frequency}: the search left the flapping flights")
     flight = scenario.flight.model_copy(
         update={
             "velocity": (_speed(scenario), 0.0, rise),
@@ -169,9 +183,11 @@ def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
     return np.concatenate([body, (end.air - start.air) / AIR_SCALE])
 
 
-def _multipliers(plant: Plant, start: State) -> NDArray[np.complex128]:
-    """Return the eigenvalues of one flap's map of small changes, by central differences; x and y do not matter."""
-    retract = pin.liegroups.SE3()
+def _multipliers(plant: Plant, start: State, end: State) -> NDArray[np.complex128]:
+    """Return the eigenvalues of one flap's map of small changes of height, attitude, twist and air; x, y do not matter.
+
+    Changes are world height and body-axes rotation, about the orbit's start before and its end after the flap.
+    """
     size = 10 + len(start.air)
     moved = []
     for i in range(size):
@@ -179,16 +195,24 @@ def _multipliers(plant: Plant, start: State) -> NDArray[np.complex128]:
         for sign in (1.0, -1.0):
             change = np.zeros(size)
             change[i] = sign * 1e-5
-            pose = np.concatenate([np.zeros(2), change[:4]])  # height and attitude, in body axes
-            shifted = State(
-                retract.integrate(start.placement, pose),
-                start.twist + change[4:10],
-                start.air + change[10:] * AIR_SCALE,
-            )
-            end = _flap(plant, shifted)
-            placement = end.placement.copy()
-            way = retract.difference(start.placement, placement)
-            ends.append(np.concatenate([way[2:], end.twist, end.air / AIR_SCALE]))
+            ends.append(_change(end, _flap(plant, _changed(start, change))))
         moved.append((ends[0] - ends[1]) / 2e-5)
     values = np.linalg.eigvals(np.array(moved).T)
     return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def _changed(state: State, change: Array) -> State:
+    """Return a state moved by height, rotation (3), twist (6) and scaled air."""
+    placement = pin.XYZQUATToSE3(state.placement)
+    placement.translation = placement.translation + np.array([0.0, 0.0, change[0]])
+    placement.rotation = placement.rotation @ pin.exp3(change[1:4])
+    twist, air = state.twist + change[4:10], state.air + change[10:] * AIR_SCALE
+    return State(pin.SE3ToXYZQUAT(placement), twist, air)
+
+
+def _change(here: State, there: State) -> Array:
+    """Return what leads from one state to another: height, rotation (3), twist (6) and scaled air."""
+    first, second = (pin.XYZQUATToSE3(state.placement) for state in (here, there))
+    turned = pin.log3(first.rotation.T @ second.rotation)
+    rise = second.translation[2] - first.translation[2]
+    return np.concatenate([[rise], turned, there.twist - here.twist, (there.air - here.air) / AIR_SCALE])

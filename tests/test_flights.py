@@ -138,3 +138,32 @@ def test_what_is_known_of_the_torques_decides_what_can_be_found() -> None:
     seen = truth[:, 0, 1] + truth[:, 1, 1]
     both = experiment.estimates["force_level"].force[:, :, 1].sum(axis=1)
     assert np.sqrt(np.mean((both - seen) ** 2)) < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("frames", "torque"),
+    [
+        (["left_force_point", "left_distal"], "measured"),  # two points on one wing
+        (["left_force_point", "base_link"], "none"),
+        (["left_force_point", "right_force_point", "base_link"], "motor_only"),
+    ],
+)
+def test_what_cannot_be_told_apart_is_left_out_and_does_not_blow_up(frames: list[str], torque: str) -> None:
+    """The null direction turns with the wing; the estimate along it stays zero, and what the points share is right."""
+    listed = ", ".join(f"'{frame}'" for frame in frames)
+    for dt in (1e-3, 4e-3):
+        settings = [f"observers.torque={torque}", f"observers.frames=[{listed}]", "simulation.duration=0.4"]
+        flight = fly("paper_left", *settings, f"simulation.dt={dt}")
+        true, _ = true_force(flight.log, "left_force_point")
+        for estimate in flight.estimates.values():
+            assert estimate.identifiability.rank < 3 * len(frames)
+            assert np.max(np.abs(estimate.force)) < 3.0 * np.max(np.abs(true))
+            if torque == "measured":
+                total = estimate.force.sum(axis=1) - true
+                assert np.sqrt(np.mean(total**2)) < 0.2 * true.std()
+
+
+def test_a_flight_that_is_pushed_to_one_side_is_not_trimmed() -> None:
+    """Longitudinal motion closes, lateral motion does not: no orbit, and no multipliers of one."""
+    with pytest.raises(TrimError, match="only a symmetric flight can be trimmed"):
+        trim(load_scenario("tumble"))

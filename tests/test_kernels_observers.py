@@ -54,12 +54,12 @@ def test_a_remembered_sample_is_momentum_drift_and_jacobians(name: str) -> None:
     observer = OBSERVERS["momentum"](model, frames)
     _, q, v, _, _ = record(model, count=4)
     memory = np.full((len(v), 3 + 3 * len(frames), model.nv), np.nan)
-    places, store = observer._fixed
+    store = observer._store
     for k in range(len(v)):
         pin.crba(model, observer.data, q[k])
         pin.computeCoriolisMatrix(model, observer.data, q[k], v[k])
         pin.computeGeneralizedGravity(model, observer.data, q[k])
-        kernels.collect(places, store, v, k, memory)
+        kernels.collect(store, v, k, memory)
         expected = twins.remembered(model, frames, q[k], v[k])
         assert_equal(memory[k, 0], expected[0])
         assert_equal(memory[k, 1], expected[1])
@@ -81,7 +81,9 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
     weight = np.diag(twins.believed(model, "all", mean[2]))
     place = np.zeros((points, 4)), np.zeros((points, nv))
-    flat = kernels.new_store(np.ones(nv), weight, *place, project_first=False, rows=ROWS.index(rows))
+    flat = kernels.new_store(
+        np.zeros(6, dtype=np.intp), np.ones(nv), weight, *place, project_first=False, rows=ROWS.index(rows)
+    )
     store, found = kernels.unpack(flat), np.full(3 * points, np.nan)
     store.jacobian[:] = mean[3:]
     kernels.project(store, before, after, phi, found)

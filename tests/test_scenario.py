@@ -84,6 +84,8 @@ def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     [
         ("unknown_force.0.frame=left_tip", "unknown_force.0.frame = 'left_tip': the robot's frames are"),
         ("unknown_force.0.direction=[0, 0, 0]", "a direction is not zero"),
+        ("unknown_force.0.frame=universe", "unknown_force.0.frame = 'universe': the robot's frames are root_joint"),
+        ("observers.frames=['universe']", "is fixed to the world"),
         ("observers.frames=['left_tip']", "no frame named 'left_tip'"),
         ("observers.names=['magic']", "choose from momentum, force_level"),
         ("observers.names=[]", "choose from momentum, force_level"),

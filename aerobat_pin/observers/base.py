@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
+from numpy import empty
 from numpy.typing import ArrayLike
 from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
@@ -112,7 +113,9 @@ class Observer:
         if rows not in ROWS or (rows != "all" and not points.floating):
             raise ObserverError(f"rows = {rows!r}: one of {', '.join(ROWS)}; all on a fixed base")
         self.rows = rows
+        places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
         self._store = kernels.new_store(
+            places,
             gains,
             points.weight,
             points.table,
@@ -121,10 +124,8 @@ class Observer:
             rows=ROWS.index(rows),
         )
         self._width, self._nv = nv + 3 * n, nv
-        places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
-        self._fixed = (places, self._store)  # what every kernel call begins with
         # From here on other arguments than arrays of doubles raise, instead of compiling the kernel once more for them.
-        lock(update, *self._fixed, np.zeros(nv), np.zeros(nv), 1.0, np.zeros(self._width))
+        lock(update, self._store, np.zeros(nv), np.zeros(nv), 1.0, np.zeros(self._width))
         self._time = float("nan")
         self._latest = Sample(np.zeros(self._width), nv)
 
@@ -140,7 +141,7 @@ class Observer:
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
         _compute(self.model, self.data, q, v)
-        kernels.start(*self._fixed, v)
+        kernels.start(self._store, v)
         self._time = float(time)
         self._latest = Sample(np.zeros(self._width), self._nv)
 
@@ -166,7 +167,7 @@ class Observer:
                 return self._latest
             self._refuse_time(time)
         model, data = self.model, self.data
-        out = np.empty(self._width)
+        out = empty(self._width)
         u: Any = tau
         try:
             if known:
@@ -178,13 +179,13 @@ class Observer:
             crba(model, data, q)
             computeCoriolisMatrix(model, data, q, v)
             computeGeneralizedGravity(model, data, q)
-            good = update(*self._fixed, v, u, dt, out)  # type: ignore[arg-type]
+            good = update(self._store, v, u, dt, out)  # type: ignore[arg-type]
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
         if not good:
             q, v, u = self._checked(q, v, tau, known or {})
             _compute(model, data, q, v)
-            if not update(*self._fixed, v, u, dt, out):
+            if not update(self._store, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
         self._latest = latest = Sample(out, self._nv)
@@ -219,15 +220,15 @@ class Observer:
             self._time = time[at]
             self._refuse_time(time[at + 1])
         model, data, collect = self.model, self.data, kernels.collect
-        fixed = (*self._fixed[:-1], self._store.copy())  # a stream that is under way goes on undisturbed
+        store = self._store.copy()  # a stream that is under way goes on undisturbed
         memory = np.empty((count + 1, 3 + 3 * len(self.points.frames), nv))
         for k, (one_q, one_v) in enumerate(zip(list(q), list(v), strict=True)):
             crba(model, data, one_q)
             computeCoriolisMatrix(model, data, one_q, one_v)
             computeGeneralizedGravity(model, data, one_q)
-            collect(*fixed, v, k, memory)
+            collect(store, v, k, memory)
         out = np.empty((count, self._width))
-        bad = kernels.observe_all(memory, time, u, fixed[-1], out)
+        bad = kernels.observe_all(memory, time, u, store, out)
         if bad >= 0:
             raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
         return Estimate(

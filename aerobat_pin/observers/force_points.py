@@ -56,7 +56,7 @@ class ForcePoints:
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: a frame is named twice.
+        ObserverError: a frame is named twice, or fixed to the world.
     """
 
     def __init__(self, model: pin.Model, frames: Sequence[str]) -> None:
@@ -75,6 +75,8 @@ class ForcePoints:
         self.support: Array = np.zeros((len(frames), model.nv))  # 1 where a velocity moves the point
         for i, index in enumerate(self._ids):
             frame = model.frames[index]
+            if frame.parentJoint == 0:
+                raise ObserverError(f"force frame '{frame.name}' is fixed to the world: a force there moves nothing")
             self.table[i] = frame.parentJoint, *frame.placement.translation
             joint = int(frame.parentJoint)
             while joint > 0:

@@ -18,9 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import Integers, doubles_at, kernel, solve_positive
+from aerobat_pin.jit import Integers, doubles_at, eigenvectors, kernel, solve_positive
 
 DAMPING = 1.0e-12  # of the trace of W J^T J W
+SUSPECT = 1.0e-6  # of the trace: a pivot below it asks for a closer look
+UNSEEN = 1.0e-10  # of the trace: an eigenvalue below it belongs to forces that leave no trace
 TOO_LARGE = 1.0e150  # of a residual: its square still is a number
 BASE = 6  # rows of a free-flyer base
 ALL_ROWS, BASE_ROWS, POWER_ROW = 0, 1, 2
@@ -47,19 +49,26 @@ class Store(NamedTuple):
     equations: Array
 
 
-def new_store(gain: Array, weight: Array, points: Array, support: Array, *, project_first: bool, rows: int) -> Array:
-    """Return a store as its flat array, headed by nv, n and size, with an empty memory and the filter at zero."""
+def new_store(
+    places: Integers, gain: Array, weight: Array, points: Array, support: Array, *, project_first: bool, rows: int
+) -> Array:
+    """Return a store as its flat array, with an empty memory and the filter at zero.
+
+    It is headed by the six integers of `look`, bit for bit in the place of doubles, and by nv, n and size.
+    """
     nv, n, size = len(weight), len(points), len(gain)
     head = (nv, n, size, 0, project_first, rows)
     empty = np.zeros(2 * (3 + 3 * n) * nv + size + nv + 3 * n * (nv + 3 * n))
-    return np.concatenate([np.array(head, float), gain, weight, points.ravel(), support.ravel(), empty])
+    return np.concatenate(
+        [places.view(float), np.array(head, float), gain, weight, points.ravel(), support.ravel(), empty]
+    )
 
 
 @kernel
 def unpack(flat: Array) -> Store:
     """Give the flat store its names and shapes, without copying."""
-    nv, n, size = int(flat[0]), int(flat[1]), int(flat[2])
-    a = 6 + size
+    nv, n, size = int(flat[6]), int(flat[7]), int(flat[8])
+    a = 12 + size
     b = a + nv
     c = b + 4 * n
     d = c + n * nv
@@ -68,8 +77,8 @@ def unpack(flat: Array) -> Store:
     g = f + nv
     h = g + 3 * n * nv
     return Store(
-        flat[3:6],
-        flat[6:a],
+        flat[9:12],
+        flat[12:a],
         flat[a:b],
         flat[b:c].reshape((n, 4)),
         flat[c:d].reshape((n, nv)),
@@ -92,8 +101,9 @@ class Measured(NamedTuple):
 
 
 @kernel
-def look(places: Integers, nv: int) -> Measured:
+def look(flat: Array) -> Measured:
     """View Pinocchio's results where they lie: five arrays handed over one by one would cost a fifth of the call."""
+    places, nv = flat[:6].view(np.int64), int(flat[6])
     return Measured(
         doubles_at(places[0], nv, nv),
         doubles_at(places[1], nv, nv),
@@ -136,30 +146,49 @@ def remember(measured: Measured, v: Array, store: Store, memory: Array) -> None:
 
 
 @kernel
-def add_power_row(store: Store, before: Array, after: Array, generalized: Array, force: Array) -> None:
-    """Add to the normal equations one row for all joints: their power, per unit of joint velocity."""
-    J, nv = store.jacobian, generalized.shape[0]
-    velocity = store.velocity
-    speed = 0.0
-    for k in range(BASE, nv):
-        velocity[k] = 0.5 * (before[2, k] + after[2, k])
-        speed += velocity[k] * velocity[k]
-    if speed == 0.0:
-        return
-    value = 0.0
-    for k in range(BASE, nv):
-        value += velocity[k] * generalized[k]
-    squared = store.weight[nv - 1] ** 2 / speed
-    for i in range(J.shape[0]):
-        along = 0.0
-        for k in range(BASE, nv):
-            along += J[i, k] * velocity[k]
-        force[i] += squared * along * value
+def normal_equations(store: Store, J: Array, velocity: Array, generalized: Array, A: Array, b: Array) -> float:
+    """Write A = J W^2 J^T (lower triangle) and b = J W^2 phi over the rows believed; return the trace of A.
+
+    Args:
+        store: rows and weights.
+        J: (3n, nv) point Jacobians.
+        velocity: (nv,) whose joint part is the direction of the power row.
+        generalized: (nv,) phi.
+        A: (3n, 3n) written.
+        b: (3n,) written.
+    """
+    size, nv, rows = b.shape[0], generalized.shape[0], int(store.flags[2])
+    for i in range(size):
+        b[i] = 0.0
         for j in range(i + 1):
-            other = 0.0
+            A[i, j] = 0.0
+    for k in range(nv if rows == ALL_ROWS else BASE):
+        squared = store.weight[k] * store.weight[k]
+        for i in range(size):
+            row = squared * J[i, k]
+            b[i] += row * generalized[k]
+            for j in range(i + 1):
+                A[i, j] += row * J[j, k]
+    if rows == POWER_ROW:  # the power of all joints, per unit of joint velocity
+        speed, power = 0.0, 0.0
+        for k in range(BASE, nv):
+            speed += velocity[k] * velocity[k]
+            power += velocity[k] * generalized[k]
+        squared = store.weight[nv - 1] ** 2 / speed if speed > 0.0 else 0.0
+        for i in range(size):
+            along = 0.0
             for k in range(BASE, nv):
-                other += J[j, k] * velocity[k]
-            store.equations[i, j] += squared * along * other
+                along += J[i, k] * velocity[k]
+            b[i] += squared * along * power
+            for j in range(i + 1):
+                other = 0.0
+                for k in range(BASE, nv):
+                    other += J[j, k] * velocity[k]
+                A[i, j] += squared * along * other
+    trace = 0.0
+    for i in range(size):
+        trace += A[i, i]
+    return trace
 
 
 @kernel
@@ -173,27 +202,47 @@ def project(store: Store, before: Array, after: Array, generalized: Array, force
         generalized: (nv,) to be explained.
         force: (3n,) written, world axes.
     """
-    J, weight, equations, rows = store.jacobian, store.weight, store.equations, int(store.flags[2])
-    size, nv = force.shape[0], generalized.shape[0]
+    if force.shape[0] == 0:
+        return
+    A, velocity = store.equations, store.velocity
+    if store.flags[2] == POWER_ROW:
+        for k in range(BASE, velocity.shape[0]):
+            velocity[k] = 0.5 * (before[2, k] + after[2, k])
+    trace = normal_equations(store, store.jacobian, velocity, generalized, A, force)
+    for i in range(force.shape[0]):
+        A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # points that nothing moves get no force
+    if solve_positive(A, force) < SUSPECT * trace:
+        project_deficient(store, after, generalized, force)
+
+
+@kernel
+def project_deficient(store: Store, after: Array, generalized: Array, force: Array) -> None:
+    """As `project`, where some pattern of forces leaves no trace: its part of the answer is zero.
+
+    The mean of two Jacobians that have lost rank has not quite lost it, and would blow the unseen part up. Which
+    patterns cannot be seen is asked of the interval's end, where the Jacobian is exact.
+    """
+    A, size = store.equations, force.shape[0]
+    seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
+    limit = UNSEEN * normal_equations(store, after[3:], after[2], generalized, seen, unused)
     for i in range(size):
-        force[i] = 0.0
-        for j in range(i + 1):
-            equations[i, j] = 0.0
-    for k in range(nv if rows == ALL_ROWS else BASE):
-        squared = weight[k] * weight[k]
+        for j in range(i):
+            seen[j, i] = seen[i, j]
+    eigenvectors(seen, V)
+    trace = normal_equations(store, store.jacobian, store.velocity, generalized, A, force)
+    for k in range(size):
+        if seen[k, k] > limit:
+            continue
+        part = 0.0
         for i in range(size):
-            row = squared * J[i, k]
-            force[i] += row * generalized[k]
+            part += V[i, k] * force[i]
+        for i in range(size):
+            force[i] -= part * V[i, k]
             for j in range(i + 1):
-                equations[i, j] += row * J[j, k]
-    if rows == POWER_ROW:
-        add_power_row(store, before, after, generalized, force)
-    trace = 0.0
+                A[i, j] += trace * V[i, k] * V[j, k]
     for i in range(size):
-        trace += equations[i, i]
-    for i in range(size):
-        equations[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # a point that nothing moves gets no force
-    solve_positive(equations, force)
+        A[i, i] += DAMPING * trace if trace > 0.0 else 1.0
+    solve_positive(A, force)
 
 
 @kernel
@@ -210,6 +259,8 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
     """
     nv = u.shape[0]
     residual, force = out[:nv], out[nv:]
+    if not dt < TOO_LARGE:
+        return False
     for i in range(nv):
         residual[i] = (after[0, i] - before[0, i]) / dt - 0.5 * (before[1, i] + after[1, i]) - u[i]
         if not abs(residual[i]) < TOO_LARGE:  # NaN too
@@ -238,16 +289,16 @@ def observe(before: Array, after: Array, u: Array, dt: float, store: Store, out:
 
 
 @kernel
-def start(places: Integers, flat: Array, v: Array) -> None:
+def start(flat: Array, v: Array) -> None:
     """Remember the first sample, with the filter at zero."""
     store = unpack(flat)
     store.flags[0] = 0.0
     store.filtered[:] = 0.0
-    remember(look(places, v.shape[0]), v, store, store.memory[0])
+    remember(look(flat), v, store, store.memory[0])
 
 
 @kernel
-def update(places: Integers, flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+def update(flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
     """Remember a sample and `observe` the interval since the one before.
 
     False, and nothing changed, where v or u does not have the model's size or the result is not finite.
@@ -257,7 +308,7 @@ def update(places: Integers, flat: Array, v: Array, u: Array, dt: float, out: Ar
         return False
     older = int(store.flags[0])
     before, after = store.memory[older], store.memory[1 - older]
-    remember(look(places, v.shape[0]), v, store, after)
+    remember(look(flat), v, store, after)
     if not observe(before, after, u, dt, store, out):
         return False
     store.flags[0] = 1.0 - older
@@ -265,9 +316,9 @@ def update(places: Integers, flat: Array, v: Array, u: Array, dt: float, out: Ar
 
 
 @kernel
-def collect(places: Integers, flat: Array, v: Array, k: int, memory: Array) -> None:
+def collect(flat: Array, v: Array, k: int, memory: Array) -> None:
     """Remember sample k of a record: v (m + 1, nv), memory (m + 1, 3 + 3n, nv)."""
-    remember(look(places, v.shape[1]), v[k], unpack(flat), memory[k])
+    remember(look(flat), v[k], unpack(flat), memory[k])
 
 
 @kernel
