@@ -143,6 +143,13 @@ def doubles_at(address: int, rows: int, columns: int) -> Any:
 
 
 @kernel
+def copy_values(source: Array, target: Array) -> None:
+    """Copy a vector. `target[:] = source` would compile for two seconds more, for the sake of its error message."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
 def solve_positive(A: Array, b: Array) -> float:
     """Solve A x = b in place (x overwrites b, A is destroyed), A (n, n) symmetric positive definite, by Cholesky.
 

@@ -8,7 +8,7 @@ from aerobat_pin.aerodynamics.robot_air import AirArrays, air_loads
 from aerobat_pin.arrays import Array
 from aerobat_pin.hold import hold_wrench
 from aerobat_pin.integrators import next_stage
-from aerobat_pin.jit import Integers, kernel, solve_positive
+from aerobat_pin.jit import Integers, copy_values, kernel, solve_positive
 from aerobat_pin.plant_layout import Constants, Tree, Unknown, Work, unpack, unpack_work
 
 
@@ -31,7 +31,7 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
         up[4] += P[1] * mx + P[4] * my + P[7] * mz + P[11] * gx - P[9] * gz
         up[5] += P[2] * mx + P[5] * my + P[8] * mz + P[9] * gy - P[10] * gx
     at = tree.table[0, 2]
-    force[at : at + 6] = wrenches[0]
+    copy_values(wrenches[0], force[at : at + 6])
 
 
 @kernel
@@ -131,7 +131,7 @@ def evaluate(
     points = unknown.points.shape[0]
     twists, wrenches, pushes = work.spatial[0], work.spatial[1], work.spatial[2]
     for link in range(tree.table.shape[0]):
-        twists[link] = twist[tree.table[link, 0]]
+        copy_values(twist[tree.table[link, 0]], twists[link])
     aerodynamic, thrusters = forces[:nv], forces[nv : 2 * nv]
     motor, pushed = forces[2 * nv : 3 * nv], forces[3 * nv : 4 * nv]
     air_loads(air, twists, state[6:], wrenches, rate[6:], work.loads)
@@ -154,7 +154,7 @@ def evaluate(
         for link in range(1, tree.table.shape[0]):
             b[i] -= M[i, tree.table[link, 2]] * joints[2, tree.table[link, 3]]
     solve_positive(A, b)
-    rate[:6] = b
+    copy_values(b, rate[:6])
     power = 0.0
     motor[:6] = 0.0
     for link in range(1, tree.table.shape[0]):
@@ -221,16 +221,17 @@ def advance(
     for i in range(forces.shape[0]):
         means[k, i] += weight * forces[i]
     if stage == 0:
-        loads[k] = work.loads
-    work.twists[stage] = state[:6]
+        for row in range(loads.shape[1]):
+            copy_values(work.loads[row], loads[k, row])
+    copy_values(state[:6], work.twists[stage])
     next_stage(stage, dt, work.twists, stages[:4], start, state, tangent)
     if stage == 3:
-        start[:] = state
+        copy_values(state, start)
     # The joints follow the closed linkage: their part of the tangent leads from where the way starts to where it ends.
     begin = 2 * k + (1 if stage == 2 else 0)
     end = 2 * k + (stage + 2) // 2 if stage < 3 else 2 * k + 2
     base = tree.table[0, 2]
-    v[base : base + 6] = state[:6]
+    copy_values(state[:6], v[base : base + 6])
     for link in range(1, tree.table.shape[0]):
         at, which = tree.table[link, 2], tree.table[link, 3]
         v[at] = motion[end, 1, which]
@@ -264,7 +265,7 @@ def warm_up(air: AirArrays, twists: Array, dt: float, state: Array) -> None:
     k, rate, tangent = np.zeros((4, 0)), np.empty((4, size)), np.zeros((2, 0))
     start, wrenches, loads = np.empty(size), np.empty((5, 6)), np.empty((5, size // 3))
     for i in range(twists.shape[0] // 2):
-        start[:] = state
+        copy_values(state, start)
         for stage in range(4):
             air_loads(air, twists[2 * i + (stage + 1) // 2], state, wrenches, rate[stage], loads)
             next_stage(stage, dt, k, rate, start, state, tangent)

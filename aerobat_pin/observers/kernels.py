@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import Integers, doubles_at, eigenvectors, kernel, solve_positive
+from aerobat_pin.jit import Integers, copy_values, doubles_at, eigenvectors, kernel, solve_positive
 
 DAMPING = 1.0e-12  # of the trace of W J^T J W
 SUSPECT = 1.0e-6  # of the trace: a pivot below it asks for a closer look
@@ -330,10 +330,11 @@ def observe_all(memory: Array, time: Array, u: Array, flat: Array, out: Array) -
         dt = time[k + 1] - time[k]
         if dt == 0.0:  # a repeated stamp changes nothing
             if k > 0:
-                out[k] = out[k - 1]
+                copy_values(out[k - 1], out[k])
             else:
                 out[k] = 0.0
-            memory[k + 1] = memory[k]
+            for row in range(memory.shape[1]):
+                copy_values(memory[k, row], memory[k + 1, row])
         elif not observe(memory[k], memory[k + 1], u[k], dt, store, out[k]):
             return k
     return -1
