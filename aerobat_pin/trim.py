@@ -27,7 +27,7 @@ BODY = 5  # unknowns beside the air: frequency, offset, pitch, vertical speed, p
 SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
 AIR_SCALE = 0.1
 STEP = 1.0e-6  # of the finite differences, in scaled unknowns
-CONVERGED = 1.0e-6
+CONVERGED = 1.0e-6  # largest miss of a flap that counts as periodic, in the units of `Trim.residual`
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,6 @@ class Trim:
     residual: float
     multipliers: NDArray[np.complex128]
     period: float
-
-    @property
-    def converged(self) -> bool:
-        """Whether the orbit closes to rounding of the solver."""
-        return self.residual < CONVERGED
 
     @property
     def time_to_double(self) -> float:
@@ -120,7 +115,7 @@ def _speed(scenario: Scenario) -> float:
 
 
 def _headed(found: Scenario, wanted: Scenario) -> Scenario:
-    """Turn a flight along x to the heading of another one's velocity, nose first."""
+    """Turn a flight along x to the heading of another one's velocity, nose first; world-axes forces do not turn."""
     heading = math.atan2(wanted.flight.velocity[1], wanted.flight.velocity[0])
     speed, rise = _speed(found), found.flight.velocity[2]
     flight = {
