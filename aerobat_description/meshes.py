@@ -1,24 +1,25 @@
-"""Small closed triangle meshes of a morphology's parts, written as binary STL in metres.
-
-A mesh is a list of triangles, a triangle three points, a point three floats; the corners turn counter-clockwise seen
-from outside.
-"""
+"""The visible parts of a morphology as small closed triangle meshes, and their packing as binary STL in metres."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from aerobat_description.morphology import Fin, Guard, Morphology, Surface
+from aerobat_description.bars import LINK_OF, linkage_bars
+from aerobat_description.fuselage import body, frame, guard, motors, propellers
+from aerobat_description.morphology import Morphology
+from aerobat_description.sections import Fin, Surface
+from aerobat_description.solids import Mesh, Point, lofted, mirrored, slab, thickened
 
-Point = tuple[float, float, float]
-Triangle = tuple[Point, Point, Point]
-Mesh = list[Triangle]
-
-MEMBRANE_THICKNESS = 1.0e-3  # [m], for the eye only
+MEMBRANE_THICKNESS = 0.6e-3  # [m], for the eye only
+ROOT_GAP = 5.0e-3  # [m], the panels begin outside the lugs of the shoulders
+# They end short of the planform's point: its last part, 0.4 % of the area, would cross the other wing's under the body.
+TIP_CUT = 0.07
+TAIL_SWEEP = 0.25  # of the tail's chord is cut off its front corners: the wings' trailing edges pass there
 
 
 @dataclass(frozen=True)
@@ -36,119 +37,73 @@ class Part:
 
 
 def parts(morphology: Morphology) -> dict[str, Part]:
-    """Return every visible part of a morphology by name: body, guard, tail, left and right wing panels."""
-    wing = morphology.wing
-    hull = morphology.hull
-    half_axes = (hull.length / 2, hull.width / 2, hull.height / 2)
-    made = {"body": Part("base_link", "carbon", partial(ellipsoid, half_axes))}
+    """Return every visible part of the tree by name: body, frame, tail, guard, and both wings' panels and bones."""
+    made = {
+        "body": Part("base_link", "carbon", partial(body, morphology)),
+        "frame": Part("base_link", "frame", partial(frame, morphology)),
+    }
     if morphology.guard is not None:
-        made["guard"] = Part("base_link", "guard", partial(ring, morphology.guard))
+        made["guard"] = Part("base_link", "guard", partial(guard, morphology, morphology.guard))
+    if morphology.thrusters:
+        made["motors"] = Part("base_link", "carbon", partial(motors, morphology.thrusters))
+        made["propellers"] = Part("base_link", "propeller", partial(propellers, morphology.thrusters))
     if morphology.tail is not None:
         made["tail"] = Part("base_link", "tail", partial(plate, morphology.tail))
     if morphology.fin is not None:
         made["fin"] = Part("base_link", "tail", partial(blade, morphology.fin))
-    # The proximal panel is drawn along the straight line from shoulder to elbow, so that the panels meet.
-    _, along, up = morphology.elbow
-    length = wing.proximal_stations[-1]
-    panels = {
-        "proximal": [(y / length * along, y / length * up) for y in wing.proximal_stations],
-        "distal": [(y, 0.0) for y in wing.distal_stations],
-    }
-    for panel, stations in panels.items():
-        edges = getattr(wing, f"{panel}_leading_edge"), getattr(wing, f"{panel}_trailing_edge")
-        left = partial(membrane, stations, *edges)
+    bars = linkage_bars(morphology.linkage)
+    for panel, stations in panels(morphology).items():
+        left = partial(membrane, stations)
         made[f"left_{panel}"] = Part(f"left_{panel}", "membrane", left)
         made[f"right_{panel}"] = Part(f"right_{panel}", "membrane", partial(_mirrored, left))
+    for bar, link in LINK_OF.items():
+        for side in ("left", "right"):
+            made[f"{side}_{bar}"] = Part(f"{side}_{link}", "bone", partial(bars[bar].mesh, side))
     return made
 
 
-def _mirrored(build: Callable[[], Mesh]) -> Mesh:
-    return mirrored(build())
+def panels(morphology: Morphology) -> dict[str, list[tuple[Point, Point]]]:
+    """Return leading and trailing edge points of the left panels as drawn, station by station, in their links' frames.
+
+    The proximal panel lies along the straight line from shoulder to elbow, so that the panels meet.
+    """
+    wing = morphology.wing
+    _, along, up = morphology.elbow
+    length = wing.proximal_stations[-1]
+    inner = _cut(_edges(morphology, "proximal"), ROOT_GAP * length / math.hypot(along, up), length)
+    outer = _cut(_edges(morphology, "distal"), 0.0, (1.0 - TIP_CUT) * wing.distal_stations[-1])
+    return {
+        "proximal": [tuple((x, y / length * along, y / length * up) for x in xs) for y, *xs in inner],  # type: ignore[misc]
+        "distal": [((fore, y, 0.0), (aft, y, 0.0)) for y, fore, aft in outer],
+    }
 
 
 def plate(surface: Surface) -> Mesh:
-    """Return a thin rectangular plate for a horizontal surface, in body axes."""
+    """Return a thin plate with swept corners for a horizontal surface, in body axes."""
     x, y, z = surface.position
-    nose, rise = surface.chord / 2 * math.cos(surface.incidence), surface.chord / 2 * math.sin(surface.incidence)
-    half = surface.span / 2
-    top = [(x + nose, y - half, z + rise), (x + nose, y + half, z + rise)]
-    top += [(x - nose, y + half, z - rise), (x - nose, y - half, z - rise)]
-    return prism(top, [(0, 1, 2, 3)])
+    run, rise = math.cos(surface.incidence), math.sin(surface.incidence)
+    front, half = surface.chord / 2, surface.span / 2
+    swept = front - TAIL_SWEEP * surface.chord
+    outline = ((swept, -half), (front, -half / 3), (front, half / 3), (swept, half), (-front, half), (-front, -half))
+    # Counter-clockwise from above needs y to rise on the way along the front: forward is x, left is y.
+    corners = [(x + u * run, y + v, z + u * rise) for u, v in outline]
+    return thickened(corners, MEMBRANE_THICKNESS / 2)
 
 
 def blade(fin: Fin) -> Mesh:
     """Return a thin square plate for a vertical surface, in body axes."""
     x, y, z = fin.position
     half, thin = math.sqrt(fin.area) / 2, MEMBRANE_THICKNESS / 2
-    corners = [(x + a * half, z + b * half) for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
-    left, right = ([(u, y + side * thin, w) for u, w in corners] for side in (1.0, -1.0))
-    mesh = _quad(*reversed(left)) + _quad(*right)
-    for i in range(4):
-        j = (i + 1) % 4
-        mesh += _quad(right[j], right[i], left[i], left[j])
-    return mesh
+    return slab(
+        [complex(y + a * thin, z + b * half) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))], x - half, x + half
+    )
 
 
-def membrane(stations: Sequence[tuple[float, float]], leading: Sequence[float], trailing: Sequence[float]) -> Mesh:
-    """Cut a thin plate from a planform: stations (y, z) with the x of the leading and the trailing edge [m]."""
-    outline: list[Point] = [
-        *((x, y, z) for x, (y, z) in zip(leading, stations, strict=True)),
-        *((x, y, z) for x, (y, z) in reversed(list(zip(trailing, stations, strict=True)))),
-    ]
-    last = len(outline) - 1
-    return prism(outline, [(i, i + 1, last - i - 1, last - i) for i in range(len(stations) - 1)])
-
-
-def prism(outline: Sequence[Point], quads: Sequence[tuple[int, int, int, int]]) -> Mesh:
-    """Thicken an outline, counter-clockwise seen from above and cut into quads, by the membrane thickness along z."""
+def membrane(stations: Sequence[tuple[Point, Point]]) -> Mesh:
+    """Cut a thin closed plate from leading and trailing edge points, station by station."""
     half = MEMBRANE_THICKNESS / 2
-    top = [(x, y, z + half) for x, y, z in outline]
-    bottom = [(x, y, z - half) for x, y, z in outline]
-    mesh: Mesh = []
-    for quad in quads:
-        mesh += _quad(*(top[j] for j in quad))
-        mesh += _quad(*(bottom[j] for j in reversed(quad)))
-    for i in range(len(outline)):
-        j = (i + 1) % len(outline)
-        mesh += _quad(top[j], top[i], bottom[i], bottom[j])
-    return [triangle for triangle in mesh if len(set(triangle)) == 3]
-
-
-def ellipsoid(half_axes: Point, meridians: int = 24, parallels: int = 12) -> Mesh:
-    """Return an ellipsoid about the origin with the given half axes [m]."""
-    a, b, c = half_axes
-
-    def point(i: int, j: int) -> Point:
-        latitude, longitude = math.pi * i / parallels, 2 * math.pi * (j % meridians) / meridians
-        r = 0.0 if i in (0, parallels) else math.sin(latitude)
-        return a * math.cos(latitude), b * r * math.cos(longitude), c * r * math.sin(longitude)
-
-    mesh: Mesh = []
-    for i in range(parallels):
-        for j in range(meridians):
-            mesh += _quad(point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1))
-    return [triangle for triangle in mesh if len(set(triangle)) == 3]
-
-
-def ring(guard: Guard, around: int = 48, tube: int = 8) -> Mesh:
-    """Return the guard: an elliptic ring in the body's x-y plane."""
-
-    def point(i: int, j: int) -> Point:
-        turn, roll = 2 * math.pi * (i % around) / around, 2 * math.pi * (j % tube) / tube
-        out = guard.tube * math.cos(roll)
-        x, y = (guard.radius[0] + out) * math.cos(turn), (guard.radius[1] + out) * math.sin(turn)
-        return x, y, guard.tube * math.sin(roll)
-
-    mesh: Mesh = []
-    for i in range(around):
-        for j in range(tube):
-            mesh += _quad(point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1))
-    return mesh
-
-
-def mirrored(mesh: Mesh) -> Mesh:
-    """Reflect a mesh in the x-z plane; the corners change order so that outside stays outside."""
-    return [tuple((x, -y, z) for x, y, z in reversed(triangle)) for triangle in mesh]  # type: ignore[misc]
+    rim = ((0, half), (0, -half), (1, -half), (1, half))
+    return lofted([[(*station[i][:2], station[i][2] + rise) for i, rise in rim] for station in stations])
 
 
 def binary_stl(mesh: Mesh) -> bytes:
@@ -160,8 +115,26 @@ def binary_stl(mesh: Mesh) -> bytes:
     return b"".join(chunks)
 
 
-def _quad(a: Point, b: Point, c: Point, d: Point) -> Mesh:
-    return [(a, b, c), (a, c, d)]
+def _edges(morphology: Morphology, panel: str) -> list[tuple[float, float, float]]:
+    wing = morphology.wing
+    rows = (getattr(wing, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge"))
+    return list(zip(*rows, strict=True))
+
+
+def _cut(edges: Sequence[tuple[float, float, float]], start: float, end: float) -> list[tuple[float, float, float]]:
+    """Cut a planform (station, leading edge, trailing edge) to the stations between start and end."""
+
+    def at(y: float) -> tuple[float, float, float]:
+        (y0, *low), (y1, *high) = next(pair for pair in itertools.pairwise(edges) if y <= pair[1][0])
+        share = (y - y0) / (y1 - y0)
+        fore, aft = (a + share * (b - a) for a, b in zip(low, high, strict=True))
+        return y, fore, aft
+
+    return [at(start), *(edge for edge in edges if start < edge[0] < end), at(end)]
+
+
+def _mirrored(build: Callable[[], Mesh]) -> Mesh:
+    return mirrored(build())
 
 
 def _normal(a: Point, b: Point, c: Point) -> Point:

@@ -1,0 +1,84 @@
+"""The bars of the linkage: which pins each joins, where these are in its own frame, and what it looks like.
+
+A bar's frame has its origin at the bar's first pin and its x axis forward. On the left wing it is turned from the
+body's by the bar's angle about +x, so that y runs along the bar; on the right wing by as much about -x, and the bar is
+mirrored. The frames of the humerus L3 and the forearm L7 are those of the proximal and the distal link. Points are
+outboard + i up [m].
+"""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass
+
+from aerobat_description.closure import elbow
+from aerobat_description.sections import LinkageLengths
+from aerobat_description.solids import Mesh, disc, mirrored, slab, strut
+
+# The linkage planes of the two wings are 9.4 mm apart along x, the left one ahead [V8]. The axes of the shipped robot
+# are in one plane, being the mean of both, and only the bars as drawn keep their distance: they would cut each other.
+STAGGER = 4.7e-3
+LAYER = 1.6e-3  # [own] step along x from bar to bar, away from the frame
+THICKNESS, BOSS_THICKNESS = 1.1e-3, 1.6e-3  # [own]; bosses of neighbouring bars touch
+FOREARM = 0.75  # [own] of L7a is drawn: as far as the membrane reaches behind it
+HALF_WIDTH, BOSS_RADIUS = 1.3e-3, 2.2e-3  # [own]
+# Bars that meet at a pin lie in neighbouring layers, bars that pass each other within a turn in different ones.
+LAYERS = {"L1": 0, "L2": 1, "L3": 2, "L4": 2, "L5": 3, "L6": 2, "L7": 1}
+LINK_OF = {"L3": "proximal", "L7": "distal"}  # bars that are links of the URDF's tree
+CLOSING = tuple(bar for bar in LAYERS if bar not in LINK_OF)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar: its pins in its own frame, the first at the origin, and the pairs of points joined by a strut."""
+
+    name: str
+    pins: dict[str, complex]
+    struts: tuple[tuple[complex, complex], ...]
+
+    @property
+    def origin(self) -> str:
+        """The pin at the origin of its frame."""
+        return next(iter(self.pins))
+
+    def mesh(self, side: str) -> Mesh:
+        """Return its triangles in its frame: struts, and a boss around every pin; `side` is left or right."""
+        sign = 1.0 if side == "left" else -1.0
+        centre = sign * layer(self.name)
+        made: Mesh = []
+        for start, end in self.struts:
+            made += slab(strut(start, end, HALF_WIDTH), centre - THICKNESS / 2, centre + THICKNESS / 2)
+        for pin in self.pins.values():
+            made += slab(disc(pin, BOSS_RADIUS), centre - BOSS_THICKNESS / 2, centre + BOSS_THICKNESS / 2)
+        return made if side == "left" else mirrored(made)
+
+
+def layer(bar: str) -> float:
+    """Return the x of a left bar's middle plane [m] in its frame; the right one has the opposite sign."""
+    return STAGGER + LAYER * (LAYERS[bar] - 1.5)
+
+
+def linkage_bars(lengths: LinkageLengths) -> dict[str, Bar]:
+    """Return the bars L1..L7 by name."""
+    crank, arm, push, pull = (complex(length) for length in (lengths.L1, lengths.L2a, lengths.L4, lengths.L6))
+    coupler = complex(lengths.L2b, lengths.L2c)
+    rocker = cmath.rect(1.0, -lengths.alpha3) * complex(-lengths.L3b, lengths.L3c)
+    lever, long_lever = complex(-lengths.L5a, lengths.L5b), complex(lengths.L5c, lengths.L5d)
+    horn, tip = complex(lengths.L7b, lengths.L7c), complex(FOREARM * lengths.L7a)
+    o = 0j
+    made = (
+        Bar("L1", {"J1": o, "J2": crank}, ((o, crank),)),
+        Bar("L2", {"J2": o, "J3": coupler, "J4": arm}, ((o, arm), (coupler, arm))),
+        Bar("L3", {"J5": o, "J4": rocker, "J6": elbow(lengths)}, ((o, rocker), (o, elbow(lengths)))),
+        Bar("L4", {"J3": o, "J7": push}, ((o, push),)),
+        Bar("L5", {"J8": o, "J7": lever, "J9": long_lever}, ((o, lever), (o, long_lever))),
+        Bar("L6", {"J9": o, "J10": pull}, ((o, pull),)),
+        Bar("L7", {"J6": o, "J10": horn}, ((o, horn), (o, tip), (horn, tip))),
+    )
+    return {bar.name: bar for bar in made}
+
+
+def closing_bars(lengths: LinkageLengths) -> dict[str, tuple[Bar, str]]:
+    """Return bar and side of everything that the tree leaves out: left_L1, right_L1, left_L2, and so on."""
+    bars = linkage_bars(lengths)
+    return {f"{side}_{name}": (bars[name], side) for name in CLOSING for side in ("left", "right")}

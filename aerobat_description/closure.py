@@ -1,0 +1,144 @@
+"""Close the Kinetic Sculpture at one crank angle, with the standard library's complex numbers alone.
+
+Positions, for poses, pictures and the check that the crank can turn; `aerobat_pin.linkage` has rates and arrays. A
+point of the left wing's plane is outboard + i up. Three dyads close one after the other, at J4, J7 and J10, each left
+of the ray between the pins that its bars start from.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from aerobat_description.sections import LinkageLengths
+
+TURN = tuple(math.radians(0.5 * i) for i in range(720))
+# What one may change where a dyad cannot close: the robot's adjustable lengths, then the dyad's own bars.
+ADJUSTABLE = ("L3b", "L5a", "L5b")
+BARS_OF = {"J4": ("L1", "L2a"), "J7": ("L4",), "J10": ("L6", "L7b")}
+
+
+class ClosureError(ValueError):
+    """A dyad cannot close: `dyad` names its pin, `crank_angle` is in rad, `span` and `reaches` are in m."""
+
+    def __init__(self, dyad: str, crank_angle: float, span: float, reaches: tuple[float, float]) -> None:
+        """Say what does not reach what."""
+        first, second = (1e3 * reach for reach in reaches)
+        super().__init__(
+            f"the linkage cannot close at {dyad} for a crank angle of {math.degrees(crank_angle):.1f} deg: its bars "
+            f"of {first:.3f} and {second:.3f} mm cannot span {1e3 * span:.3f} mm"
+        )
+        self.dyad = dyad
+        self.crank_angle = crank_angle
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The linkage at one crank angle: pins J1..J10 (outboard + i up) [m], absolute angles of the bars L1..L7 [rad]."""
+
+    pins: Mapping[str, complex]
+    angles: Mapping[str, float]
+
+    @property
+    def theta_s(self) -> float:
+        """Shoulder angle [rad], positive up: the humerus L3."""
+        return self.angles["L3"]
+
+    @property
+    def theta_e(self) -> float:
+        """Elbow angle [rad]: the forearm L7 against the humerus, within half a turn."""
+        return math.remainder(self.angles["L7"] - self.angles["L3"], 2.0 * math.pi)
+
+
+def close(bars: LinkageLengths, crank_angle: float) -> Pose:
+    """Close the linkage at an absolute crank angle t1 [rad]. Raises ClosureError where it cannot."""
+
+    def dyad(name: str, a: complex, reach_a: float, b: complex, reach_b: float) -> complex:
+        ray = b - a
+        d = abs(ray)
+        x = (reach_a**2 - reach_b**2 + d * d) / (2.0 * d)
+        rest = reach_a**2 - x * x
+        if rest < 0.0:
+            raise ClosureError(name, crank_angle, d, (reach_a, reach_b))
+        return a + complex(x, math.sqrt(rest)) * ray / d
+
+    p1, p5, p8 = complex(*bars.P1), complex(*bars.P5), complex(*bars.P8)
+    rocker = cmath.rect(1.0, -bars.alpha3) * complex(-bars.L3b, bars.L3c)
+    lever, forearm = complex(-bars.L5a, bars.L5b), complex(bars.L7b, bars.L7c)
+    p2 = p1 + cmath.rect(bars.L1, crank_angle)
+    p4 = dyad("J4", p2, bars.L2a, p5, abs(rocker))
+    coupler, humerus = (p4 - p2) / bars.L2a, (p4 - p5) / rocker
+    p3 = p2 + coupler * complex(bars.L2b, bars.L2c)
+    p7 = dyad("J7", p3, bars.L4, p8, abs(lever))
+    long_lever = (p7 - p8) / lever
+    p9 = p8 + long_lever * complex(bars.L5c, bars.L5d)
+    p6 = p5 + humerus * elbow(bars)
+    p10 = dyad("J10", p9, bars.L6, p6, abs(forearm))
+    turns = {
+        "L1": (p2 - p1) / bars.L1,
+        "L2": coupler,
+        "L3": humerus,
+        "L4": (p7 - p3) / bars.L4,
+        "L5": long_lever,
+        "L6": (p10 - p9) / bars.L6,
+        "L7": (p10 - p6) / forearm,
+    }
+    pins = dict(zip((f"J{i}" for i in range(1, 11)), (p1, p2, p3, p4, p5, p6, p7, p8, p9, p10), strict=True))
+    return Pose(pins, {name: cmath.phase(turn) for name, turn in turns.items()})
+
+
+def elbow(bars: LinkageLengths) -> complex:
+    """Return pin J6 in the humerus' frame (outboard + i up) [m], origin at J5."""
+    return complex(bars.L3a + bars.L3c * math.sin(bars.alpha3), bars.L3c * math.cos(bars.alpha3))
+
+
+@lru_cache(maxsize=64)
+def turn(bars: LinkageLengths) -> tuple[Pose, ...]:
+    """Close the linkage at `TURN`, half a degree apart. Raises ClosureError where the crank cannot turn through."""
+    return tuple(close(bars, angle) for angle in TURN)
+
+
+def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
+    """Return lengths [m] that, changed one at a time, let the crank turn; `dyad` names the pin that does not close."""
+    found = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def can_turn(bars: LinkageLengths) -> bool:
+    """Say whether the crank can turn through a full circle."""
+    try:
+        for angle in TURN:
+            close(bars, angle)
+    except ClosureError:
+        return False
+    return True
+
+
+def nearest_length(bars: LinkageLengths, key: str) -> float | None:
+    """Return the value of one bar nearest to its own with which the crank can turn, or None within 0.2 to 5 times it.
+
+    It is a whole number of micrometres, rounded away from its own, so that it still turns when printed and typed.
+
+    Args:
+        bars: lengths with which it cannot.
+        key: the bar to change, such as `"L3b"`.
+    """
+    own = getattr(bars, key)
+    found = []
+    for step in (1.02, 1.0 / 1.02):
+        outside = own
+        for _ in range(81):
+            inside = outside * step
+            if can_turn(replace(bars, **{key: inside})):
+                for _ in range(30):  # the edge of what turns lies between
+                    middle = 0.5 * (inside + outside)
+                    turns = can_turn(replace(bars, **{key: middle}))
+                    inside, outside = (middle, outside) if turns else (inside, middle)
+                away = math.ceil if step > 1.0 else math.floor
+                found.append(away(1e6 * inside) * 1e-6)
+                break
+            outside = inside
+    return min(found, key=lambda value: abs(value - own)) if found else None

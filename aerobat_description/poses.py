@@ -1,0 +1,34 @@
+"""Reference configurations: joint angles with names, the same in every tool that reads the SRDF."""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+
+from aerobat_description.closure import Pose, turn
+from aerobat_description.morphology import Morphology
+
+
+def poses(morphology: Morphology) -> dict[str, tuple[float, float]]:
+    """Return shoulder and elbow angle [rad] of every reference configuration by name, the same on both sides.
+
+    `neutral` has both at zero: spread flat, which the linkage cannot reach. The others it can: `glide` has the tips
+    farthest out, `folded` nearest to the body; `mid_downstroke` and `mid_upstroke` have the shoulder halfway between
+    its extremes.
+    """
+    cycle = turn(morphology.linkage)
+    tip = morphology.wing.distal_stations[-1]
+
+    def reach(pose: Pose) -> float:
+        return (pose.pins["J6"] + cmath.rect(tip, pose.angles["L7"])).real
+
+    angles = [pose.theta_s for pose in cycle]
+    middle = 0.5 * (min(angles) + max(angles))
+    after = list(itertools.pairwise([*cycle, cycle[0]]))
+    found = {
+        "glide": max(cycle, key=reach),
+        "mid_downstroke": next(a for a, b in after if a.theta_s >= middle > b.theta_s),
+        "mid_upstroke": next(a for a, b in after if a.theta_s <= middle < b.theta_s),
+        "folded": min(cycle, key=reach),
+    }
+    return {"neutral": (0.0, 0.0)} | {name: (pose.theta_s, pose.theta_e) for name, pose in found.items()}

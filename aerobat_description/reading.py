@@ -1,0 +1,93 @@
+"""From plain nested values, as TOML gives them, to checked dataclasses; every refusal names key, value and rule."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Any, get_args, get_type_hints
+
+
+class MorphologyError(ValueError):
+    """A morphology that cannot be read, or that no robot can have. The message names key, value and rule."""
+
+
+def require(holds: bool, key: str, value: object, rule: str) -> None:
+    """Raise MorphologyError with key, value and rule unless the rule holds."""
+    if not holds:
+        raise MorphologyError(f"morphology: {key} = {value}: {rule}")
+
+
+def positive(section: object, where: str, *keys: str) -> None:
+    """Raise MorphologyError unless every named value of a section is positive."""
+    for key in keys:
+        value = getattr(section, key)
+        require(value > 0.0, f"{where}.{key}", value, "it must be positive")
+
+
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested values with changes laid over them."""
+    merged = dict(base)
+    for key, value in changes.items():
+        below = merged.get(key)
+        merged[key] = merge(below, value) if isinstance(value, Mapping) and isinstance(below, Mapping) else value
+    return merged
+
+
+def build(kind: Any, values: object, where: str) -> Any:
+    """Turn plain TOML values into `kind`: a dataclass, a number, a string or a vector of numbers."""
+    if not hasattr(kind, "__dataclass_fields__"):
+        return _leaf(kind, values, where)
+    if not isinstance(values, Mapping):
+        raise MorphologyError(f"morphology: {where} = {values!r}: a table was expected")
+    known = {field.name: field for field in fields(kind)}
+    hints = get_type_hints(kind)
+    for key in values:
+        if key not in known:
+            close = difflib.get_close_matches(str(key), known, n=1)
+            hint = f"; did you mean '{close[0]}'?" if close else f"; known are {', '.join(known)}"
+            raise MorphologyError(f"morphology: unknown key '{dotted(where, key)}'{hint}")
+    made = {}
+    for key, field in known.items():
+        if key in values:
+            made[key] = _field(hints[key], values[key], dotted(where, key))
+        elif field.default is MISSING:
+            raise MorphologyError(f"morphology: missing key '{dotted(where, key)}'")
+    section = kind(**made)
+    if hasattr(section, "check"):
+        section.check(where)
+    return section
+
+
+def _field(kind: Any, value: object, where: str) -> Any:
+    choices = get_args(kind)
+    if type(None) in choices:
+        if value is None or value is False:  # `tail = false` takes the tail off
+            return None
+        kind = next(choice for choice in choices if choice is not type(None))
+    if choices and hasattr(choices[0], "__dataclass_fields__") and Ellipsis in choices:
+        require(isinstance(value, list | tuple), where, repr(value), "a list of tables was expected")
+        assert isinstance(value, list | tuple)
+        return tuple(build(choices[0], item, f"{where}[{i}]") for i, item in enumerate(value))
+    return build(kind, value, where)
+
+
+def _leaf(kind: Any, value: Any, where: str) -> Any:
+    if kind is str:
+        require(isinstance(value, str), where, repr(value), "a string was expected")
+        return value
+    numbers = value if isinstance(value, list | tuple) else [value]
+    good = all(isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e300 for x in numbers)
+    require(good, where, value, "finite numbers were expected")
+    if kind is float:
+        require(not isinstance(value, list | tuple), where, value, "one number was expected")
+        return float(numbers[0])
+    size = None if Ellipsis in get_args(kind) else len(get_args(kind))
+    rule = "a list of numbers was expected" if size is None else f"a list of {size} numbers was expected"
+    require(isinstance(value, list | tuple) and size in (None, len(value)), where, value, rule)
+    return tuple(float(x) for x in numbers)
+
+
+def dotted(where: str, key: object) -> str:
+    """Return the full name of a key within a section."""
+    return f"{where}.{key}" if where else str(key)
