@@ -1,0 +1,22 @@
+"""Sigma_K: the Kinetic Sculpture, the planar linkage that drives shoulder and elbow from one crank.
+
+Seven bars L1..L7 and ten pins J1..J10 have one degree of freedom, the crank angle t1. Three dyads close one after the
+other (paper, section II-A; loops at J4, J7 and J10):
+
+    J4:   P2 + L2a e(t2) = P5 + R(t5 - alpha3) [-L3b, L3c]     P2 = P1 + L1 e(t1)
+    J7:   P3 + L4 e(t3)  = P8 + R(t8) [-L5a, L5b]              P3 = P2 + R(t2) [L2b, L2c]
+    J10:  P9 + L6 e(t9)  = P6 + R(t6) [L7b, L7c]               P9 = P8 + R(t8) [L5c, L5d]
+
+A point of the plane is a complex number, outboard + i up, so a rotation is a product. The plane is that of the left
+wing; the right one mirrors it. Angles are absolute and counter-clockwise; theta_s = t5 and theta_e = t6 - t5.
+
+`KineticSculpture` closes it, `SculptureDynamics` is the paper's own form, accelerations to be integrated.
+"""
+
+from aerobat_pin.linkage.arms import ANGLES, PINS
+from aerobat_pin.linkage.closure import Closure
+from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
+from aerobat_pin.linkage.sculpture_dynamics import SculptureDynamics
+from aerobat_pin.linkage.sensitivity import Sensitivity
+
+__all__ = ["ANGLES", "PINS", "Closure", "KineticSculpture", "SculptureDynamics", "Sensitivity"]

@@ -1,0 +1,101 @@
+"""The linkage as arms: each pin, and each loop, is a constant plus arms that turn with the seven angles.
+
+With e = exp(i t), t = [t1, t2, t3, t5, t6, t8, t9], pins and loops are linear in e:
+
+    P = p + V e      open = c + W e = 0      P' = i V e t'      P'' = V (i t'' - t'^2) e
+
+and a derivative by a length is one by V or W. Nothing here knows how the loops are closed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from aerobat_description.closure import elbow
+from aerobat_description.sections import LinkageLengths
+from aerobat_pin.arrays import Array
+from aerobat_pin.linkage.moving import Complex
+
+ANGLES = ("t1", "t2", "t3", "t5", "t6", "t8", "t9")  # named after the pin where the bar begins
+PINS = tuple(f"J{i}" for i in range(1, 11))
+T1, T2, T3, T5, T6, T8, T9 = np.eye(7)
+
+
+class Arms(NamedTuple):
+    """The bent bars' arms in their own frames [m], outboard + i up, by the pins at their ends."""
+
+    J2_J3: complex
+    J5_J4: complex
+    J5_J6: complex
+    J8_J7: complex
+    J8_J9: complex
+    J6_J10: complex
+
+
+def bent_arms(bars: LinkageLengths) -> Arms:
+    """Return the arms of the bent bars."""
+    return Arms(
+        J2_J3=complex(bars.L2b, bars.L2c),
+        J5_J4=np.exp(-1j * bars.alpha3) * complex(-bars.L3b, bars.L3c),
+        J5_J6=elbow(bars),
+        J8_J7=complex(-bars.L5a, bars.L5b),
+        J8_J9=complex(bars.L5c, bars.L5d),
+        J6_J10=complex(bars.L7b, bars.L7c),
+    )
+
+
+class Linear(NamedTuple):
+    """Points as `constant` (n,) + `arms` (n, 7) e [m]."""
+
+    constant: Complex
+    arms: Complex
+
+    def at(self, angles: Array) -> Complex:
+        """Return the points (..., n) [m] at angles (..., 7) [rad]."""
+        return np.asarray(self.constant + np.exp(1j * angles) @ self.arms.T)
+
+    def by_angles(self, angles: Array) -> Complex:
+        """Return the Jacobian (..., n, 7) by the angles [m/rad]."""
+        return np.asarray(1j * np.exp(1j * angles)[..., None, :] * self.arms)
+
+    def centripetal(self, angles: Array, rates: Array) -> Complex:
+        """Return the acceleration (..., n) that the rates (..., 7) alone make [m/s2]."""
+        return np.asarray(-(rates**2 * np.exp(1j * angles)) @ self.arms.T)
+
+
+def pins(bars: LinkageLengths) -> Linear:
+    """Return the ten pins, J4, J7 and J10 by their first bar."""
+    arm = bent_arms(bars)
+    p1, p5, p8 = (complex(*pivot) for pivot in (bars.P1, bars.P5, bars.P8))
+    zero = np.zeros(7)
+    j2 = bars.L1 * T1
+    j3 = j2 + arm.J2_J3 * T2
+    j9 = arm.J8_J9 * T8
+    rows = [zero, j2, j3, j2 + bars.L2a * T2, zero, arm.J5_J6 * T5, j3 + bars.L4 * T3, zero, j9, j9 + bars.L6 * T9]
+    return Linear(np.array([p1, p1, p1, p1, p5, p5, p1, p8, p8, p8]), np.array(rows, complex))
+
+
+def loops(bars: LinkageLengths) -> Linear:
+    """Return what is open at J4, J7 and J10: by the first bar minus by the second."""
+    arm, way = bent_arms(bars), pins(bars)
+    ends = np.array([arm.J5_J4 * T5, arm.J8_J7 * T8, arm.J5_J6 * T5 + arm.J6_J10 * T6])
+    pivots = np.array([complex(*bars.P5), complex(*bars.P8), complex(*bars.P5)])
+    first = [PINS.index(name) for name in ("J4", "J7", "J10")]
+    return Linear(way.constant[first] - pivots, way.arms[first] - ends)
+
+
+def loops_by_lengths(bars: LinkageLengths, angles: Array) -> Complex:
+    """Return the derivatives (..., 3, 3) of the loops by L3b, L5a and L5b, a column each, at fixed angles."""
+    turn = np.exp(1j * angles)
+    by = np.zeros((*angles.shape[:-1], 3, 3), complex)
+    by[..., 0, 0] = np.exp(-1j * bars.alpha3) * turn[..., ANGLES.index("t5")]
+    by[..., 1, 1] = turn[..., ANGLES.index("t8")]
+    by[..., 1, 2] = -1j * turn[..., ANGLES.index("t8")]
+    return by
+
+
+def real_rows(equations: Complex) -> Array:
+    """Return complex equations (..., 3, k) as real ones (..., 6, k)."""
+    return np.concatenate([equations.real, equations.imag], axis=-2)

@@ -1,0 +1,108 @@
+"""The Kinetic Sculpture closed at any crank angle, dyad by dyad."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerobat_description.closure import TURN, remedies
+from aerobat_description.morphology import Morphology
+from aerobat_description.sections import LinkageLengths
+from aerobat_pin.errors import LinkageError, NearSingularWarning, ShapeError
+from aerobat_pin.linkage.arms import ANGLES, bent_arms
+from aerobat_pin.linkage.chain import close
+from aerobat_pin.linkage.closure import DYADS, Closure
+from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
+
+NEAR_SINGULAR = np.radians(15.0)  # transmission angles this near to 0 or 180 deg are warned of [rad]
+
+
+class KineticSculpture:
+    """The linkage of one wing in its (+,+,+) assembly.
+
+    Args:
+        lengths: bar lengths and pivots; those of the default morphology when omitted.
+    """
+
+    def __init__(self, lengths: LinkageLengths | None = None) -> None:
+        """Keep the lengths; `check` tells whether the crank can turn."""
+        self.lengths = lengths if lengths is not None else Morphology.load("aerobat").linkage
+        self._judged = False
+
+    def solve(
+        self, crank_angle: ArrayLike, crank_velocity: ArrayLike = 0.0, crank_acceleration: ArrayLike = 0.0
+    ) -> Closure:
+        """Close the linkage.
+
+        Warns with `NearSingularWarning`, once, where a dyad's two bars come within 15 deg of one line.
+
+        Args:
+            crank_angle: absolute t1 [rad], scalar or any shape.
+            crank_velocity: [rad/s], broadcast against the angle.
+            crank_acceleration: [rad/s2], broadcast against the angle.
+
+        Raises:
+            LinkageError: a dyad cannot close; the message names its pin, the crank angle and what would help.
+            ShapeError: an angle, velocity or acceleration is not finite.
+        """
+        t1, rate, acceleration = np.broadcast_arrays(
+            *(np.asarray(x, float) for x in (crank_angle, crank_velocity, crank_acceleration))
+        )
+        if not (np.all(np.isfinite(t1)) and np.all(np.isfinite(rate)) and np.all(np.isfinite(acceleration))):
+            raise ShapeError("crank angle, velocity and acceleration must be finite")
+        closed = Closure(self.lengths, t1[()], rate[()], acceleration[()], *close(self.lengths, t1))
+        for name in DYADS:
+            if np.any(np.isnan(closed.points[name].at)):
+                raise self._open(closed, name)
+        if not self._judged:
+            self._judge(closed)
+        return closed
+
+    def sensitivity(self, crank_angle: ArrayLike) -> dict[str, Sensitivity]:
+        """Differentiate the closed linkage by the lengths that morphing control changes: L3b, L5a and L5b.
+
+        Args:
+            crank_angle: absolute t1 [rad], scalar or any shape; it is held.
+
+        Raises:
+            LinkageError, ShapeError: as `solve`.
+        """
+        closed = self.solve(crank_angle)
+        return sensitivities(self.lengths, np.stack([closed.angles[name] for name in ANGLES], axis=-1))
+
+    def check(self) -> None:
+        """Raise LinkageError unless the crank can turn through a full circle; warn as `solve` does."""
+        self.solve(TURN)
+        self._judged = True
+
+    def _open(self, closed: Closure, dyad: str) -> LinkageError:
+        """Say which dyad is open, where first, and which lengths would help."""
+        bars, arm = self.lengths, bent_arms(self.lengths)
+        start, end = (np.ravel(closed.points[name].at) for name in DYADS[dyad])
+        first = int(np.argmax(np.isnan(np.ravel(closed.points[dyad].at))))
+        reach = {"J4": (bars.L2a, arm.J5_J4), "J7": (bars.L4, arm.J8_J7), "J10": (bars.L6, arm.J6_J10)}[dyad]
+        crank_angle, span = float(np.ravel(closed.crank_angle)[first]), abs(end[first] - start[first])
+        nearest = remedies(bars, dyad)
+        advice = ", or ".join(
+            f"{bar} = {1e3 * value:.3f} mm instead of {1e3 * getattr(bars, bar):.3f}" for bar, value in nearest.items()
+        )
+        message = (
+            f"the linkage cannot close at {dyad} for a crank angle of {np.degrees(crank_angle):.1f} deg: its bars of "
+            f"{1e3 * abs(reach[0]):.3f} and {1e3 * abs(reach[1]):.3f} mm cannot span {1e3 * span:.3f} mm"
+            + (f"; nearest lengths with which the crank turns, the others as they are: {advice}" if nearest else "")
+        )
+        return LinkageError(message, dyad, crank_angle, nearest)
+
+    def _judge(self, closed: Closure) -> None:
+        """Warn of the worst transmission angle if it is nearly singular, once in the life of this linkage."""
+        if closed.crank_angle.size == 0:
+            return
+        angles = np.array([np.ravel(angle) for angle in closed.transmission.values()])
+        margins = np.minimum(angles, np.pi - angles)
+        pin, k = (int(i) for i in np.unravel_index(np.argmin(margins), margins.shape))
+        if margins[pin, k] < NEAR_SINGULAR:
+            self._judged = True
+            name, crank_angle = list(closed.transmission)[pin], float(np.ravel(closed.crank_angle)[k])
+            warnings.warn(NearSingularWarning(name, float(angles[pin, k]), crank_angle), stacklevel=3)

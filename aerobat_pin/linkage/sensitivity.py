@@ -1,0 +1,51 @@
+"""How the closed linkage answers to its adjustable lengths, by the implicit function theorem on its loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_description.closure import ADJUSTABLE
+from aerobat_description.sections import LinkageLengths
+from aerobat_pin.arrays import Array
+from aerobat_pin.linkage.arms import ANGLES, PINS, loops, loops_by_lengths, pins, real_rows
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of the closed linkage by one length, at a fixed crank angle.
+
+    `theta_s`, `theta_e` and `angles` t1, t2, t3, t5, t6, t8, t9 [rad/m] have the shape of the crank angle, `pins`
+    J1..J10 (..., 2) [m/m] one axis more (outboard, up).
+    """
+
+    theta_s: Array
+    theta_e: Array
+    angles: Mapping[str, Array]
+    pins: Mapping[str, Array]
+
+
+def sensitivities(bars: LinkageLengths, angles: Array) -> dict[str, Sensitivity]:
+    """Differentiate the closed linkage by L3b, L5a and L5b: J dt/dL = -d(open)/dL with t1 held.
+
+    Args:
+        bars: the lengths.
+        angles: (..., 7) closed, in the order of `ANGLES` [rad].
+
+    Returns:
+        Length -> derivatives.
+    """
+    jacobian = real_rows(loops(bars).by_angles(angles))
+    dependent = -np.linalg.solve(jacobian[..., 1:], real_rows(loops_by_lengths(bars, angles)))
+    by_length = np.concatenate([np.zeros_like(dependent[..., :1, :]), dependent], axis=-2)
+    points = pins(bars).by_angles(angles) @ by_length  # no adjustable length lies on a first way to a pin
+    found = {}
+    for i, length in enumerate(ADJUSTABLE):
+        of_angle = {name: by_length[..., k, i] for k, name in enumerate(ANGLES)}
+        of_pin = {
+            name: np.stack([points[..., k, i].real, points[..., k, i].imag], axis=-1) for k, name in enumerate(PINS)
+        }
+        found[length] = Sensitivity(of_angle["t5"], of_angle["t6"] - of_angle["t5"], of_angle, of_pin)
+    return found
