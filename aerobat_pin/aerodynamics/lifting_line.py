@@ -16,17 +16,18 @@ D Gamma = 1/(2S) sum_n n g_n sin(n theta)/sin(theta). At those stations sin(n th
 
 Sources: Boutet & Dimitriadis 2018 (Wagner lifting line); Sihite et al. 2022, arXiv 2207.12353 (state space).
 Attached flow: the model knows no stall. The suction answers to the 3/4-chord velocity alone: exact for plunging and
-flapping, without Garrick's pitch-rate term.
+flapping, without Garrick's pitch-rate term. Sweep moves the points where velocity is taken and force acts; the downwash
+is that of a straight line, as in Prandtl's theory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from aerobat_pin.aerodynamics.planform import FINE, AlongSpan, along_span
 from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ShapeError
 
@@ -48,14 +49,27 @@ class StateSpace:
 class LiftingLine:
     """An unsteady lifting line.
 
-    The state (3N,) is [zeta_1 (N) [m], zeta_2 (N) [m], circulation (N) [m2/s]].
+    The state (3N,) is [zeta_1 (N) [m], zeta_2 (N) [m], circulation (N) [m2/s]]. The wing's axes: x forward, y to the
+    left, z along the normal. `chord` and `quarter_chord` take a length as `planform.along_span` reads it: a number, a
+    function of y, a polyline (stations, values), or a number for each station.
 
     Args:
         span: full span S [m]. A span far larger than the chord gives the two-dimensional limit.
-        chord: one chord [m], one per station (N,), or a function of the spanwise coordinate y [m].
+        chord: [m].
+        quarter_chord: x of the quarter-chord line [m]: where the lift acts.
         strips: number of stations N; even is better than odd.
         lift_slope: two-dimensional lift slope a0 [1/rad].
         air_density: [kg/m3].
+
+    Attributes:
+        y: stations (N,) [m], from the left tip to the right one.
+        chord, semichord: (N,) [m].
+        quarter_chord, mid_chord, three_quarter_chord: their x (N,) [m].
+        width: what each station stands for in an integral along the span (N,) [m].
+        added_mass: of the air that a section drags along, pi rho b^2 per span (N,) [kg/m]: the force per span along the
+            normal, at mid-chord, is minus this times the rate of the normal velocity there.
+        area: of the planform [m2].
+        downwash: the operator D (N, N) [1/m]; `centre_downwash` (N,) its row at the root.
 
     Raises:
         ShapeError: span, chord, strips or density are not finite and positive, or the shapes do not fit.
@@ -64,14 +78,15 @@ class LiftingLine:
     def __init__(
         self,
         span: float,
-        chord: float | ArrayLike | Callable[[Array], ArrayLike],
+        chord: AlongSpan,
         *,
+        quarter_chord: AlongSpan = 0.0,
         strips: int = 16,
         lift_slope: float = 2.0 * np.pi,
         air_density: float = 1.225,
     ) -> None:
         """Place the stations and build the downwash operator."""
-        if strips < 1 or strips != int(strips):
+        if not (np.isfinite(strips) and strips >= 1 and strips == int(strips)):
             raise ShapeError(f"strips = {strips}: a whole number, at least one, was expected")
         for name, value, unit in (
             ("span", span, "m"),
@@ -87,13 +102,18 @@ class LiftingLine:
         n = np.arange(1, strips + 1)
         self.theta = n * np.pi / (strips + 1)
         self.y = 0.5 * span * np.cos(self.theta)
-        values = np.asarray(chord(self.y) if callable(chord) else chord, float)
-        if values.shape not in ((), (strips,)):
-            raise ShapeError(f"chord has shape {values.shape}: one number or {strips} numbers were expected")
-        self.chord = np.array(np.broadcast_to(values, (strips,)))
-        if not (np.all(np.isfinite(self.chord)) and np.all(self.chord > 0.0)):
-            raise ShapeError("chord: finite positive lengths in metres were expected at every station")
+        shape, self.chord = along_span(chord, self.y, self.span, "chord")
+        _, self.quarter_chord = along_span(quarter_chord, self.y, self.span, "quarter_chord")
+        fine = (np.arange(FINE) + 0.5) * np.pi / FINE
+        chords = shape(0.5 * span * np.cos(fine))
+        if np.any(self.chord <= 0.0) or np.any(chords < 0.0):
+            least = min(self.chord.min(), chords.min())
+            raise ShapeError(f"chord = {least:g}: positive lengths in metres were expected between the tips")
+        self.area = float(chords @ np.sin(fine)) * 0.5 * self.span * np.pi / FINE
         self.semichord = self.chord / 2.0
+        self.mid_chord = self.quarter_chord - 0.25 * self.chord
+        self.three_quarter_chord = self.quarter_chord - 0.5 * self.chord
+        self.added_mass = np.pi * self.air_density * self.semichord**2
         # Quadrature along the span: exact for every sin(n theta) that the stations resolve.
         self.width = 0.5 * span * np.sin(self.theta) * np.pi / (strips + 1)
         sines = np.sin(np.outer(self.theta, n))
@@ -139,9 +159,7 @@ class LiftingLine:
             ShapeError: the airspeed is negative or not finite.
         """
         n = self.strips
-        speed = np.broadcast_to(np.asarray(airspeed, float), (n,))
-        if not np.all(speed >= 0.0) or not np.all(np.isfinite(speed)):
-            raise ShapeError(f"airspeed = {speed}: finite numbers in m/s, not negative, were expected")
+        speed = self._airspeed(airspeed)
         rate, eye, zero = speed / self.semichord, np.eye(n), np.zeros((n, n))
         lags = [np.diag(psi * eps * rate) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)]
         gain = np.diag(0.5 * self.lift_slope * speed)
@@ -161,7 +179,104 @@ class LiftingLine:
         )
 
     def steady_circulation(self, normal_velocity: ArrayLike) -> Array:
-        """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), whatever the airspeed."""
+        """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), whatever the airspeed.
+
+        Raises:
+            ShapeError: the normal velocity is not finite, or neither one number nor (N,).
+        """
         slope = self.lift_slope * self.semichord
-        w_n = np.broadcast_to(np.asarray(normal_velocity, float), (self.strips,))
+        w_n = self._each(normal_velocity, "normal_velocity", "m/s")
         return np.asarray(np.linalg.solve(np.eye(self.strips) + slope[:, None] * self.downwash, slope * w_n))
+
+    def steady_coefficients(self, incidence: ArrayLike) -> tuple[float, float]:
+        """Return CL and the induced CDi of steady flow, after Prandtl, on the planform's area.
+
+        Args:
+            incidence: small, one number or (N,) [rad].
+
+        Raises:
+            ShapeError: the incidence is not finite, or neither one number nor (N,).
+        """
+        circulation = self.steady_circulation(self._each(incidence, "incidence", "rad"))  # at unit airspeed
+        drag = self.width @ (circulation * (self.downwash @ circulation))
+        return 2.0 * float(self.width @ circulation) / self.area, 2.0 * float(drag) / self.area
+
+    def frequency_response(
+        self, frequency: ArrayLike, airspeed: ArrayLike, normal_velocity: ArrayLike = 1.0
+    ) -> NDArray[np.complex128]:
+        """Return the lift per span [N/m] that a harmonic normal velocity raises, as complex amplitudes.
+
+        At rate i w the circulation is Gamma = G (w_n - D Gamma), G = (a0 U/2) C / (i w + U/c), with Jones's lag
+        C = Phi0 + sum_k Psi_k eps_k (U/b)/(i w + eps_k U/b). The reduced frequency is k = w b/U.
+
+        Args:
+            frequency: w, any shape (...) [rad/s], not negative.
+            airspeed: one number or (N,) [m/s], not negative.
+            normal_velocity: amplitude at the 3/4 chord, one number or (N,) [m/s].
+
+        Returns:
+            Amplitudes (..., N), in phase with the normal velocity where real.
+
+        Raises:
+            ShapeError: a number is negative or not finite, or a shape does not fit.
+        """
+        omega = np.asarray(frequency, float)
+        if not (np.all(np.isfinite(omega)) and np.all(omega >= 0.0)):
+            raise ShapeError("frequency: finite numbers in rad/s, not negative, were expected")
+        speed, w_n = self._airspeed(airspeed), self._each(normal_velocity, "normal_velocity", "m/s")
+        rate, s = speed / self.semichord, 1j * omega[..., None]
+        lag = PHI0 + sum(
+            psi * _ratio(eps * rate, s + eps * rate) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)
+        )
+        gain = self.lift_slope * self.semichord * lag * _ratio(0.5 * rate, s + 0.5 * rate)
+        w = np.linalg.solve(np.eye(self.strips) + self.downwash * gain[..., None, :], w_n[:, None])[..., 0]
+        return np.asarray(self.lift_slope * self.air_density * self.semichord * speed * lag * w)
+
+    def step_response(self, time: ArrayLike, airspeed: ArrayLike, normal_velocity: ArrayLike) -> Array:
+        """Return the lift per span (T, N) [N/m] after the normal velocity jumps from zero to a constant; exact.
+
+        Args:
+            time: since the jump, (T,) [s], not negative, not falling.
+            airspeed: one number or (N,) [m/s], not negative.
+            normal_velocity: after the jump, one number or (N,) [m/s].
+
+        Raises:
+            ShapeError: the time falls or is negative, a number is not finite, or a shape does not fit.
+        """
+        from scipy.linalg import expm  # takes as long to import as all the rest
+
+        instants = np.asarray(time, float)
+        steps = np.diff(instants, prepend=0.0) if instants.ndim == 1 else np.array([np.nan])
+        if not (np.all(np.isfinite(steps)) and np.all(steps >= 0.0)):
+            raise ShapeError("time: a list of finite seconds since the step, not falling, was expected")
+        w_n = self._each(normal_velocity, "normal_velocity", "m/s")
+        system = self.state_space(airspeed)
+        # The constant input as one more state: nothing to invert, so that air at rest is no exception.
+        whole = np.zeros((3 * self.strips + 1,) * 2)
+        whole[:-1, :-1], whole[:-1, -1] = system.A, system.B @ w_n
+        state, lift = np.append(np.zeros(3 * self.strips), 1.0), np.empty((len(steps), self.strips))
+        for k, step in enumerate(steps):
+            state = expm(whole * step) @ state
+            lift[k] = system.C @ state[:-1] + system.D @ w_n
+        return lift
+
+    def _airspeed(self, airspeed: ArrayLike) -> Array:
+        """Return the airspeed of each strip (N,), checked."""
+        speed = self._each(airspeed, "airspeed", "m/s")
+        if np.any(speed < 0.0):
+            raise ShapeError(f"airspeed = {speed.min():g}: not negative was expected; flow from behind is not modelled")
+        return speed
+
+    def _each(self, values: ArrayLike, name: str, unit: str) -> Array:
+        """Return one number, or one for each strip, as (N,), checked."""
+        array = np.asarray(values, float)
+        if array.shape not in ((), (self.strips,)):
+            raise ShapeError(f"{name} has shape {array.shape}: one number or {self.strips} numbers were expected")
+        if not np.all(np.isfinite(array)):
+            raise ShapeError(f"{name} = {array}: finite numbers in {unit} were expected")
+        return np.broadcast_to(array, (self.strips,))
+
+
+def _ratio(part: Array, whole: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return part over whole, zero where the part is: air at rest."""
+    return np.divide(part, whole, out=np.zeros(whole.shape, complex), where=part > 0.0)

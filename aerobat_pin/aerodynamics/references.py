@@ -1,0 +1,112 @@
+"""What a lifting line answers to: closed forms of the classics, and numbers of an unsteady vortex lattice.
+
+Small angles, lift slope 2 pi. s is the distance flown in semichords, k = w b/U the reduced frequency. Nothing else in
+the package needs this module: tests and documents do.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import quad
+from scipy.special import hankel2, i0, i1, k0, k1
+
+from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI
+from aerobat_pin.arrays import Array
+
+# CL at s of a rectangular wing of aspect ratio 4 after an impulsive start at 5 deg, by an unsteady vortex lattice.
+LATTICE_START = {0.25: 0.2476, 1.0: 0.2701, 2.0: 0.2894, 5.0: 0.3153, 10.0: 0.3270}
+
+
+class FlapLoads(NamedTuple):
+    """Lift and thrust of a flapping wing over a cycle [N]."""
+
+    lift_rms: float
+    lift_max: float
+    thrust_mean: float
+
+
+# A rectangular wing, span 0.40 m, chord 0.10 m, that flaps 30 deg to both sides about its root at 5 Hz and flies level
+# at 4 m/s in air of 1.225 kg/m3, by PteraSoftware 5.1.0 (192 panels).
+LATTICE_FLAP = FlapLoads(lift_rms=0.3526, lift_max=0.529, thrust_mean=0.0636)
+
+
+def wagner(s: float) -> float:
+    """Return Wagner's function (1925): lift after a step, over its final value.
+
+    It is Theodorsen's function inverted by Laplace along its branch cut; to 1e-6 for s up to 100.
+    """
+
+    def decay(x: float) -> float:
+        return float(np.exp(-s * x) / x**2 / ((k0(x) - k1(x)) ** 2 + (np.pi * (i0(x) + i1(x))) ** 2))
+
+    pieces = ((0.0, 0.01), (0.01, 1.0), (1.0, 20.0))
+    return 1.0 - sum(float(quad(decay, *piece, epsabs=1e-10)[0]) for piece in pieces)
+
+
+def jones(s: ArrayLike) -> Array:
+    """Return R. T. Jones's fit (1938) of Wagner's function."""
+    x = np.asarray(s, float)
+    return np.asarray(1.0 - sum(psi * np.exp(-eps * x) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)))
+
+
+def theodorsen(k: ArrayLike) -> NDArray[np.complex128]:
+    """Return Theodorsen's function C(k) (1935): harmonic lift over its quasi-steady value, for e^(i w t), k > 0."""
+    return np.asarray(hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k)))
+
+
+def jones_harmonic(k: ArrayLike) -> NDArray[np.complex128]:
+    """Return C(k) as it follows from R. T. Jones's fit."""
+    s = 1j * np.asarray(k, float)
+    return np.asarray(1.0 - sum(psi * s / (s + eps) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)))
+
+
+class Plunge(NamedTuple):
+    """A plunging section: lift amplitude without and with added mass, mean thrust [N/m], propulsive efficiency."""
+
+    circulatory: float
+    lift: float
+    thrust: float
+    efficiency: float
+
+
+def plunge(amplitude: float, frequency: float, airspeed: float, chord: float, air_density: float) -> Plunge:
+    """Return lift after Theodorsen (1935), thrust and efficiency after Garrick (1936), of a plunging flat plate.
+
+    L = 2 pi rho U b h w |C|, with added mass |C + i k/2|; T = pi rho b (h w |C|)^2; efficiency |C|^2 / Re C.
+
+    Args:
+        amplitude: h [m].
+        frequency: w / (2 pi) [Hz].
+        airspeed: U [m/s].
+        chord: 2 b [m].
+        air_density: rho [kg/m3].
+    """
+    omega, semichord = 2.0 * np.pi * frequency, chord / 2.0
+    k, speed = omega * semichord / airspeed, amplitude * omega
+    lag = complex(theodorsen(k))
+    quasi_steady = 2.0 * np.pi * air_density * airspeed * semichord * speed
+    thrust = np.pi * air_density * semichord * (abs(lag) * speed) ** 2
+    return Plunge(quasi_steady * abs(lag), quasi_steady * abs(lag + 0.5j * k), float(thrust), abs(lag) ** 2 / lag.real)
+
+
+def elliptic(aspect_ratio: float, incidence: float) -> tuple[float, float]:
+    """Return CL and CDi of an elliptic wing after Prandtl: CL = 2 pi a / (1 + 2/AR), CDi = CL^2 / (pi AR); [rad]."""
+    lift = 2.0 * np.pi * incidence / (1.0 + 2.0 / aspect_ratio)
+    return lift, lift**2 / (np.pi * aspect_ratio)
+
+
+def rectangular(aspect_ratio: float, incidence: float) -> tuple[float, float]:
+    """Return CL and CDi of a rectangular wing at an incidence [rad]: Glauert's series (1926), 60 odd terms.
+
+    Gamma = 2 S U sum_n A_n sin(n theta), mu = 2 pi c/(4 S): sum_n A_n sin(n theta) (n mu/sin(theta) + 1) = mu a, asked
+    for midway between the angles that a `LiftingLine` uses; CL = pi AR A_1, CDi = pi AR sum_n n A_n^2.
+    """
+    terms = np.arange(1, 120, 2)
+    theta = (np.arange(len(terms)) + 0.5) * np.pi / (2 * len(terms))
+    mu = 2.0 * np.pi / (4.0 * aspect_ratio)
+    matrix = np.sin(np.outer(theta, terms)) * (terms * mu / np.sin(theta)[:, None] + 1.0)
+    series = np.linalg.solve(matrix, np.full(len(terms), mu * incidence))
+    return float(np.pi * aspect_ratio * series[0]), float(np.pi * aspect_ratio * (terms @ series**2))
