@@ -20,25 +20,34 @@ from aerobat_pin.arrays import Array, checked
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.jit import addresses, check_views, lock, motions, placements
 from aerobat_pin.observers import kernels
-from aerobat_pin.observers.force_points import ROWS, ForcePoints, Identifiability, Rows
+from aerobat_pin.observers.applications import Application, Applications
+from aerobat_pin.observers.filters import FIRST_ORDER
+from aerobat_pin.observers.identifiability import Identifiability, judge
 from aerobat_pin.observers.kernels import update
+from aerobat_pin.observers.rows import Believed, Rows, Tie
+from aerobat_pin.observers.store import new_store
 
 DEFAULT_GAIN = 1000.0  # [1/s]
 
 
 class Sample:
-    """One estimate: forces (n, 3) [N] in world axes at the frames, and the generalised residual (nv,)."""
+    """One estimate: the unknown components and the generalised residual of an interval."""
 
     __slots__ = ("_nv", "_values")
 
     def __init__(self, values: Array, nv: int) -> None:
-        """Keep residual and forces, one after the other (nv + 3n,)."""
+        """Keep residual and components, one after the other (nv + c,)."""
         self._values, self._nv = values, nv
 
     @property
     def force(self) -> Array:
-        """Forces (n, 3) [N] in world axes."""
+        """Forces (n, 3) [N] in world axes, where that is what acts (see `Estimate.force`)."""
         return self._values[self._nv :].reshape(-1, 3)
+
+    @property
+    def components(self) -> Array:
+        """All components (c,) in the order of the applications."""
+        return self._values[self._nv :]
 
     @property
     def residual(self) -> Array:
@@ -53,85 +62,107 @@ class Estimate:
     Attributes:
         observer: name of the observer.
         gain: its gain [1/s].
-        frames: names of the n frames the forces act at.
+        rows: which rows of the residual it believed, or the name of a tie.
+        frames: names of the n frames at which something acts.
         time: (m + 1,) sample times [s].
-        force: (m, n, 3) [N] in world axes.
+        components: (m, c) [N or N m]; their labels are `identifiability.components`.
         residual: (m, nv) estimated generalised force.
         identifiability: what could be known at all.
+        standard_deviation: (m, c) of the components, where the observer knows its own.
     """
 
     observer: str
     gain: Array
+    rows: str
     frames: tuple[str, ...]
     time: Array
-    force: Array
+    components: Array
     residual: Array
     identifiability: Identifiability
+    standard_deviation: Array | None = None
+
+    @property
+    def force(self) -> Array:
+        """Forces (m, n, 3) [N] in world axes.
+
+        Raises:
+            ObserverError: something else than forces in world axes acts; look at `component`.
+        """
+        if any(name[-3:] not in (".Fx", ".Fy", ".Fz") for name in self.identifiability.components):
+            raise ObserverError("not all components are forces in world axes: read them by `component`")
+        return self.components.reshape(len(self.components), -1, 3)
+
+    def component(self, label: str) -> Array:
+        """Return one component (m,) [N or N m] by its label, such as `tool.Mz`. Raises ObserverError listing them."""
+        labels = self.identifiability.components
+        if label not in labels:
+            raise ObserverError(f"no component '{label}'; there are {', '.join(labels)}")
+        return self.components[:, labels.index(label)]
 
 
 class Observer:
-    """A first-order momentum observer of forces at given frames.
+    """A momentum observer of what acts at given frames.
 
     Args:
         model: any model, free-flyer or fixed base.
-        frames: names of the frames at which the unknown forces act; none for the generalised residual alone.
-        gain: K [1/s], one number or one per filtered quantity.
+        applications: frames at whose origins unknown forces act, or `Application`s: a wrench, a force along a line, in
+            world or frame axes. None for the generalised residual alone.
+        gain: K [1/s]: one number, one per filtered quantity, or a symmetric positive definite matrix of them.
         rows: which rows of the generalised residual to believe when looking for forces: `"all"`; `"base"` where no
-            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known.
-            `force_level` then takes any `tau` with the right power v . tau; `momentum` filters the rows before it
-            combines them, and keeps a part of what `tau` has wrong (2 % at 1000 1/s on a flapping wing).
+            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known; or a
+            `Tie`. An observer that projects first then takes any `tau` with the right power v . tau; `momentum`
+            filters the rows before it combines them, and keeps a part of what `tau` has wrong (2 % at 1000 1/s on a
+            flapping wing).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: rows other than `"all"` without a free-flyer base, or a gain that is not finite and positive or
-            has the wrong length.
+        ObserverError: rows that the model does not have, or a gain that is not finite and positive or does not fit.
     """
 
     name: ClassVar[str]
-    project_first: ClassVar[bool]
+    project_first: ClassVar[bool] = True
+    kind: ClassVar[int] = FIRST_ORDER
+    slope: float = 0.0  # [N/s], of the filters that have one
 
     def __init__(
-        self, model: pin.Model, frames: Sequence[str] = (), gain: ArrayLike = DEFAULT_GAIN, rows: Rows = "all"
+        self,
+        model: pin.Model,
+        applications: Sequence[str | Application] = (),
+        gain: ArrayLike = DEFAULT_GAIN,
+        rows: Rows | Tie = "all",
     ) -> None:
         """Prepare the filter; `reset` starts it."""
-        if self.project_first and not frames:
+        if self.project_first and not applications:
             raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
         self.model, self.data = model, model.createData()
-        self.points = ForcePoints(model, frames)
+        self.applications = Applications(model, applications)
+        self.believed = Believed(model, rows)
+        count, nv = len(self.applications.components), int(model.nv)
         self.gain = np.array(gain, float)
-        n, nv = len(self.points.frames), int(model.nv)
-        size = 3 * n if self.project_first else nv
-        if self.gain.shape not in ((), (size,)):
-            raise ObserverError(f"gain of shape {self.gain.shape}: one number or {size} numbers were expected")
-        if not (np.all(np.isfinite(self.gain)) and np.all(self.gain > 0.0)):
-            raise ObserverError(f"gain = {self.gain}: a finite positive gain in 1/s was expected")
+        gains, basis = _modes(self.gain, count if self.project_first else nv)
         data = self.data
         oMi = placements(data.oMi)
         check_views(model, data, oMi, placements(data.liMi), motions(data.v))
-        points = self.points
-        gains = np.broadcast_to(self.gain, (size,))
-        if rows not in ROWS or (rows != "all" and not points.floating):
-            raise ObserverError(f"rows = {rows!r}: one of {', '.join(ROWS)}; all on a fixed base")
-        self.rows = rows
         places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
-        self._store = kernels.new_store(
+        self._store = new_store(
             places,
             gains,
-            points.weight,
-            points.table,
-            points.support,
+            basis,
+            (self.believed.weight, self.believed.metric, self.believed.number),
+            self.applications.table,
+            self.applications.support,
             project_first=self.project_first,
-            rows=ROWS.index(rows),
+            kind=self.kind,
+            slope=self.slope,
         )
-        self._width, self._nv = nv + 3 * n, nv
-        # From here on other arguments than arrays of doubles raise, instead of compiling the kernel once more for them.
-        lock(update, self._store, np.zeros(nv), np.zeros(nv), 1.0, np.zeros(self._width))
+        self._width, self._nv = nv + count, nv
+        self._update: Any = update
         self._time = float("nan")
         self._latest = Sample(np.zeros(self._width), nv)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
-        return type(self), (self.model, self.points.frames, self.gain, self.rows)
+        return type(self), (self.model, self.applications.given, self.gain, self.believed.rows)
 
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
         """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
@@ -140,10 +171,12 @@ class Observer:
             ShapeError: an array does not fit the model or is not finite.
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
+        # Compiled for streams alone, and from here on for arrays of doubles alone: others raise.
+        lock(self._update, self._store.copy(), v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
-        kernels.start(self._store, v)
+        self._start(v)
         self._time = float(time)
-        self._latest = Sample(np.zeros(self._width), self._nv)
+        self._latest = self._sample(np.zeros(self._width))
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
@@ -179,16 +212,16 @@ class Observer:
             crba(model, data, q)
             computeCoriolisMatrix(model, data, q, v)
             computeGeneralizedGravity(model, data, q)
-            good = update(self._store, v, u, dt, out)  # type: ignore[arg-type]
+            good = self._update(self._store, v, u, dt, out)
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
         if not good:
             q, v, u = self._checked(q, v, tau, known or {})
             _compute(model, data, q, v)
-            if not update(self._store, v, u, dt, out):
+            if not self._update(self._store, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
-        self._latest = latest = Sample(out, self._nv)
+        self._latest = latest = self._sample(out)
         return latest
 
     def run(
@@ -219,27 +252,47 @@ class Observer:
             at = int(np.argmin(np.diff(time) >= 0.0))
             self._time = time[at]
             self._refuse_time(time[at + 1])
-        model, data, collect = self.model, self.data, kernels.collect
+        return self._estimate(time, *self._run(time, q, v, u, known or {}))
+
+    def _sample(self, out: Array) -> Sample:
+        """Name the parts of a result."""
+        return Sample(out, self._nv)
+
+    def _start(self, v: Array) -> None:
+        """Start the filter at a sample that Pinocchio has just computed."""
+        kernels.start(self._store, v)
+
+    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        """Filter a checked record; return results (m, width) and what the samples left behind."""
         store = self._store.copy()  # a stream that is under way goes on undisturbed
-        memory = np.empty((count + 1, 3 + 3 * len(self.points.frames), nv))
+        memory = np.empty((len(time), 3 + self._width - self._nv, self._nv))
+        model, data, collect = self.model, self.data, kernels.collect
         for k, (one_q, one_v) in enumerate(zip(list(q), list(v), strict=True)):
             crba(model, data, one_q)
             computeCoriolisMatrix(model, data, one_q, one_v)
             computeGeneralizedGravity(model, data, one_q)
             collect(store, v, k, memory)
-        out = np.empty((count, self._width))
-        bad = kernels.observe_all(memory, time, u, store, out)
-        if bad >= 0:
-            raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
+        out = np.empty((len(u), self._width))
+        self._refuse_huge(kernels.observe_all(memory, time, u, store, out), time)
+        return out, memory
+
+    def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
+        """Name the parts of a record's results."""
+        end = self._nv + len(self.applications.components)
         return Estimate(
             observer=self.name,
             gain=self.gain.copy(),
-            frames=self.points.frames,
+            rows=self.believed.name,
+            frames=self.applications.frames,
             time=time,
-            force=out[:, nv:].reshape(count, -1, 3),
-            residual=out[:, :nv],
-            identifiability=self.points.identifiability(memory[:, 3:], memory[:, 2], self.rows),
+            components=out[:, self._nv : end],
+            residual=out[:, : self._nv],
+            identifiability=judge(self.applications, memory[:, 3 : 3 + end - self._nv], memory[:, 2], self.believed),
         )
+
+    def _refuse_huge(self, bad: int, time: Array) -> None:
+        if bad >= 0:
+            raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
 
     def _checked(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike]
@@ -254,6 +307,25 @@ class Observer:
         if np.isnan(self._time):
             raise ObserverError("reset(q, v) must come before the first update")
         raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
+
+
+def _modes(gain: Array, size: int) -> tuple[Array, Array]:
+    """Return gains (size,) and the orthonormal basis (size, size) they belong to, empty for the filtered quantities'.
+
+    Raises ObserverError for a gain that does not fit, or that would not settle.
+    """
+    if gain.shape not in ((), (size,), (size, size)):
+        raise ObserverError(
+            f"gain of shape {gain.shape}: one number, {size} numbers or a matrix of {size} x {size} were expected"
+        )
+    gains, basis = gain, np.zeros((0, 0))
+    if gain.ndim == 2 and np.all(np.isfinite(gain)):
+        if not np.allclose(gain, gain.T, rtol=1e-9, atol=0.0):
+            raise ObserverError("gain matrix: a symmetric one was expected")
+        gains, basis = np.linalg.eigh(gain)
+    if not (np.all(np.isfinite(gains)) and np.all(gains > 0.0)):
+        raise ObserverError(f"gain = {gain}: a finite positive gain in 1/s was expected")
+    return np.array(np.broadcast_to(gains, (size,))), basis
 
 
 def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:

@@ -1,0 +1,123 @@
+"""Where unknown forces are taken to act: frames, and what may act at each.
+
+Every unknown is a component: a unit force or moment at a frame's origin, in world or in frame axes. Component i with
+force direction d and moment direction m, in world axes at the point P, is the wrench (d, m + P x d) at the world's
+origin, and its row of the Jacobian is that wrench times Pinocchio's world Jacobian of the joint that carries it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from aerobat_pin.arrays import Array
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.frames import frame_id
+from aerobat_pin.observers.rows import MOMENT_ARM
+
+
+@dataclass(frozen=True)
+class Application:
+    """A frame at whose origin something unknown acts.
+
+    Attributes:
+        frame: name of the frame.
+        kind: `force`, three components; or `wrench`, force then moment about the frame's origin, six.
+        axes: in which the components are given, `world` or those of the `frame`.
+        direction: the force acts along this line alone, one component; it need not be a unit vector.
+    """
+
+    frame: str
+    kind: Literal["force", "wrench"] = "force"
+    axes: Literal["world", "frame"] = "world"
+    direction: tuple[float, float, float] | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the components, such as `tool.Fx`."""
+        if self.direction is not None:
+            return (f"{self.frame}.along",)
+        names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")[: 6 if self.kind == "wrench" else 3]
+        mark = "" if self.axes == "world" else "'"
+        return tuple(f"{self.frame}.{name}{mark}" for name in names)
+
+    @property
+    def directions(self) -> Array:
+        """(k, 6) force and moment directions of the components, in `axes`."""
+        if self.direction is not None:
+            along = np.array(self.direction, float)
+            size = float(np.linalg.norm(along)) if along.shape == (3,) else 0.0
+            if self.kind != "force" or not (np.isfinite(size) and size > 0.0):
+                raise ObserverError(
+                    f"application at '{self.frame}': a force along three finite numbers, not all zero, was expected"
+                )
+            return np.concatenate([along / size, np.zeros(3)])[None]
+        return np.eye(6)[: 6 if self.kind == "wrench" else 3]
+
+
+class Applications:
+    """All the applications of an observer.
+
+    Args:
+        model: any model.
+        applications: applications, or names of frames at whose origins a force acts.
+
+    Raises:
+        FrameNotFoundError: a frame is not in the model.
+        ObserverError: a frame is named twice, is fixed to the world, or its direction is none.
+
+    Attributes:
+        frames: (n,) names of the frames.
+        components: (c,) labels of the components.
+        table: (c, 11) joint, place x, y, z in its frame, directions (6), whether these turn with the joint's frame.
+        support: (c, nv) 1 where a velocity moves the frame.
+        scale: (c,) 1 for forces; for moments what is a moment of 1 N at `MOMENT_ARM` [m].
+    """
+
+    def __init__(self, model: pin.Model, applications: Sequence[str | Application]) -> None:
+        """Look the frames up and lay the components out."""
+        self.model = model
+        self.given = tuple(Application(one) if isinstance(one, str) else one for one in applications)
+        self.frames = tuple(one.frame for one in self.given)
+        if len(set(self.frames)) != len(self.frames):
+            raise ObserverError(f"force frames {list(self.frames)}: different names were expected")
+        self.components = tuple(label for one in self.given for label in one.labels)
+        rows, support = [], []
+        for one in self.given:
+            frame = model.frames[frame_id(model, one.frame)]
+            if frame.parentJoint == 0:
+                raise ObserverError(f"force frame '{frame.name}' is fixed to the world: a force there moves nothing")
+            moves = np.zeros(model.nv)
+            joint = int(frame.parentJoint)
+            while joint > 0:
+                start = model.joints[joint].idx_v
+                moves[start : start + model.joints[joint].nv] = 1.0
+                joint = int(model.parents[joint])
+            R = frame.placement.rotation if one.axes == "frame" else np.eye(3)
+            for both in one.directions:
+                turned = (*(R @ both[:3]), *(R @ both[3:]))
+                rows.append([frame.parentJoint, *frame.placement.translation, *turned, one.axes == "frame"])
+                support.append(moves)
+        self.table: Array = np.array(rows, float).reshape(-1, 11)
+        self.support: Array = np.array(support).reshape(-1, model.nv)
+        self.scale = np.where(np.any(self.table[:, 7:10] != 0.0, axis=1), MOMENT_ARM, 1.0)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Return J (c, nv) at a configuration (nq,): the components f make the generalised force J^T f."""
+        model, data = self.model, self.model.createData()
+        blocks = [np.zeros((0, model.nv))]
+        for one in self.given:
+            axes = pin.ReferenceFrame.LOCAL if one.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            frame = pin.computeFrameJacobian(model, data, np.asarray(q, float), frame_id(model, one.frame), axes)
+            blocks.append(one.directions @ frame)
+        return np.concatenate(blocks)
+
+    @property
+    def are_world_forces(self) -> bool:
+        """Whether the components are n forces in world axes, three each."""
+        return all(one.kind == "force" and one.axes == "world" and one.direction is None for one in self.given)
