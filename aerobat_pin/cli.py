@@ -5,10 +5,15 @@ from __future__ import annotations
 import gc
 import signal
 import sys
+import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
+
+from aerobat_pin import cli_estimate, cli_sweep
+from aerobat_pin.cli_play import play
+from aerobat_pin.cli_show import print_table, progress
 
 app = typer.Typer(
     name="aerobat",
@@ -46,7 +51,7 @@ def run(
         chosen.append(f"observers.names=[{quoted}]")
     loaded = load_scenario(scenario, chosen)
     target = out if out is not None else Path("runs") / loaded.name
-    with output_folder(target, force=force) as folder, _progress() as show:
+    with output_folder(target, force=force) as folder, progress() as show:
         made = experiment.run(loaded, show)
         experiment.write(made, folder)
         if not no_report:
@@ -54,10 +59,14 @@ def run(
 
             gallery.draw(made, folder, show)
         written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    _print_table(made.metrics)
+    print_table(made.metrics)
     typer.echo(f"\nresults in {target}/")
     for path in written:
         typer.echo(f"  {target / path}")
+
+
+app.command()(cli_estimate.estimate)
+app.command()(cli_sweep.sweep)
 
 
 @app.command()
@@ -95,6 +104,69 @@ def trim(
 
 
 @app.command()
+def urdf(
+    morphology: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")] = "aerobat",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="URDF file; SRDF and meshes go beside it. Else it is printed.")
+    ] = None,
+    meshes: Annotated[
+        Literal["package", "relative", "absolute"], typer.Option(help="How the URDF names its meshes.")
+    ] = "package",
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+) -> None:
+    """Turn a morphology into URDF, SRDF and meshes for other tools."""
+    from aerobat_description.export import export, shipped_urdf
+    from aerobat_pin.errors import OutputError
+    from aerobat_pin.output import check_file, write_files
+    from aerobat_pin.robot import load_morphology
+
+    robot = load_morphology(morphology)
+    if output is None:
+        text = shipped_urdf(robot, meshes)
+        if text is None:
+            raise OutputError(f"robot {robot.name}: its meshes must be written somewhere; give --output FILE")
+        typer.echo(text, nl=False)
+        return
+    contents = export(robot, output, meshes)
+    check_file(output, force=force)
+    for path in contents:
+        if path.exists():
+            check_file(path, force=force)
+    write_files(contents)
+    typer.echo(f"written {output} and, beside it, {len(contents) - 1} files it needs:")
+    for path in contents:
+        if path != output.absolute():
+            typer.echo(f"  {path}")
+
+
+@app.command()
+def linkage(
+    morphology: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")] = "aerobat",
+    out: Annotated[
+        Path | None, typer.Option(help="Picture (.png, .pdf, .svg) or folder for one; default runs/linkage.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+) -> None:
+    """Draw the linkage over a turn of its crank, and print how far its joints and transmission angles go."""
+    from aerobat_pin import linkage_sheet, style
+    from aerobat_pin.linkage import KineticSculpture
+    from aerobat_pin.output import picture_files, write_files
+    from aerobat_pin.robot import load_morphology
+
+    shape = load_morphology(morphology)
+    files = picture_files(out if out is not None else Path("runs") / "linkage", shape.name, force=force)
+    mechanism = KineticSculpture(shape.linkage)
+    mechanism.check()
+    figure = linkage_sheet.draw(mechanism)
+    write_files({file: style.rendered(figure, file.suffix[1:].lower()) for file in files})
+    typer.echo(linkage_sheet.table(mechanism))
+    typer.echo(f"drawn to {', '.join(str(file) for file in files)}")
+
+
+app.command()(play)
+
+
+@app.command()
 def doctor() -> None:
     """Examine the installation: what is there, and what to do about what is not."""
     from aerobat_pin.doctor import check
@@ -105,16 +177,26 @@ def doctor() -> None:
     raise typer.Exit(0 if all(one.ok for one in findings) else 1)
 
 
+@app.command()
+def describe(what: Annotated[Literal["scenario"], typer.Argument(help="What to describe.")]) -> None:
+    """Print every key of a scenario file: type, unit, default and meaning."""
+    from aerobat_pin.describe import describe_scenario
+
+    typer.echo({"scenario": describe_scenario}[what](), nl=False)
+
+
 @app.command("list")
 def list_shipped() -> None:
-    """List the shipped scenarios, morphologies and observers."""
+    """List the shipped scenarios, sweeps, morphologies and observers."""
     from aerobat_description import MORPHOLOGIES
     from aerobat_description.morphology import Morphology
     from aerobat_pin.observers import OBSERVERS
     from aerobat_pin.scenario import shipped_scenarios
+    from aerobat_pin.sweep import shipped_sweeps
 
     sections = {
         "scenarios": shipped_scenarios(),
+        "sweeps": shipped_sweeps(),
         "morphologies": {name: Morphology.load(name).description for name in MORPHOLOGIES},
         "observers": {name: (kind.__doc__ or "").splitlines()[0] for name, kind in OBSERVERS.items()},
     }
@@ -128,6 +210,7 @@ def main() -> None:
     """Run the command line; every mistake of the caller's ends in one message and exit code 2."""
     from aerobat_pin.errors import AerobatError
 
+    warnings.showwarning = _show_warning
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when whoever reads our output goes away
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # leave as tidily as on Ctrl-C
     try:
@@ -139,50 +222,16 @@ def main() -> None:
         gc.freeze()  # or Python would search every library for garbage on its way out: a quarter of a second
 
 
-def _progress() -> Any:
-    """Return a context that shows progress on a terminal and stays silent elsewhere."""
-    from contextlib import nullcontext
+def _show_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
+    """Say what our own warnings say; where in the code any other one arose matters more to a developer."""
+    from aerobat_pin.errors import NearSingularWarning
 
-    if sys.stderr is None or not sys.stderr.isatty():
-        return nullcontext(None)
-    return _Bar()
-
-
-class _Bar:
-    """One rich progress bar whose label follows the stage."""
-
-    def __enter__(self) -> Any:
-        from rich.progress import Progress
-
-        self._bar = Progress(transient=True)
-        self._bar.start()
-        self._task = self._bar.add_task("starting", total=1.0)
-        return lambda stage, share: self._bar.update(self._task, description=stage, completed=share)
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-
-def _print_table(metrics: dict[str, Any]) -> None:
-    """Print R2 per wing and axis, with the absolute error beside it."""
-    typer.echo(f"\n{metrics['scenario']}, seed {metrics['seed']}: {metrics['note']}; motor torque {metrics['torque']}")
-    typer.echo(f"{'observer':<12} {'wing':<6} {'axis':<4} {'R2':>9} {'R2 noise-free':>14} {'error rms':>10} {'lag':>9}")
-    for name, scores in metrics["observers"].items():
-        if scores["null_direction"] is not None:
-            hidden = ", ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in scores["null_direction"])
-            typer.echo(
-                f"{name}: rank {scores['rank']}; cannot be seen at all: forces along {hidden} on the points in turn"
-            )
-        for wing, axes in scores.items():
-            if not isinstance(axes, dict):
-                continue
-            for axis, one in axes.items():
-                r2, clean = (
-                    f"{one[key]:.5f}" if one[key] is not None else "no signal" for key in ("r2", "r2_noise_free")
-                )
-                delay = f"{1e3 * one['lag_s']:.2f} ms" if one["lag_s"] is not None else "-"
-                error = f"{1e3 * one['rmse']:.2f} mN"
-                typer.echo(f"{name:<12} {wing:<6} {axis:<4} {r2:>9} {clean:>14} {error:>10} {delay:>9}")
+    text = f"warning: {message}\n"
+    if not issubclass(category, NearSingularWarning):
+        text = warnings.formatwarning(message, category, filename, lineno, line)
+    typer.echo(text, err=True, nl=False)
 
 
 if __name__ == "__main__":

@@ -194,8 +194,8 @@ def _kernels() -> Iterator[Finding]:
     from aerobat_pin.plant_kernels import advance
 
     folder = getattr(getattr(advance, "stats", None), "cache_path", None)
-    detail = "nowhere to write: every start compiles for about 15 s"
+    detail = "nowhere to write: every start compiles for about 20 s"
     if folder:
-        state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 15 s more"
+        state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
         detail = f"{folder}, {state}"
     yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")

@@ -1,5 +1,7 @@
 """What can go wrong, by name. Each error also is the builtin that fits; its message says what to try."""
 
+import math
+
 
 class AerobatError(Exception):
     """Anything wrong with what the caller gave. Failures of our own code are never an AerobatError."""
@@ -10,12 +12,38 @@ class MorphologyFileError(AerobatError, ValueError):
 
 
 class LinkageError(AerobatError, ValueError):
-    """The linkage cannot close. `dyad` names the pin, `crank_angle` the first angle [rad] at which it fails."""
+    """The linkage cannot close.
 
-    def __init__(self, message: str, dyad: str, crank_angle: float) -> None:
-        """Keep the message and where it happened."""
+    `dyad` names the pin, `crank_angle` the first angle [rad] at which it fails, `nearest` the lengths [m] that, each
+    changed alone, let the crank turn.
+    """
+
+    def __init__(self, message: str, dyad: str, crank_angle: float, nearest: dict[str, float]) -> None:
+        """Keep the message, where it happened and what would help."""
         super().__init__(message)
         self.dyad = dyad
+        self.crank_angle = crank_angle
+        self.nearest = nearest
+
+
+class CrankError(AerobatError, ValueError):
+    """A crank drive is not a motion: its angle, rate and acceleration do not fit together."""
+
+
+class NearSingularWarning(UserWarning):
+    """The linkage comes close to locking: two bars nearly in one line carry hardly any torque on.
+
+    `dyad` names the pin, `transmission` the angle [rad] between its bars, `crank_angle` where that is [rad].
+    """
+
+    def __init__(self, dyad: str, transmission: float, crank_angle: float) -> None:
+        """Build the message from where it happens."""
+        super().__init__(
+            f"the linkage is nearly singular at {dyad}: its bars make {math.degrees(transmission):.1f} deg at a crank "
+            f"angle of {math.degrees(crank_angle):.1f} deg; it locks at 0 and 180"
+        )
+        self.dyad = dyad
+        self.transmission = transmission
         self.crank_angle = crank_angle
 
 
@@ -41,6 +69,14 @@ class ScenarioError(AerobatError, ValueError):
     """A scenario, or a value set on the command line, is wrong. The message names the key, the value and the rule."""
 
 
+class SweepError(AerobatError, ValueError):
+    """A sweep file is wrong. The message names the key, the value and the rule."""
+
+
+class WorkersLostError(AerobatError, RuntimeError):
+    """Runs of a sweep could not be flown, because the processes that were to fly them died or cannot be reached."""
+
+
 class ObserverError(AerobatError, ValueError):
     """An observer cannot be built or fed as asked."""
 
@@ -51,6 +87,10 @@ class LogError(AerobatError, ValueError):
 
 class OutputError(AerobatError, OSError):
     """Results cannot be written where they were asked for."""
+
+
+class BrowserError(AerobatError, RuntimeError):
+    """There is no browser here that could take pictures. The message says what to install."""
 
 
 class SimulationError(AerobatError, ArithmeticError):

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.arrays import Array
 from aerobat_pin.flight_log import KNOWN, FlightLog
+from aerobat_pin.frames import rotations
 from aerobat_pin.observers import Estimate
 
 AXES = ("Fx", "Fy", "Fz")
@@ -54,10 +54,9 @@ def lag(estimate: Array, truth: Array, dt: float) -> float | None:
     if np.std(truth) < NO_SIGNAL:
         return None
     longest = min(max(2, round(LONGEST_LAG / dt)), len(truth) // 4)
-    window = slice(longest, len(truth) - 1)
-    errors = np.array(
-        [np.mean((estimate[window] - np.roll(truth, shift)[window]) ** 2) for shift in range(-1, longest + 1)]
-    )
+    # Row i of the windows is the truth delayed by longest - i samples, seen over the estimate's window.
+    windows = np.lib.stride_tricks.sliding_window_view(truth, len(truth) - 1 - longest)
+    errors = np.mean((estimate[longest:-1] - windows[longest + 1 :: -1]) ** 2, axis=1)
     best = int(np.argmin(errors))
     if best in (0, len(errors) - 1):
         return None
@@ -100,22 +99,30 @@ def observer_metrics(estimate: Estimate, log: FlightLog) -> dict[str, Any]:
                 axis: asdict(score(estimate.force[:, i, k], truth[:, k], noise_free[:, k], dt))
                 for k, axis in enumerate(AXES)
             }
+    sizes = np.sqrt(np.mean(estimate.components**2, axis=0))
+    metrics["components"] = [
+        {"name": name, "rms": size} for name, size in zip(found.components, sizes.tolist(), strict=True)
+    ]
     metrics["gain"] = estimate.gain.tolist()
     metrics["rank"] = found.rank
     metrics["condition"] = found.condition if np.isfinite(found.condition) else None
     metrics["null_direction"] = None if found.null_direction is None else found.null_direction.tolist()
+    metrics["unseen"] = found.describe()
     return metrics
 
 
 def euler_angles(q: Array) -> Array:
     """Return roll, pitch (nose-up positive) and yaw (m, 3) [rad] of configurations (m, nq)."""
-    rpy = np.array([pin.rpy.matrixToRpy(pin.Quaternion(one[3:7]).matrix()) for one in q])
-    return np.asarray(rpy * np.array([1.0, -1.0, 1.0]))
+    R = rotations(q)
+    up = np.hypot(R[:, 2, 1], R[:, 2, 2])
+    return np.stack(
+        [np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 2, 0], up), np.arctan2(R[:, 1, 0], R[:, 0, 0])], axis=1
+    )
 
 
 def world_velocity(q: Array, v: Array) -> Array:
     """Return the base's velocity in world axes (m, 3) [m/s]."""
-    return np.array([pin.Quaternion(a[3:7]).matrix() @ b[:3] for a, b in zip(q, v, strict=True)])
+    return np.asarray(np.einsum("mij,mj->mi", rotations(q), v[:, :3]))
 
 
 def flight_metrics(log: FlightLog, mass: float) -> dict[str, Any]:
@@ -126,7 +133,7 @@ def flight_metrics(log: FlightLog, mass: float) -> dict[str, Any]:
         mass: of the robot [kg].
     """
     measured = log.measured
-    q = measured["q"].values
+    q = (measured if log.truth is None or "q" not in log.truth else log.truth)["q"].values
     angles = euler_angles(q)
     weight = mass * float(measured.attrs["gravity"])
     metrics: dict[str, Any] = {
@@ -136,9 +143,12 @@ def flight_metrics(log: FlightLog, mass: float) -> dict[str, Any]:
     }
     for i, name in enumerate(("roll", "pitch", "yaw")):
         metrics[f"{name}_range"] = [float(angles[:, i].min()), float(angles[:, i].max())]
-    for name in ("aerodynamic", "thrusters"):
-        if KNOWN + name in measured and weight > 0.0:
-            lift = world_velocity(q[:-1], measured[KNOWN + name].values)[:, 2]
+    forces = {"thrusters": measured[f"{KNOWN}thrusters"].values} if f"{KNOWN}thrusters" in measured else {}
+    if log.truth is not None:
+        forces["aerodynamic"] = log.truth["aerodynamic"].values + log.truth["added_mass"].values
+    for name, force in forces.items():
+        if weight > 0.0:
+            lift = world_velocity(q[:-1], force)[:, 2]
             metrics[f"{name}_lift_over_weight"] = float(np.mean(lift) / weight)
     if log.truth is not None:
         metrics["motor_power_mean"] = float(np.mean(log.truth["motor_power"].values))

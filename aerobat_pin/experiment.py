@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,14 @@ import numpy as np
 import xarray as xr
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation import check_names, estimate_log
 from aerobat_pin.evaluation import flight_metrics, observer_metrics
 from aerobat_pin.flight_log import FlightLog, channel
-from aerobat_pin.known_inputs import ROWS_OF_TORQUE, known_inputs
-from aerobat_pin.observers import OBSERVERS, Estimate
+from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, scenario_toml
-from aerobat_pin.simulation import load_robot, simulate
+from aerobat_pin.signals import RecordedForce
+from aerobat_pin.simulation import believed_robot, load_robot, simulate
 
 PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
 Progress = Callable[[str, float], None]
@@ -38,36 +39,30 @@ class Experiment:
     metrics: dict[str, Any]
 
 
-def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
+def run(
+    scenario: Scenario, progress: Progress | None = None, robots: tuple[Aerobat, Aerobat] | None = None
+) -> Experiment:
     """Fly, estimate and evaluate a scenario, in memory.
 
     Args:
         scenario: what happens.
         progress: called with the name of the stage and the share of it that is done.
+        robots: the scenario's robot and the believed one, where they are loaded already.
 
     Raises:
         AerobatError: the scenario asks for what cannot be done.
     """
-    names = scenario.observers.names
-    unknown = [name for name in names if name not in OBSERVERS]
-    if unknown or not names:
-        raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
-    robot = load_robot(scenario)
-    torque = scenario.observers.torque
-    rows, frames, gain = ROWS_OF_TORQUE[torque], scenario.observers.frames, scenario.observers.gain
-    observers = [OBSERVERS[name](robot.model, frames, gain, rows) for name in names]
-    log = simulate(scenario, None if progress is None else lambda share: progress("flying", share))
-    inputs = known_inputs(log, robot, torque)
-    estimates = {}
-    for i, observer in enumerate(observers):
-        if progress is not None:
-            progress("estimating", i / len(observers))
-        estimates[observer.name] = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    check_names(scenario.observers.names)
+    robot, believed = loaded(scenario) if robots is None else robots
+    log = simulate(scenario, None if progress is None else lambda share: progress("flying", share), robot=robot)
+    inputs, estimates = estimate_log(
+        log, believed, scenario, None if progress is None else lambda share: progress("estimating", share)
+    )
     metrics = {
         "scenario": scenario.name,
         "seed": scenario.simulation.seed,
-        "versions": versions(),
-        "torque": torque,
+        "versions": dict(versions()),
+        "torque": scenario.observers.torque,
         "inputs": dict(inputs.source),
         "note": flight_note(scenario, robot),
         "observers": {name: observer_metrics(estimate, log) for name, estimate in estimates.items()},
@@ -76,10 +71,17 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Experiment:
     return Experiment(scenario, robot, log, estimates, metrics)
 
 
-def flight_note(scenario: Scenario, robot: Aerobat) -> str:
-    """Say in a line what keeps the robot up, and which forces nobody looks for; it goes wherever the flight is shown.
+def loaded(scenario: Scenario) -> tuple[Aerobat, Aerobat]:
+    """Load a scenario's robot and the believed one: one and the same where they do not differ. Raises AerobatError."""
+    robot = load_robot(scenario)
+    return robot, robot if scenario.believed_robot == scenario.robot else believed_robot(scenario)
 
-    The share is the hold's constant lift over the weight; what it lifts on average in flight is among the metrics.
+
+def flight_note(scenario: Scenario, robot: Aerobat) -> str:
+    """Say in a line what keeps the robot up, which sensors err, and which forces nobody looks for.
+
+    It goes wherever the flight is shown. The share is the hold's constant lift over the weight; what it lifts on
+    average in flight is among the metrics.
     """
     weight = robot.mass * scenario.flight.gravity
     note = "free flight, nothing held"
@@ -88,9 +90,18 @@ def flight_note(scenario: Scenario, robot: Aerobat) -> str:
         if weight > 0.0:
             note += f", {100.0 * scenario.hold.lift / weight:.0f} % thruster-borne"
     unseen = sorted({force.frame for force in scenario.unknown_force} - set(scenario.observers.frames))
+    sensors = scenario.sensors.fitted
+    note += f"; imperfect sensors: {', '.join(sensors)}" if sensors else ""
     return note + (f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else "")
 
 
+def recorded_note(log: FlightLog, robot: Aerobat) -> str:
+    """Say in a line how long a recorded flight is, and which robot is believed to have flown it."""
+    duration = log.time[-1] - log.time[0]
+    return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}"
+
+
+@cache
 def versions() -> dict[str, str]:
     """Return the versions of the packages that make the numbers."""
     return {name: metadata.version(name) for name in PACKAGES}
@@ -103,9 +114,13 @@ def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
     dims = ("observer", "interval", "point", "axis")
     force = np.stack([estimates[name].force for name in names])
     residual = np.stack([estimates[name].residual for name in names])
+    unknown = np.full_like(first.force, np.nan)
+    sure = [estimates[name].standard_deviation for name in names]
+    deviation = np.stack([unknown if one is None else one.reshape(unknown.shape) for one in sure])
     return xr.Dataset(
         {
             "force_W": channel(force, dims, "N", "estimated force in world axes, mean over the interval"),
+            "standard_deviation": channel(deviation, dims, "N", "of the estimated force, where the observer knows it"),
             "residual": channel(residual, (*dims[:2], "v_axis"), "N, N m", "estimated generalised force"),
         },
         coords={
@@ -118,18 +133,80 @@ def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
     )
 
 
+def estimate_table(estimates: dict[str, Estimate]) -> str:
+    """Return the estimates as a table of text: one row an interval, a column per observer and component."""
+    first = next(iter(estimates.values()))
+    header, columns = ["start [s]", "end [s]"], [first.time[:-1], first.time[1:]]
+    for name, estimate in estimates.items():
+        for i, label in enumerate(estimate.identifiability.components):
+            header.append(f"{name}.{label} [N]")
+            columns.append(estimate.components[:, i])
+            if estimate.standard_deviation is not None:
+                header.append(f"{name}.{label} deviation [N]")
+                columns.append(estimate.standard_deviation[:, i])
+    rows = np.column_stack(columns)
+    return "\n".join([",".join(header), *(",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n"
+
+
+def run_recorded(
+    log: FlightLog, belief: Scenario, progress: Progress | None = None
+) -> tuple[dict[str, Estimate], dict[str, Any]]:
+    """Estimate on a recorded flight; return estimates and metrics, with scores where the log has a truth.
+
+    Raises:
+        AerobatError: the log or the belief does not give what is asked for.
+    """
+    robot = believed_robot(belief)
+    inputs, estimates = estimate_log(
+        log, robot, belief, None if progress is None else lambda share: progress("estimating", share)
+    )
+    metrics = {
+        "scenario": belief.name,
+        "seed": None,
+        "versions": dict(versions()),
+        "torque": belief.observers.torque,
+        "inputs": dict(inputs.source),
+        "note": recorded_note(log, robot),
+        "observers": {name: observer_metrics(estimate, log) for name, estimate in estimates.items()},
+    }
+    return estimates, metrics
+
+
+def write_recorded(belief: Scenario, estimates: dict[str, Estimate], metrics: dict[str, Any], folder: Path) -> None:
+    """Write belief, estimates (NetCDF and text) and metrics into an existing folder."""
+    write_scenario(belief, folder, "belief.toml")
+    estimate_dataset(estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
+    (folder / "estimate.csv").write_text(estimate_table(estimates), encoding="utf-8")
+    write_metrics(metrics, folder)
+
+
 def write(experiment: Experiment, folder: Path) -> None:
     """Write an experiment's scenario, log, estimates and metrics into an existing folder.
 
-    A morphology file of the user's own is copied beside the scenario, so that the folder can be run again anywhere.
+    Files of the user's own that the scenario names are copied beside it, so that the folder can be run again anywhere.
     """
-    scenario = experiment.scenario
+    write_scenario(experiment.scenario, folder)
+    experiment.log.save(folder / "flight.nc")
+    estimate_dataset(experiment.estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
+    write_metrics(experiment.metrics, folder)
+
+
+def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:
+    """Write a scenario, and beside it the user's own files that it names: morphology and recorded forces."""
     if scenario.robot.morphology not in MORPHOLOGIES:
         shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
         robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})
         scenario = scenario.model_copy(update={"robot": robot})
-    (folder / "scenario.toml").write_text(scenario_toml(scenario), encoding="utf-8")
-    experiment.log.save(folder / "flight.nc")
-    estimate_dataset(experiment.estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
-    text = json.dumps(experiment.metrics, indent=2, allow_nan=False)
+    forces = list(scenario.unknown_force)
+    for i, force in enumerate(forces):
+        if isinstance(force, RecordedForce):
+            shutil.copyfile(force.file, folder / f"unknown_force_{i}.csv")
+            forces[i] = force.model_copy(update={"file": f"unknown_force_{i}.csv"})
+    scenario = scenario.model_copy(update={"unknown_force": tuple(forces)})
+    (folder / name).write_text(scenario_toml(scenario), encoding="utf-8")
+
+
+def write_metrics(metrics: dict[str, Any], folder: Path) -> None:
+    """Write `metrics.json`."""
+    text = json.dumps(metrics, indent=2, allow_nan=False)
     (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")

@@ -13,17 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from aerobat_pin import style
+from aerobat_pin import air_figures, linkage_sheet, style
 from aerobat_pin.arrays import Array
 from aerobat_pin.evaluation import euler_angles, point_label, true_force, world_velocity
 from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.observers import Estimate
-from aerobat_pin.robot import JOINTS, Aerobat
+from aerobat_pin.robot import FORCE_POINTS, JOINTS, Aerobat
 
 Estimates = Mapping[str, Estimate]
 STICK_SPACING = 0.08  # [s], no simple fraction of a flap, between two snapshots of the stick diagram
 STICK_STRETCH = 2.5  # of Y against X in the stick diagram
-SHOWN_CRANK_DEG = 235.0  # crank angle at which the linkage figure shows the mechanism
 CLOSE_UP = 0.06  # [s], the stretch in which the noise is looked at closely
 
 
@@ -36,17 +35,18 @@ def draw_all(robot: Aerobat, log: FlightLog, estimates: Estimates, note: str) ->
             "stick_diagram": stick_diagram(robot, log),
             "estimation": estimation(log, estimates),
         }
+        if log.truth is not None:
+            drawn |= {"aerodynamics": air_figures.aerodynamics(robot, log), "power": air_figures.power(log)}
         for figure in drawn.values():
             title = figure.get_suptitle()
             figure.suptitle(f"{title}\n{note}", fontsize=style.RC["axes.titlesize"])
-        return {**drawn, "linkage": linkage(robot)}
+        return {**drawn, "linkage": linkage_sheet.draw(robot.linkage)}
 
 
 def save(figure: Figure, stem: Path) -> None:
     """Write `stem`.png and `stem`.pdf, without a date, so that the same run gives the same files."""
-    with mpl.rc_context(style.RC):
-        figure.savefig(stem.with_suffix(".png"), metadata={"Software": None})
-        figure.savefig(stem.with_suffix(".pdf"), metadata={"CreationDate": None})
+    for kind in ("png", "pdf"):
+        stem.with_suffix(f".{kind}").write_bytes(style.rendered(figure, kind))
 
 
 def position(log: FlightLog) -> Figure:
@@ -125,7 +125,7 @@ def estimation(log: FlightLog, estimates: Estimates) -> Figure:
                 _zone(axis, (start, end), style.STEP_ZONE)
             if name == "y":
                 _zone(axis, close_up, style.NOISE_ZONE)
-        grid[0][column].set_title(f"{point_label(frame)} wing")
+        grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
         close = grid[3][column]
         _force_lines(close, middle, log, estimates, column, frame, 1)
         values = next(iter(estimates.values())).force[(middle >= close_up[0]) & (middle <= close_up[1]), column, 1]
@@ -147,70 +147,6 @@ def _close_up(log: FlightLog) -> tuple[float, float]:
     start = log.time[0] + 0.27 * (log.time[-1] - log.time[0])
     after = log.time[log.time >= start + CLOSE_UP]
     return float(start), float(after[0] if len(after) else log.time[-1])
-
-
-def linkage(robot: Aerobat) -> Figure:
-    """The Kinetic Sculpture at one crank angle with pins and bars named, and its cycle (the paper's Fig. 2)."""
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
-    shown = robot.linkage.solve(np.radians(SHOWN_CRANK_DEG))
-    pins = {name: 1e3 * point for name, point in shown.pins.items()}
-    bars = {
-        "L1": ("J1", "J2"),
-        "L2": ("J2", "J3", "J4", "J2"),
-        "L3": ("J4", "J5", "J6", "J4"),
-        "L4": ("J3", "J7"),
-        "L5": ("J7", "J8", "J9", "J7"),
-        "L6": ("J9", "J10"),
-        "L7": ("J6", "J10"),
-    }
-    colours = ("#D55E00", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#222222")
-    for (bar, names), colour in zip(bars.items(), colours, strict=True):
-        points = np.array([pins[name] for name in names])
-        left.plot(points[:, 0], points[:, 1], "-", color=colour, linewidth=2.2, solid_capstyle="round")
-        if len(names) > 2:
-            left.fill(points[:, 0], points[:, 1], color=colour, alpha=0.15)
-        middle = points[: max(2, len(names) - 1)].mean(axis=0)
-        left.annotate(
-            bar, (middle[0], middle[1]), color=colour, fontweight="bold", xytext=(5, -9), textcoords="offset points"
-        )
-    for name, point in pins.items():
-        ground = name in ("J1", "J5", "J8")
-        left.plot(*point, "s" if ground else "o", ms=6 if ground else 4.5, mfc="white", mec=style.INK, zorder=5)
-        left.annotate(name, point, xytext=(4, 5), textcoords="offset points", fontsize=8)
-    _angles(left, pins, float(shown.theta_s), float(shown.theta_e), 1e3 * robot.linkage.lengths.L7a)
-    left.set_aspect("equal")
-    left.set_xlabel("outboard [mm]")
-    left.set_ylabel("up [mm]")
-    left.set_title(f"Left wing, crank at {SHOWN_CRANK_DEG:g} deg; squares are fixed to the body")
-    turn = np.radians(np.linspace(-90.0, 270.0, 721))
-    cycle = robot.linkage.solve(turn)
-    right.plot(np.degrees(turn), np.degrees(cycle.theta_s), color=style.LEFT, label=r"shoulder $\theta_s$")
-    right.plot(np.degrees(turn), np.degrees(cycle.theta_e), "--", color=style.RIGHT, label=r"elbow $\theta_e$")
-    right.set_xlabel("crank angle [deg]")
-    right.set_ylabel("joint angle [deg]")
-    right.set_xticks(range(-90, 271, 90))
-    right.set_title("One turn of the crank")
-    right.legend()
-    return figure
-
-
-def _angles(axis: Axes, pins: Mapping[str, Array], theta_s: float, theta_e: float, length: float) -> None:
-    """Draw the distal wing as far as L7a, and both joint angles.
-
-    theta_s lies between the horizontal and the proximal frame's y axis, theta_e between that axis and the distal one's.
-    """
-    for pivot, start, turn, name in (("J5", 0.0, theta_s, "s"), ("J6", theta_s, theta_e, "e")):
-        here = pins[pivot]
-        for way, line in ((start, ":"), (start + turn, "-" if pivot == "J6" else ":")):
-            reach = length if line == "-" else 27.0
-            end = here + reach * np.array([np.cos(way), np.sin(way)])
-            colour, width = (style.INK, 2.2) if line == "-" else (style.MUTED, 1.0)
-            axis.plot(*zip(here, end, strict=True), line, color=colour, linewidth=width)
-        sweep = start + turn * np.linspace(0.0, 1.0, 40)
-        axis.plot(here[0] + 20.0 * np.cos(sweep), here[1] + 20.0 * np.sin(sweep), color=style.AXES[0], linewidth=1.2)
-        middle = here + 23.0 * np.array([np.cos(sweep[20]), np.sin(sweep[20])])
-        axis.annotate(rf"$\theta_{name}$", (middle[0], middle[1]), color=style.AXES[0], fontsize=11, va="center")
 
 
 def _stack(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:

@@ -54,6 +54,17 @@ def joint_wrench(
     return joint, item.placement.act(local)
 
 
+def rotations(q: Array) -> Array:
+    """Return the base's rotation matrices (m, 3, 3), body to world, of configurations (m, nq): quaternion at 3 to 6."""
+    x, y, z, w = q[:, 3:7].T
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
 def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]]) -> list[pin.Force]:
     """Collect joint wrenches into the `fext` list of `pin.rnea` and `pin.aba`; several on one joint add up."""
     fext = [pin.Force.Zero() for _ in range(model.njoints)]

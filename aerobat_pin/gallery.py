@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerobat_pin import figures
-from aerobat_pin.experiment import Experiment, Progress
-from aerobat_pin.replay import replay_html
+from aerobat_pin.experiment import Experiment, Progress, estimate_dataset
+from aerobat_pin.replay import SLOW_MOTION, replay
 from aerobat_pin.report import report_html
 
 
@@ -26,7 +26,8 @@ def draw(experiment: Experiment, folder: Path, progress: Progress | None = None)
             progress("drawing", i / len(drawn))
         figures.save(figure, folder / "figures" / name)
     images = {name: folder / "figures" / f"{name}.png" for name in drawn}
-    page = report_html(experiment.metrics, experiment.scenario, images)
+    page = report_html(experiment, images)
     (folder / "report.html").write_text(page, encoding="utf-8")
-    replay = replay_html(experiment.robot, experiment.log, experiment.estimates, note)
-    (folder / "replay.html").write_text(replay, encoding="utf-8")
+    estimates = estimate_dataset(experiment.estimates)
+    recording = replay(experiment.robot, experiment.log, experiment.scenario.air, estimates, note)
+    (folder / "replay.html").write_text(recording.html(SLOW_MOTION), encoding="utf-8")

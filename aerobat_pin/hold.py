@@ -48,13 +48,12 @@ def saturated(value: float, limit: float) -> float:
 
 
 @kernel
-def hold_wrench(hold: Array, position: Array, rotation: Array, twist: Array, wrench: Array) -> None:
+def hold_wrench(hold: Array, world: Array, twist: Array, wrench: Array) -> None:
     """Write the hold's wrench at the body's centre of mass in body axes into wrench (6,), force first.
 
     Args:
         hold: `AttitudeHold.packed`.
-        position: (3,) body COM in world [m].
-        rotation: (3, 3) body to world.
+        world: (12,) placement of the body's centre of mass: rotation by columns, position.
         twist: (6,) body twist in body axes.
         wrench: (6,) written.
     """
@@ -63,17 +62,18 @@ def hold_wrench(hold: Array, position: Array, rotation: Array, twist: Array, wre
         for j in range(3):
             error_rotation[i, j] = 0.0
             for k in range(3):
-                error_rotation[i, j] += rotation[k, i] * hold[3 * k + j]
+                error_rotation[i, j] += world[3 * i + k] * hold[3 * k + j]
     rotation_vector(error_rotation, wrench[3:])
     for i in range(3):
         wrench[3 + i] = saturated(hold[9 + i] * wrench[3 + i] - hold[12 + i] * twist[3 + i], hold[15 + i])
-    vx = rotation[0, 0] * twist[0] + rotation[0, 1] * twist[1] + rotation[0, 2] * twist[2]
-    vz = rotation[2, 0] * twist[0] + rotation[2, 1] * twist[1] + rotation[2, 2] * twist[2]
-    forward_speed, height, speed_gain, thrust_limit, lift, stiffness, damping, lift_limit = hold[18:26]
+    vx = world[0] * twist[0] + world[3] * twist[1] + world[6] * twist[2]
+    vz = world[2] * twist[0] + world[5] * twist[1] + world[8] * twist[2]
+    forward_speed, height, speed_gain, thrust_limit = hold[18], hold[19], hold[20], hold[21]
+    lift, stiffness, damping, lift_limit = hold[22], hold[23], hold[24], hold[25]
     thrust = saturated(speed_gain * (forward_speed - vx), thrust_limit)
-    rise = lift + saturated(stiffness * (height - position[2]) - damping * vz, lift_limit)
+    rise = lift + saturated(stiffness * (height - world[11]) - damping * vz, lift_limit)
     for i in range(3):
-        wrench[i] = rotation[0, i] * thrust + rotation[2, i] * rise
+        wrench[i] = world[3 * i] * thrust + world[3 * i + 2] * rise
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class AttitudeHold:
         wrench = np.empty(6)
         position, rotation = shaped(position, (3,), "position"), shaped(rotation, (3, 3), "rotation")
         twist = shaped(twist, (6,), "twist")
-        hold_wrench(self.packed, position, rotation, twist, wrench)
+        hold_wrench(self.packed, np.concatenate([rotation.ravel(order="F"), position]), twist, wrench)
         return wrench
 
 

@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 import pinocchio as pin
-from numba import farray, types
+from numba import carray, farray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -31,16 +31,42 @@ KERNEL_SOURCES = (
     "integrators.py",
     "plant_kernels.py",
     "plant_layout.py",
+    "reconstruction_kernels.py",
+    "added_mass.py",
     "aerodynamics/lifting_line.py",
+    "aerodynamics/quasi_steady.py",
     "aerodynamics/robot_air.py",
+    "aerodynamics/strips.py",
+    "aerodynamics/surfaces.py",
+    "observers/filters.py",
+    "observers/kalman_kernels.py",
+    "observers/kalman_store.py",
     "observers/kernels.py",
+    "observers/projection.py",
+    "observers/smoother_kernels.py",
+    "observers/store.py",
 )
+DOUBLE = 8  # bytes
 SE3_SIZE, MOTION_SIZE = 12, 6  # doubles: rotation by columns then translation; linear then angular
 
 
 def kernel(function: Function) -> Function:
     """Compile a function on its first call, and keep the result on disk where a cache can be written."""
-    options = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}  # sums may be reordered; NaN stays NaN
+    return _compiled(function)
+
+
+def inner(function: Function) -> Function:
+    """Make a kernel that only kernels call: without a door for Python's arguments it compiles faster."""
+    return _compiled(function, no_cpython_wrapper=True)
+
+
+def _compiled(function: Function, **more: bool) -> Function:
+    options: dict[str, Any] = {
+        "error_model": "numpy",
+        "fastmath": {"reassoc", "contract"},  # sums may be reordered; NaN stays NaN
+        "no_cfunc_wrapper": True,  # nobody calls a kernel from C
+        **more,
+    }
     try:
         compiled = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no folder for its cache
@@ -72,7 +98,7 @@ def is_compiled(entry: Any) -> bool:
 def announce_compilation(entry: Any) -> None:
     """Say on stderr that a kernel is about to be compiled, unless an earlier run left it in the cache."""
     if not is_compiled(entry) and not entry.signatures:
-        print("compiling the kernels: once per installation, about 15 s", file=sys.stderr, flush=True)
+        print("compiling the kernels: once per installation, about 20 s", file=sys.stderr, flush=True)
 
 
 def lock(entry: Any, *arguments: Any) -> None:
@@ -88,7 +114,7 @@ def placements(vector: Any) -> Array:
 
 
 def motions(vector: Any) -> Array:
-    """View `data.v` as (njoints, 6): linear, then angular."""
+    """View `data.v` or `data.a_gf` as (njoints, 6): linear, then angular."""
     return _rows(vector[0].vector, len(vector), MOTION_SIZE)
 
 
@@ -98,10 +124,11 @@ def _rows(first: Array, count: int, size: int) -> Array:
     return np.lib.stride_tricks.as_strided(first.ravel(order="F")[:1], (count, size), (step, first.itemsize))
 
 
-def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Array) -> None:
+def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Array, a_gf: Array | None = None) -> None:
     """Raise RuntimeError unless the views show what Pinocchio computes; its memory layout is not documented."""
     q = pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv))
     pin.forwardKinematics(model, data, q, np.linspace(-0.3, 0.2, model.nv))
+    pin.nonLinearEffects(model, data, q, np.linspace(-0.3, 0.2, model.nv))
     for joint in range(model.njoints):
         for view, placement in ((oMi, data.oMi[joint]), (liMi, data.liMi[joint])):
             expected = np.concatenate([placement.rotation.ravel(order="F"), placement.translation])
@@ -109,23 +136,26 @@ def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Ar
                 raise RuntimeError("Pinocchio's placements do not lie in memory as this version expects")
         if not np.array_equal(v[joint], data.v[joint].vector):
             raise RuntimeError("Pinocchio's velocities do not lie in memory as this version expects")
+        if a_gf is not None and not np.array_equal(a_gf[joint], data.a_gf[joint].vector):
+            raise RuntimeError("Pinocchio's accelerations do not lie in memory as this version expects")
 
 
-if numba.config.DISABLE_JIT:
-
-    def _pointer(address: Any) -> Any:
-        """Turn an address into a pointer to doubles, for kernels that run as plain Python."""
-        return ctypes.cast(int(address), ctypes.POINTER(ctypes.c_double))
-
-else:
+def _pointers(here: Any, there: Any) -> Any:
+    """Return a function that turns an address into a pointer, to a ctypes or to a numba kind of number."""
+    if numba.config.DISABLE_JIT:  # kernels run as plain Python
+        return lambda address: ctypes.cast(int(address), ctypes.POINTER(here))
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def _pointer(_: Any, address: Any) -> Any:
-        """Turn an address into a pointer to doubles."""
-        kind = types.CPointer(types.float64)
+    def pointer(_: Any, address: Any) -> Any:
+        kind = types.CPointer(there)
         return kind(types.intp), lambda context, builder, _, args: builder.inttoptr(
             args[0], context.get_value_type(kind)
         )
+
+    return pointer
+
+
+_double, _integer = _pointers(ctypes.c_double, types.float64), _pointers(ctypes.c_ssize_t, types.intp)
 
 
 def addresses(*arrays: Array) -> Integers:
@@ -139,10 +169,22 @@ def addresses(*arrays: Array) -> Integers:
 @kernel
 def doubles_at(address: int, rows: int, columns: int) -> Any:
     """View (rows, columns) doubles at an address, by columns, as Eigen keeps a matrix."""
-    return farray(_pointer(address), (rows, columns))
+    return farray(_double(address), (rows, columns))
 
 
-@kernel
+@inner
+def array_at(address: int, shape: tuple[int, ...]) -> Any:
+    """View doubles at an address, by rows. Unlike a slice or `reshape` it costs nothing: nobody counts who looks."""
+    return carray(_double(address), shape)
+
+
+@inner
+def integers_at(address: int, shape: tuple[int, ...]) -> Any:
+    """View integers at an address, by rows."""
+    return carray(_integer(address), shape)
+
+
+@inner
 def copy_values(source: Array, target: Array) -> None:
     """Copy a vector. `target[:] = source` would compile for two seconds more, for the sake of its error message."""
     for i in range(target.shape[0]):
@@ -163,22 +205,24 @@ def solve_positive(A: Array, b: Array) -> float:
             A[j, j] -= A[j, k] * A[j, k]
         least = min(least, A[j, j])
         A[j, j] = np.sqrt(A[j, j])
+        scale = 1.0 / A[j, j]
         for i in range(j + 1, n):
             for k in range(j):
                 A[i, j] -= A[i, k] * A[j, k]
-            A[i, j] /= A[j, j]
+            A[i, j] *= scale
+    # Reciprocals of the diagonal wait for nothing, where a division of b would wait for b.
     for i in range(n):
         for k in range(i):
             b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
+        b[i] *= 1.0 / A[i, i]
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
             b[i] -= A[k, i] * b[k]
-        b[i] /= A[i, i]
+        b[i] *= 1.0 / A[i, i]
     return least
 
 
-@kernel
+@inner
 def eigenvectors(A: Array, V: Array) -> None:
     """Diagonalise A (n, n), symmetric, in place, and write its eigenvectors into the columns of V: cyclic Jacobi."""
     n = A.shape[0]

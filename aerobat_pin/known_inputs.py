@@ -1,6 +1,8 @@
 """From a flight log to what an observer is fed: configuration, velocity, and known generalised forces.
 
-Each input says where it comes from: `measured`, or `modelled` where a believed robot and its air supply it.
+Each input says where it comes from: `measured`, or `reconstructed` where a believed robot and its air supply it. Nobody
+measures aerodynamic forces: a simulated flight's are left in its truth, and reconstructed here like a real one's. An
+error of the model is a belief that differs from the plant.
 
 What is known of the joint torques decides what can be found. The linkage holds the joints to its motion whatever pushes
 on them, so the *measured* torque contains the reaction to the unknown force; a torque *modelled* from the motion alone
@@ -12,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +23,13 @@ from aerobat_pin.arrays import Array
 from aerobat_pin.dynamics import BASE, prescribed_joint_dynamics
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight_log import KNOWN, FlightLog
-from aerobat_pin.observers.force_points import Rows
-from aerobat_pin.robot import Aerobat
+from aerobat_pin.motion import Motion, motion
+from aerobat_pin.observers import Rows
+from aerobat_pin.reconstruction import reconstructed_air
+from aerobat_pin.robot import JOINTS, Aerobat
+from aerobat_pin.sections import AirSection
 
+Torque = Literal["measured", "modelled", "motor_only", "none"]
 ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}
 
 
@@ -48,64 +55,111 @@ class KnownInputs:
     source: Mapping[str, str]
 
 
-def known_inputs(log: FlightLog, robot: Aerobat, torque: str = "measured") -> KnownInputs:
-    """Read an observer's inputs from the measured side of a log; the truth is not looked at.
+def known_inputs(
+    log: FlightLog, robot: Aerobat, torque: Torque = "measured", air: AirSection | None = None
+) -> KnownInputs:
+    """Make an observer's inputs from the measured side of a log and a believed robot; the truth is not looked at.
 
     Args:
         log: the flight.
-        robot: the believed robot; its linkage and inertia serve where the torque is not simply measured.
-        torque: `measured`, `modelled`, `motor_only` or `none`.
+        robot: the believed robot: Sigma_K for joints that were not measured, inertia for a torque that was not.
+        torque: what to take for known of the joint torques; `none` where the log has no torque at all.
+        air: the believed air, for Sigma_Aero along the recorded motion; what the log notes of it, else a default,
+            when omitted.
 
     Raises:
-        LogError: no such knowledge of the torque.
+        LogError: no such knowledge of the torque, or the log lacks what it takes; a gap in time is too long.
     """
     if torque not in ROWS_OF_TORQUE:
         raise LogError(f"torque = {torque!r}: one of {', '.join(ROWS_OF_TORQUE)} was expected")
-    measured = log.measured
-    q, v = (np.asarray(measured[name].values, float) for name in ("q", "v"))
-    known = {
-        str(name).removeprefix(KNOWN): np.asarray(measured[name].values, float)
-        for name in measured.data_vars
-        if str(name).startswith(KNOWN)
-    }
-    tau = np.asarray(measured["motor_torque"].values, float)
-    crank = np.asarray(measured["crank_angle"].values, float)
+    believed = noted_air(log) if air is None else air
+    moved = motion(log, robot, believed)
+    known: dict[str, Array] = dict(reconstructed_air(robot, believed, moved))
+    source = {**moved.source, **dict.fromkeys(known, "reconstructed"), "motor_torque": torque}
+    for name in log.measured.data_vars:
+        if str(name).startswith(KNOWN):
+            values = np.asarray(log.measured[name].values, float)
+            known[str(name).removeprefix(KNOWN)] = np.pad(values, ((0, 0), (0, robot.model.nv - values.shape[1])))
+            source[str(name).removeprefix(KNOWN)] = "measured"
+    shape = (len(moved.time) - 1, robot.model.nv)
     if torque == "modelled":
-        tau = modelled_torque(robot, log.time, q, v, crank, sum(known.values(), np.zeros_like(tau)))
-    elif torque == "motor_only":
-        tau = through_the_crank(robot, crank, tau)
+        tau = modelled_torque(robot, moved, sum(known.values(), np.zeros(shape)))
     elif torque == "none":
-        tau = np.zeros_like(tau)
-    source = {"q": "measured", "v": "measured", "motor_torque": torque, **dict.fromkeys(known, "modelled")}
-    return KnownInputs(log.time, q, v, tau, known, ROWS_OF_TORQUE[torque], source)
+        tau = np.zeros(shape)
+    else:
+        tau = _recorded_torque(log, robot, moved, torque)
+    return KnownInputs(moved.time, moved.q, moved.v, tau, known, ROWS_OF_TORQUE[torque], source)
 
 
-def modelled_torque(robot: Aerobat, time: Array, q: Array, v: Array, crank: Array, force: Array) -> Array:
+def noted_air(log: FlightLog) -> AirSection:
+    """Return the air that a log notes as believed by whoever recorded it, or the default air."""
+    return AirSection.model_validate_json(log.measured.attrs.get("air", "{}"))
+
+
+def _recorded_torque(log: FlightLog, robot: Aerobat, moved: Motion, torque: Torque) -> Array:
+    """Return the recorded motor torque (m, nv): of the joints, or of the crank alone spread over them."""
+    measured, at = log.measured, list(robot.idx_v)
+    tau = np.zeros((len(moved.time) - 1, robot.model.nv))
+    if "motor_torque" in measured:
+        tau = np.array(measured["motor_torque"].values, float)
+    elif "joint_torque" in measured:
+        tau[:, at] = measured["joint_torque"].sel(joint=list(JOINTS)).values
+    elif torque == "motor_only" and "crank_torque" in measured:
+        return spread(robot, _crank(moved), np.asarray(measured["crank_torque"].values, float))
+    else:
+        names = "motor_torque or joint_torque" + (" or crank_torque" if torque == "motor_only" else "")
+        raise LogError(
+            f"flight log: no channel named {names}: torque = {torque} cannot be had; 'modelled' and 'none' can"
+        )
+    if torque == "motor_only":
+        left_shoulder, left_elbow, right_shoulder, right_elbow = (tau[:, i] for i in at)
+        closure = robot.linkage.solve(_middle(_crank(moved)))
+        crank = closure.crank_torque(left_shoulder, left_elbow) + closure.crank_torque(right_shoulder, right_elbow)
+        return spread(robot, _crank(moved), crank)
+    return tau
+
+
+def _crank(moved: Motion) -> Array:
+    if moved.crank is None:
+        raise LogError("flight log: no channel named crank_angle: the torque at the crank says nothing without it")
+    angle: Array = moved.crank[0]
+    return angle
+
+
+def _middle(samples: Array) -> Array:
+    return np.asarray(0.5 * (samples[1:] + samples[:-1]))
+
+
+def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
     """Return the motor torque (m, nv) that the prescribed motion takes when nothing unknown pushes.
 
     Args:
         robot: the believed robot.
-        time: (m + 1,) [s].
-        q: (m + 1, nq).
-        v: (m + 1, nv).
-        crank: (m + 1,) crank angle [rad].
+        moved: the recorded motion.
         force: (m, nv) sum of the known generalised forces, interval means.
     """
     model, data = robot.model, robot.model.createData()
-    dt = np.diff(time)
-    rate = np.divide(np.diff(crank), dt, out=np.zeros_like(dt), where=dt > 0.0)
-    closure = robot.linkage.solve(0.5 * (crank[1:] + crank[:-1]), rate)
-    joints = robot.velocity(np.zeros((len(dt), BASE)), closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE:]
+    _crank(moved)
+    assert moved.crank is not None
+    angle, rate, acceleration = (_middle(one) for one in moved.crank)
+    closure = robot.linkage.solve(angle, rate, acceleration)
+    joints = robot.velocity(np.zeros((len(angle), BASE)), closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE:]
     torque = np.zeros_like(force)
-    for k in range(len(dt)):
-        middle = pin.interpolate(model, q[k], q[k + 1], 0.5)
-        nle = pin.nonLinearEffects(model, data, middle, 0.5 * (v[k] + v[k + 1]))
-        torque[k] = prescribed_joint_dynamics(pin.crba(model, data, middle), nle, force[k], joints[k])[1]
+    q, v = moved.q, moved.v
+    for k in range(len(angle)):
+        halfway = pin.interpolate(model, q[k], q[k + 1], 0.5)
+        nle = pin.nonLinearEffects(model, data, halfway, 0.5 * (v[k] + v[k + 1]))
+        torque[k] = prescribed_joint_dynamics(pin.crba(model, data, halfway), nle, force[k], joints[k])[1]
     return torque
 
 
-def through_the_crank(robot: Aerobat, crank: Array, tau: Array) -> Array:
-    """Keep of joint torques (m, nv) what a sensor on the crank sees: spread along the linkage, with the same power."""
-    closure = robot.linkage.solve(0.5 * (crank[1:] + crank[:-1]))
-    along = robot.velocity(np.zeros((len(tau), BASE)), closure.dtheta_s, closure.dtheta_e)
-    return np.asarray(along * (np.sum(along * tau, axis=1) / np.sum(along * along, axis=1))[:, None])
+def spread(robot: Aerobat, crank: Array, torque: Array) -> Array:
+    """Spread a torque at the crank (m,) over both wings' joints with the same power: (m, nv).
+
+    Args:
+        robot: the believed robot.
+        crank: (m + 1,) crank angle [rad].
+        torque: (m,) interval means [N m].
+    """
+    shoulder, elbow = robot.linkage.solve(_middle(crank)).joint_torques(0.5 * torque)
+    return robot.velocity(np.zeros((len(torque), BASE)), shoulder, elbow)

@@ -5,18 +5,21 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from aerobat_pin.errors import OutputError
 
-FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage")
+FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power")
 RESULTS = (
     "scenario.toml",
+    "belief.toml",
     "morphology.toml",
+    "unknown_force_*.csv",
     "flight.nc",
     "estimate.nc",
+    "estimate.csv",
     "metrics.json",
     *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")),
     "report.html",
@@ -26,7 +29,7 @@ WORK = ".aerobat-"  # begins the name of the folder that results are first writt
 
 
 @contextmanager
-def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
+def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULTS) -> Iterator[Path]:
     """Give a fresh folder to write into, and move its content to `target` when all went well.
 
     Nothing appears at the target unless everything was written. With `force` the results of an earlier run are
@@ -35,6 +38,7 @@ def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
     Args:
         target: folder for the results; it and its parents are made when missing, and unmade on failure.
         force: allow a target that is not empty.
+        replaces: patterns of what an earlier run leaves there.
 
     Raises:
         OutputError: the target is not empty (and not `force`), is a file, or cannot be written, now or while writing.
@@ -57,7 +61,7 @@ def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
         target.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(prefix=WORK, dir=target))
         yield work
-        _replace(work, target)
+        _replace(work, target, replaces)
         done = True
     except OSError as error:
         if isinstance(error, OutputError):
@@ -81,22 +85,64 @@ def check_file(target: Path, *, force: bool) -> None:
         raise OutputError(f"output {target}: there is no folder {target.parent}")
 
 
+def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
+    """Choose where a picture goes: a file by its ending, or `name`.png and `name`.pdf in a folder.
+
+    Raises:
+        OutputError: no such kind of picture, or a file that is not to be written.
+    """
+    if out.is_dir() or not out.suffix:
+        files = [out / f"{name}.png", out / f"{name}.pdf"]
+        if out.exists() and not out.is_dir():
+            raise OutputError(f"output {out}: is a file; a folder, or a .png, .pdf or .svg file was expected")
+        for file in files:
+            if file.exists():
+                check_file(file, force=force)
+        return files
+    if out.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise OutputError(f"output {out}: {out.suffix} is none of .png, .pdf and .svg, and there is no such folder")
+    check_file(out, force=force)
+    return [out]
+
+
 def write_text(target: Path, text: str) -> None:
     """Write a file whole or not at all. Raises OutputError when it cannot be written."""
-    part = target.with_name(f"{WORK}{os.getpid()}-{target.name}")
+    write_files({target: text.encode()})
+
+
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Write files, all of them whole or none at all; folders that are missing are made.
+
+    Raises:
+        OutputError: a file or folder cannot be written.
+    """
+    parts = {path: path.with_name(f"{WORK}{os.getpid()}-{path.name}") for path in contents}
+    folders = {folder for path in contents for folder in path.absolute().parents}
+    made = [folder for folder in sorted(folders, key=lambda one: -len(one.parts)) if not folder.exists()]
+    done, path = False, Path()
     try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, target)
+        for path, content in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            parts[path].write_bytes(content)
+        for path, part in parts.items():
+            os.replace(part, path)
+        done = True
     except OSError as error:
-        raise OutputError(f"output {target}: cannot be written: {error.strerror or error}") from error
+        raise OutputError(f"output {path}: cannot be written: {error.strerror or error}") from error
     finally:
-        part.unlink(missing_ok=True)
+        for part in parts.values():
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+        for folder in [] if done else made:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
 
 
-def _replace(work: Path, target: Path) -> None:
+def _replace(work: Path, target: Path, replaces: Sequence[str]) -> None:
     """Remove an earlier run's files and move the new ones in."""
-    for name in RESULTS:
-        (target / name).unlink(missing_ok=True)
+    for pattern in replaces:
+        for path in target.glob(pattern):
+            path.unlink()
     for path in sorted(work.rglob("*")):
         place = target / path.relative_to(work)
         if path.is_dir():

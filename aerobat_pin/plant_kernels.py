@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.robot_air import AirArrays, air_loads
+from aerobat_pin.added_mass import add_mass
+from aerobat_pin.aerodynamics.robot_air import air_loads
 from aerobat_pin.arrays import Array
 from aerobat_pin.hold import hold_wrench
 from aerobat_pin.integrators import next_stage
-from aerobat_pin.jit import Integers, copy_values, kernel, solve_positive
-from aerobat_pin.plant_layout import Constants, Tree, Unknown, Work, unpack, unpack_work
+from aerobat_pin.jit import DOUBLE, Integers, array_at, copy_values, inner, kernel, solve_positive
+from aerobat_pin.plant_layout import Tree, Unknown, unpack, unpack_found, unpack_work
 
 
 @kernel
 def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
     """Carry link wrenches (5, 6) up the tree (in place) and write the generalised force sum J^T f (nv,)."""
     for link in range(tree.table.shape[0] - 1, 0, -1):
-        joint, parent, at, _ = tree.table[link]
-        fx, fy, fz, mx, my, mz = wrenches[link]
+        joint, parent, at = tree.table[link, 0], tree.table[link, 1], tree.table[link, 2]
+        own = wrenches[link]
+        fx, fy, fz, mx, my, mz = own[0], own[1], own[2], own[3], own[4], own[5]
         force[at] = tree.axis[link, 0] * mx + tree.axis[link, 1] * my + tree.axis[link, 2] * mz
         P = liMi[joint]
         gx = P[0] * fx + P[3] * fy + P[6] * fz
@@ -35,58 +37,74 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
 
 
 @kernel
-def rotations(tree: Tree, liMi: Array, rotation: Array) -> None:
-    """Write the rotations of the links to world (5, 3, 3), down the tree."""
-    for link in range(tree.table.shape[0]):
+def chain(tree: Tree, liMi: Array, rotation: Array, origin: Array) -> None:
+    """Write rotations (5, 3, 3) of the links to body axes and their origins (5, 3) in the body's frame."""
+    for i in range(3):
+        origin[0, i] = 0.0
+        for j in range(3):
+            rotation[0, i, j] = 1.0 if i == j else 0.0
+    for link in range(1, tree.table.shape[0]):
         P, parent = liMi[tree.table[link, 0]], tree.table[link, 1]
         for i in range(3):
+            a, b, c = rotation[parent, i, 0], rotation[parent, i, 1], rotation[parent, i, 2]
+            origin[link, i] = origin[parent, i] + a * P[9] + b * P[10] + c * P[11]
             for j in range(3):
-                if parent < 0:
-                    rotation[link, i, j] = P[i + 3 * j]
-                else:
-                    up = rotation[parent]
-                    rotation[link, i, j] = up[i, 0] * P[3 * j] + up[i, 1] * P[1 + 3 * j] + up[i, 2] * P[2 + 3 * j]
+                rotation[link, i, j] = a * P[3 * j] + b * P[1 + 3 * j] + c * P[2 + 3 * j]
 
 
 @kernel
 def push(
-    unknown: Unknown, elbow: float, held: Array, k: int, rotation: Array, wrenches: Array, at_points: Array
+    unknown: Unknown,
+    elbow: float,
+    held: Array,
+    k: int,
+    world: Array,
+    rotation: Array,
+    wrenches: Array,
+    at_points: Array,
 ) -> None:
     """Write the unknown forces as link wrenches (5, 6), and at their points (2, p, 3) with and without noise.
 
     Args:
         unknown: the forces.
         elbow: elbow angle [rad].
-        held: (2, n, intervals) noise and step of each force [N].
+        held: (2, n, intervals) noise and signal of each force [N].
         k: interval.
-        rotation: (5, 3, 3) links to world.
+        world: (12,) placement of the body, rotation by columns.
+        rotation: (5, 3, 3) links to body.
         wrenches: (5, 6) written.
         at_points: (2, p, 3) written, world axes [N].
     """
     wrenches[:] = 0.0
     at_points[:] = 0.0
     for i in range(unknown.table.shape[0]):
-        point, link, axes = unknown.table[i]
+        point, link, axes = unknown.table[i, 0], unknown.table[i, 1], unknown.table[i, 2]
         clean = unknown.numbers[i, 3] * np.sin(elbow) + held[1, i, k]
         noisy = clean + held[0, i, k]
+        x, y, z = unknown.numbers[i, 0], unknown.numbers[i, 1], unknown.numbers[i, 2]
+        if axes == 0:
+            R = rotation[link]
+            x, y, z = (
+                R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+                R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+                R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+            )
         for row in range(3):
-            direction = unknown.numbers[i, row]
-            if axes < 2:
-                R = rotation[link if axes == 0 else 0]
-                direction = (
-                    R[row, 0] * unknown.numbers[i, 0]
-                    + R[row, 1] * unknown.numbers[i, 1]
-                    + R[row, 2] * unknown.numbers[i, 2]
-                )
+            direction = (
+                unknown.numbers[i, row] if axes == 2 else world[row] * x + world[3 + row] * y + world[6 + row] * z
+            )
             at_points[0, point, row] += noisy * direction
             at_points[1, point, row] += clean * direction
     for point in range(unknown.points.shape[0]):
         link = int(unknown.points[point, 0])
-        x, y, z = unknown.points[point, 1:]
+        x, y, z = unknown.points[point, 1], unknown.points[point, 2], unknown.points[point, 3]
         R, f, wrench = rotation[link], at_points[0, point], wrenches[link]
-        fx = R[0, 0] * f[0] + R[1, 0] * f[1] + R[2, 0] * f[2]
-        fy = R[0, 1] * f[0] + R[1, 1] * f[1] + R[2, 1] * f[2]
-        fz = R[0, 2] * f[0] + R[1, 2] * f[1] + R[2, 2] * f[2]
+        bx = world[0] * f[0] + world[1] * f[1] + world[2] * f[2]
+        by = world[3] * f[0] + world[4] * f[1] + world[5] * f[2]
+        bz = world[6] * f[0] + world[7] * f[1] + world[8] * f[2]
+        fx = R[0, 0] * bx + R[1, 0] * by + R[2, 0] * bz
+        fy = R[0, 1] * bx + R[1, 1] * by + R[2, 1] * bz
+        fz = R[0, 2] * bx + R[1, 2] * by + R[2, 2] * bz
         wrench[0] += fx
         wrench[1] += fy
         wrench[2] += fz
@@ -95,15 +113,36 @@ def push(
         wrench[5] += x * fy - y * fx
 
 
+@inner
+def against_the_air(world: Array, gravity: float, wind: Array, rotation: Array, field: Array, twists: Array) -> None:
+    """Turn gravity (upward), wind and its rate into body axes, the rows of `field`, and take the wind from twists.
+
+    Args:
+        world: (12,) placement of the body, rotation by columns.
+        gravity: [m/s2].
+        wind: (2, 3) velocity of the air and its rate, world axes.
+        rotation: (5, 3, 3) links to body.
+        field: (3, 3) written.
+        twists: (5, 6) of the links, at and in their own frames; changed.
+    """
+    for i in range(3):
+        field[0, i] = gravity * world[3 * i + 2]
+        for row in range(2):
+            field[1 + row, i] = (
+                world[3 * i] * wind[row, 0] + world[3 * i + 1] * wind[row, 1] + world[3 * i + 2] * wind[row, 2]
+            )
+    x, y, z = field[1, 0], field[1, 1], field[1, 2]
+    for link in range(twists.shape[0]):
+        for i in range(3):
+            twists[link, i] -= rotation[link, 0, i] * x + rotation[link, 1, i] * y + rotation[link, 2, i] * z
+
+
 @kernel
 def evaluate(
-    constants: Constants,
-    work: Work,
-    M: Array,
-    nle: Array,
-    liMi: Array,
-    twist: Array,
+    integers: Integers,
+    steady: bool | None,
     joints: Array,
+    wind: Array,
     held: Array,
     k: int,
     state: Array,
@@ -113,72 +152,103 @@ def evaluate(
     """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
 
     Args:
-        constants: robot, air, hold and unknown forces.
-        work: scratch; its `loads` hold the strips' loads afterwards.
-        M: (nv, nv) Pinocchio's inertia at this instant.
-        nle: (nv,) its C v + g.
-        liMi: (njoints, 12) its placements in the parents.
-        twist: (njoints, 6) its velocities.
+        integers: where constants, Pinocchio's results and scratch lie, see `plant_layout`; the scratch's `loads` hold
+            the strips' loads afterwards.
+        steady: which model of the air, see `air_loads`.
         joints: (3, 2) angle, rate and acceleration of shoulder and elbow.
-        held: (2, n, intervals) noise and step of each unknown force [N].
+        wind: (2, 3) velocity of the air and its rate, world axes.
+        held: (2, n, intervals) noise and signal of each unknown force [N].
         k: interval.
         state: (6 + 3N,) base twist in body axes, then the air.
         rate: (6 + 3N,) written: base acceleration, then the rate of the air.
-        forces: (4 nv + 6 p + 1,) written, in the order of `Forces`.
+        forces: (5 nv + 6 p + 32,) written, in the order of `Forces`.
     """
-    air, tree, unknown, hold = constants
-    nv = nle.shape[0]
-    points = unknown.points.shape[0]
-    twists, wrenches, pushes = work.spatial[0], work.spatial[1], work.spatial[2]
-    for link in range(tree.table.shape[0]):
-        copy_values(twist[tree.table[link, 0]], twists[link])
-    aerodynamic, thrusters = forces[:nv], forces[nv : 2 * nv]
-    motor, pushed = forces[2 * nv : 3 * nv], forces[3 * nv : 4 * nv]
-    air_loads(air, twists, state[6:], wrenches, rate[6:], work.loads)
+    constants, work, found = unpack(integers), unpack_work(integers), unpack_found(integers)
+    air, tree, unknown, hold = constants.air, constants.tree, constants.unknown, constants.hold
+    M, nle, liMi = found.M, found.nle, found.liMi
+    nv, points = nle.shape[0], unknown.points.shape[0]
+    absolute, twists, wrenches, pushes = work.spatial[0], work.spatial[1], work.spatial[2], work.spatial[3]
+    aerodynamic, added, thrusters = forces[:nv], forces[nv : 2 * nv], forces[2 * nv : 3 * nv]
+    motor, pushed = forces[3 * nv : 4 * nv], forces[4 * nv : 5 * nv]
+    end = 5 * nv + 6 * points
+    links = tree.table.shape[0]
+    world, base = liMi[tree.table[0, 0]], tree.table[0, 2]
+    for link in range(links):
+        for i in range(6):
+            absolute[link, i] = twists[link, i] = found.v[tree.table[link, 0], i]
+    chain(tree, liMi, work.rotation, work.origin)
+    against_the_air(world, constants.gravity[0], wind, work.rotation, work.field, twists)
+    air_loads(air, steady, twists, state[6:], wrenches, rate[6:], work.loads)
+    air_power = 0.0
+    for link in range(links):
+        for i in range(6):
+            forces[end + 6 * link + i] = wrenches[link, i]
+            air_power += wrenches[link, i] * absolute[link, i]
     climb(tree, liMi, wrenches, aerodynamic)
-    rotations(tree, liMi, work.rotation)
     thrusters[:] = 0.0
     if hold.shape[0] > 0:
-        base = tree.table[0, 2]
-        position = liMi[tree.table[0, 0], 9:]
-        hold_wrench(hold, position, work.rotation[0], twists[0], thrusters[base : base + 6])
-    at_points = forces[4 * nv : 4 * nv + 6 * points].reshape((2, points, 3))
-    push(unknown, joints[0, 1], held, k, work.rotation, pushes, at_points)
+        hold_wrench(hold, world, absolute[0], thrusters[base : base + 6])
+    at_points = array_at(forces.ctypes.data + DOUBLE * 5 * nv, (2, points, 3))
+    push(unknown, joints[0, 1], held, k, world, work.rotation, pushes, at_points)
     climb(tree, liMi, pushes, pushed)
 
+    H, h = work.inertia[:nv], work.inertia[nv]
+    for i in range(nv):
+        h[i] = nle[i]
+        for j in range(nv):
+            H[i, j] = M[i, j]
+    add_mass(
+        constants.mass,
+        tree.table,
+        tree.axis,
+        liMi,
+        work.rotation,
+        work.origin,
+        twists,
+        found.a_gf,
+        work.field,
+        work.rows,
+        H,
+        h,
+    )
     A, b = work.base[:6], work.base[6]
     for i in range(6):
-        b[i] = aerodynamic[i] + thrusters[i] + pushed[i] - nle[i]
+        b[i] = aerodynamic[i] + thrusters[i] + pushed[i] - h[i]
         for j in range(6):
-            A[i, j] = M[i, j]
-        for link in range(1, tree.table.shape[0]):
-            b[i] -= M[i, tree.table[link, 2]] * joints[2, tree.table[link, 3]]
+            A[i, j] = H[i, j]
+        for link in range(1, links):
+            b[i] -= H[i, tree.table[link, 2]] * joints[2, tree.table[link, 3]]
     solve_positive(A, b)
     copy_values(b, rate[:6])
-    power = 0.0
+    motor_power = 0.0
     motor[:6] = 0.0
-    for link in range(1, tree.table.shape[0]):
-        row = tree.table[link, 2]
-        torque = nle[row] - aerodynamic[row] - thrusters[row] - pushed[row]
+    for row in range(nv):
+        inertial, dragged = h[row], nle[row] - h[row]
         for j in range(6):
-            torque += M[row, j] * b[j]
-        for other in range(1, tree.table.shape[0]):
-            torque += M[row, tree.table[other, 2]] * joints[2, tree.table[other, 3]]
-        motor[row] = torque
-        power += torque * joints[1, tree.table[link, 3]]
-    forces[4 * nv + 6 * points] = power
+            inertial += H[row, j] * b[j]
+            dragged += (M[row, j] - H[row, j]) * b[j]
+        for other in range(1, links):
+            at, acceleration = tree.table[other, 2], joints[2, tree.table[other, 3]]
+            inertial += H[row, at] * acceleration
+            dragged += (M[row, at] - H[row, at]) * acceleration
+        added[row] = dragged
+        if row > 5:
+            motor[row] = inertial - aerodynamic[row] - thrusters[row] - pushed[row]
+    for i in range(6):
+        air_power += added[i] * absolute[0, i]
+    for link in range(1, links):
+        row, speed = tree.table[link, 2], joints[1, tree.table[link, 3]]
+        motor_power += motor[row] * speed
+        air_power += added[row] * speed
+    forces[end + 30], forces[end + 31] = motor_power, air_power
 
 
 @kernel
 def advance(
-    numbers: Array,
     integers: Integers,
-    flat: Array,
-    M: Array,
-    nle: Array,
-    liMi: Array,
-    twist: Array,
+    steady: bool | None,
     motion: Array,
+    wind: Array,
     held: Array,
     dt: float,
     k: int,
@@ -193,30 +263,25 @@ def advance(
     """Evaluate one stage of step k and prepare the next: what `integrators.step` does, without its arrays in between.
 
     Args:
-        numbers: of the packed constants.
-        integers: of the packed constants.
-        flat: scratch.
-        M: (nv, nv) Pinocchio's inertia at this stage.
-        nle: (nv,) its C v + g.
-        liMi: (njoints, 12) its placements in the parents.
-        twist: (njoints, 6) its velocities.
+        integers: where everything lies, see `plant_layout`.
+        steady: which model of the air, see `air_loads`.
         motion: (2 n + 1, 3, 2) joints every half step.
-        held: (2, forces, n) noise and step of each unknown force [N].
+        wind: (2 n + 1, 2, 3) velocity of the air and its rate every half step, world axes.
+        held: (2, forces, n) noise and signal of each unknown force [N].
         dt: step [s].
         k: step.
         stage: 0 to 3.
         stages: (6, 6 + 3N): the rates of the four stages, the state at the start of the step, the state of the stage.
         tangent: (2, nv) written: the way of q to the next stage (row 0), or in two parts to the next step.
         v: (nv,) written: velocity at the next stage.
-        forces: (4 nv + 6 p + 1,) scratch.
-        means: (n, 4 nv + 6 p + 1) row k gathers the mean of the forces.
-        loads: (n, 5, N) row k takes the strips' loads at the start of the step.
+        forces: (5 nv + 6 p + 32,) scratch.
+        means: (n, 5 nv + 6 p + 32) row k gathers the mean of the forces.
+        loads: (n, 9, N) row k takes the strips' loads at the start of the step.
     """
-    constants, work = unpack(numbers, integers), unpack_work(flat)
-    tree = constants.tree
+    tree, work = unpack(integers).tree, unpack_work(integers)
     start, state = stages[4], stages[5]
     half = 2 * k + (stage + 1) // 2
-    evaluate(constants, work, M, nle, liMi, twist, motion[half], held, k, state, stages[stage], forces)
+    evaluate(integers, steady, motion[half], wind[half], held, k, state, stages[stage], forces)
     weight = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
     for i in range(forces.shape[0]):
         means[k, i] += weight * forces[i]
@@ -240,32 +305,16 @@ def advance(
 
 
 @kernel
-def evaluate_once(
-    numbers: Array,
-    integers: Integers,
-    flat: Array,
-    M: Array,
-    nle: Array,
-    liMi: Array,
-    twist: Array,
-    joints: Array,
-    held: Array,
-    state: Array,
-    rate: Array,
-    forces: Array,
-) -> None:
-    """Unpack and `evaluate`, whose arguments these are."""
-    evaluate(unpack(numbers, integers), unpack_work(flat), M, nle, liMi, twist, joints, held, 0, state, rate, forces)
+def warm_up(integers: Integers, steady: bool | None, twists: Array, dt: float, state: Array) -> None:
+    """Fly the air alone: integrate its state (3N,) in place under link twists (2 n + 1, 5, 6) given every half step.
 
-
-@kernel
-def warm_up(air: AirArrays, twists: Array, dt: float, state: Array) -> None:
-    """Fly the air alone: integrate its state (3N,) in place under link twists (2 n + 1, 5, 6) given every half step."""
-    size = state.shape[0]
+    The twists are those against the air; `steady` as in `air_loads`.
+    """
+    air, work, size = unpack(integers).air, unpack_work(integers), state.shape[0]
     k, rate, tangent = np.zeros((4, 0)), np.empty((4, size)), np.zeros((2, 0))
-    start, wrenches, loads = np.empty(size), np.empty((5, 6)), np.empty((5, size // 3))
+    start, wrenches, loads = np.empty(size), work.spatial[0], work.loads
     for i in range(twists.shape[0] // 2):
         copy_values(state, start)
         for stage in range(4):
-            air_loads(air, twists[2 * i + (stage + 1) // 2], state, wrenches, rate[stage], loads)
+            air_loads(air, steady, twists[2 * i + (stage + 1) // 2], state, wrenches, rate[stage], loads)
             next_stage(stage, dt, k, rate, start, state, tangent)

@@ -1,7 +1,8 @@
 """How robot, air, hold and unknown forces lie in memory for the plant's kernels.
 
-A compiled call pays for every array it is handed. The constants therefore travel as two flat arrays, and `unpack` gives
-them their names back inside; so does `unpack_work` for the scratch.
+A compiled call pays for every array it is handed, and for every view of one that it makes. Constants, scratch and
+Pinocchio's results are therefore found by address, in one array of integers that a call begins with; `unpack` gives
+them their names back inside.
 """
 
 from __future__ import annotations
@@ -9,12 +10,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
-from aerobat_pin.aerodynamics.robot_air import AirArrays
+from aerobat_pin.aerodynamics.strips import LOADS, AirArrays
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import Integers, kernel
+from aerobat_pin.disturbances import PointForce
+from aerobat_pin.frames import frame_id
+from aerobat_pin.jit import DOUBLE, Integers, addresses, array_at, integers_at, kernel
+from aerobat_pin.robot import JOINTS
+from aerobat_pin.wing import LINKS
 
+AXES = ("link", "body", "world")
 BODIES = 5
+PLACES = 7  # addresses in front of the integers: numbers, scratch, M, nle, liMi, v, a_gf
+SIZES = 6  # then sizes: strips, forces, points, hold, nv, njoints
+INTEGER = 8  # bytes
 
 
 class Tree(NamedTuple):
@@ -35,84 +45,177 @@ class Unknown(NamedTuple):
     points: Array  # link, then x, y, z in the link's frame [m]
 
 
-class Work(NamedTuple):
-    """Scratch of the kernels.
+class Constants(NamedTuple):
+    """Everything about robot, air, hold and unknown forces that does not change in flight; `hold` may be empty.
 
-    Link twists and two sets of link wrenches (3, 5, 6), rotations (5, 3, 3), strip loads (5, N), the base's equations
-    (7, 6), and the base twists of the four stages (4, 6).
+    `mass` (5, 6) is the added mass of the links, see `added_mass.factored`; `gravity` (1,) [m/s2].
     """
 
-    spatial: Array
-    rotation: Array
-    loads: Array
-    base: Array
-    twists: Array
-
-
-class Constants(NamedTuple):
-    """Everything about robot, air, hold and unknown forces that does not change in flight; `hold` may be empty."""
-
     air: AirArrays
+    mass: Array
+    gravity: Array
     tree: Tree
     unknown: Unknown
     hold: Array
 
 
-def pack(constants: Constants) -> tuple[Array, Integers]:
-    """Flatten the constants into numbers and integers, in the order in which `unpack` reads them."""
-    air, tree, unknown, hold = constants
-    numbers = (*air[:1], *air[2:], tree.axis, unknown.numbers, unknown.points, hold)
-    sizes = (len(air.link), len(unknown.table), len(unknown.points), len(hold))
-    integers = (sizes, air.link, tree.table, unknown.table)
-    return np.concatenate([np.ravel(x) for x in numbers]), np.concatenate([np.ravel(x) for x in integers])
+class Work(NamedTuple):
+    """Scratch of the kernels.
+
+    Two sets of link twists, the second against the air, and two of link wrenches (4, 5, 6); rotations (5, 3, 3) and
+    origins (5, 3) of the links in the body's frame; gravity and the air's motion in body axes (3, 3); rows of added
+    mass (3, 8); inertia and bias with added mass (nv + 1, nv); the base's equations (7, 6); strip loads (9, N); the
+    base twists of the four stages (4, 6).
+    """
+
+    spatial: Array
+    rotation: Array
+    origin: Array
+    field: Array
+    rows: Array
+    inertia: Array
+    base: Array
+    loads: Array
+    twists: Array
 
 
-@kernel
-def unpack(numbers: Array, integers: Integers) -> Constants:
-    """Give the flat constants their names and shapes back, without copying."""
-    count, forces, points, hold = integers[0], integers[1], integers[2], integers[3]
-    a = 8 * count
-    b = a + (count + 1) * count
-    c = b + 6
-    d = c + 9
-    e = d + 3 * BODIES
-    f = e + 4 * forces
-    g = f + 4 * points
-    i = 4 + count
-    j = i + 4 * BODIES
-    return Constants(
-        AirArrays(
-            numbers[:a].reshape((count, 8)),
-            integers[4:i],
-            numbers[a:b].reshape((count + 1, count)),
-            numbers[b:c],
-            numbers[c:d],
-        ),
-        Tree(integers[i:j].reshape((BODIES, 4)), numbers[d:e].reshape((BODIES, 3))),
-        Unknown(
-            integers[j : j + 3 * forces].reshape((forces, 3)),
-            numbers[e:f].reshape((forces, 4)),
-            numbers[f:g].reshape((points, 4)),
-        ),
-        numbers[g : g + hold],
+class Found(NamedTuple):
+    """Pinocchio's results as they are: M (nv, nv), nle (nv,), liMi (njoints, 12), v and a_gf (njoints, 6)."""
+
+    M: Array
+    nle: Array
+    liMi: Array
+    v: Array
+    a_gf: Array
+
+
+def tree_of(model: pin.Model) -> Tree:
+    """Find the links in a model."""
+    table: list[tuple[int, ...]] = []
+    axis = [np.zeros(3)]
+    for i, link in enumerate(LINKS):
+        joint = model.frames[model.getFrameId(link)].parentJoint
+        parents = [k for k, row in enumerate(table) if row[0] == model.parents[joint]]
+        which = JOINTS.index(model.names[joint]) % 2 if i else 0
+        table.append((joint, parents[0] if parents else -1, model.joints[joint].idx_v, which))
+        if i:
+            neutral = model.joints[joint].createData()
+            model.joints[joint].calc(neutral, np.zeros(1))
+            axis.append(np.ravel(neutral.S)[3:])
+    return Tree(np.array(table), np.array(axis))
+
+
+def unknown_of(model: pin.Model, forces: tuple[PointForce, ...], points: tuple[str, ...]) -> Unknown:
+    """Place unknown forces on the links, at the frames named in `points`."""
+    carriers = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
+    frames = [model.frames[frame_id(model, name)] for name in points]
+    links = [carriers.index(frame.parentJoint) for frame in frames]
+    table, numbers = [], []
+    for force in forces:
+        point = points.index(force.frame)
+        turned = frames[point].placement.rotation if force.axes == "link" else np.eye(3)
+        table.append((point, links[point], AXES.index(force.axes)))
+        numbers.append([*(turned @ force.direction), force.signal.elbow_amplitude])
+    places = [[link, *frame.placement.translation] for link, frame in zip(links, frames, strict=True)]
+    return Unknown(
+        np.array(table, dtype=np.intp).reshape(-1, 3),
+        np.array(numbers, dtype=float).reshape(-1, 4),
+        np.array(places, dtype=float).reshape(-1, 4),
     )
 
 
-def scratch(strips: int) -> Array:
-    """Return the kernels' scratch for a number of strips."""
-    return np.zeros(18 * BODIES + 9 * BODIES + 42 + 24 + 5 * strips)
+def pack(constants: Constants) -> tuple[Array, Integers]:
+    """Flatten the constants into numbers and integers, in the order in which `unpack` reads them."""
+    air, mass, gravity, tree, unknown, hold = constants
+    of_air = (air.strips, air.downwash, air.numbers, air.tail, mass, gravity)
+    numbers = (*of_air, tree.axis, unknown.numbers, unknown.points, hold)
+    integers = (air.link, tree.table, unknown.table)
+    return np.concatenate([np.ravel(x) for x in numbers]), np.concatenate([np.ravel(x) for x in integers])
+
+
+def layout(constants: Constants, found: Found) -> tuple[Integers, tuple[Array, Array]]:
+    """Return the array of integers that a kernel's call begins with, and the arrays that must outlive it."""
+    numbers, integers = pack(constants)
+    joints, nv = len(found.liMi), len(found.nle)
+    count = len(constants.air.link)
+    scratch = np.zeros(scratch_size(count, nv))
+    places = addresses(numbers, scratch, *found)
+    sizes = (count, len(constants.unknown.table), len(constants.unknown.points), len(constants.hold), nv, joints)
+    return np.concatenate([places, sizes, integers]), (numbers, scratch)
 
 
 @kernel
-def unpack_work(flat: Array) -> Work:
+def unpack(integers: Integers) -> Constants:
+    """Give the constants their names and shapes, without copying."""
+    count, forces, points, hold = integers[PLACES], integers[PLACES + 1], integers[PLACES + 2], integers[PLACES + 3]
+    a = integers[0]
+    b = a + DOUBLE * 6 * count
+    c = b + DOUBLE * (count + 1) * count
+    d = c + DOUBLE * 7
+    e = d + DOUBLE * 9
+    f = e + DOUBLE * 6 * BODIES
+    g = f + DOUBLE
+    h = g + DOUBLE * 3 * BODIES
+    i = h + DOUBLE * 4 * forces
+    j = i + DOUBLE * 4 * points
+    k = integers.ctypes.data + INTEGER * (PLACES + SIZES)
+    m = k + INTEGER * count
+    n = m + INTEGER * 4 * BODIES
+    return Constants(
+        AirArrays(
+            array_at(a, (6, count)),
+            integers_at(k, (count,)),
+            array_at(b, (count + 1, count)),
+            array_at(c, (7,)),
+            array_at(d, (9,)),
+        ),
+        array_at(e, (BODIES, 6)),
+        array_at(f, (1,)),
+        Tree(integers_at(m, (BODIES, 4)), array_at(g, (BODIES, 3))),
+        Unknown(integers_at(n, (forces, 3)), array_at(h, (forces, 4)), array_at(i, (points, 4))),
+        array_at(j, (hold,)),
+    )
+
+
+@kernel
+def unpack_found(integers: Integers) -> Found:
+    """View Pinocchio's results."""
+    nv, joints = integers[PLACES + 4], integers[PLACES + 5]
+    return Found(
+        array_at(integers[2], (nv, nv)),
+        array_at(integers[3], (nv,)),
+        array_at(integers[4], (joints, 12)),
+        array_at(integers[5], (joints, 6)),
+        array_at(integers[6], (joints, 6)),
+    )
+
+
+def scratch_size(strips: int, nv: int) -> int:
+    """Return the number of doubles of the kernels' scratch."""
+    return 24 * BODIES + 9 * BODIES + 3 * BODIES + 9 + 24 + (nv + 1) * nv + 42 + LOADS * strips + 24
+
+
+@kernel
+def unpack_work(integers: Integers) -> Work:
     """Give the scratch its names and shapes."""
-    a = 18 * BODIES
-    b = a + 9 * BODIES
-    loads = flat[b + 66 :]
+    count, nv = integers[PLACES], integers[PLACES + 4]
+    a = integers[1]
+    b = a + DOUBLE * 24 * BODIES
+    c = b + DOUBLE * 9 * BODIES
+    d = c + DOUBLE * 3 * BODIES
+    e = d + DOUBLE * 9
+    f = e + DOUBLE * 24
+    g = f + DOUBLE * (nv + 1) * nv
+    h = g + DOUBLE * 42
+    i = h + DOUBLE * LOADS * count
     return Work(
-        flat[:a].reshape((3, BODIES, 6)),
-        flat[a:b].reshape((BODIES, 3, 3)),
-        loads.reshape((5, loads.shape[0] // 5)),
-        flat[b : b + 42].reshape((7, 6)),
-        flat[b + 42 : b + 66].reshape((4, 6)),
+        array_at(a, (4, BODIES, 6)),
+        array_at(b, (BODIES, 3, 3)),
+        array_at(c, (BODIES, 3)),
+        array_at(d, (3, 3)),
+        array_at(e, (3, 8)),
+        array_at(f, (nv + 1, nv)),
+        array_at(g, (7, 6)),
+        array_at(h, (LOADS, count)),
+        array_at(i, (4, 6)),
     )

@@ -8,18 +8,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_description.generate import MATERIALS, srdf, urdf
-from aerobat_description.meshes import Mesh, parts
-from aerobat_description.morphology import Morphology, MorphologyError
+from aerobat_description.generate import srdf, urdf
+from aerobat_description.morphology import Morphology
+from aerobat_description.reading import MorphologyError
+from aerobat_description.sections import FreeFlyer
 from aerobat_pin.arrays import Array
 from aerobat_pin.errors import MorphologyFileError
-from aerobat_pin.frames import frame_id
 from aerobat_pin.linkage import KineticSculpture
+from aerobat_pin.visuals import visual_model
 from aerobat_pin.wing import Wing
 
 JOINTS = ("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")
@@ -47,7 +47,7 @@ class Aerobat:
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
         """Visible parts, built in memory when first asked for: a changed robot shows its change without any file."""
-        return _visual_model(self.model, self.morphology)
+        return visual_model(self.model, self.morphology)
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
@@ -59,6 +59,22 @@ class Aerobat:
         """Configuration (nq,) with the base at the origin and the crank straight down."""
         start = self.linkage.solve(CRANK_START)
         return self.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], start.theta_s, start.theta_e)
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Aerobat:
+        """Return a consistent new robot under the same gravity, without touching the disk.
+
+        Args:
+            changes: nested values laid over the morphology, such as
+                `{"linkage": {"L3b": 6.8e-3}, "wing": {"offset_x": 0.0}, "scale": {"span": 1.1}, "tail": None}`.
+
+        Raises:
+            MorphologyFileError: a change that no robot can have.
+        """
+        try:
+            shape = self.morphology.with_changes(changes)
+        except MorphologyError as error:
+            raise MorphologyFileError(str(error)) from error
+        return _robot(shape, self.model.gravity.linear.copy())
 
     @property
     def mass(self) -> float:
@@ -95,19 +111,31 @@ def load_aerobat(
         gravity: downward, along -z of the world [m/s2].
 
     Raises:
-        MorphologyFileError: no such morphology, or one that no robot can have.
-        LinkageError: its crank cannot turn.
+        MorphologyFileError: as `load_morphology`.
+    """
+    return _robot(load_morphology(morphology, changes), np.array([0.0, 0.0, -gravity]))
+
+
+def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = None) -> Morphology:
+    """Read a morphology, as `Morphology.load` does, with an error of this package.
+
+    Raises:
+        MorphologyFileError: no such morphology, or one that no robot can have, or whose crank cannot turn.
     """
     try:
-        shape = Morphology.load(morphology, changes)
+        return Morphology.load(morphology, changes)
     except (MorphologyError, OSError) as error:
         raise MorphologyFileError(str(error)) from error
+
+
+def _robot(shape: Morphology, gravity: Array) -> Aerobat:
     linkage = KineticSculpture(shape.linkage)
     linkage.check()
     text = urdf(shape)
     model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    model.gravity.linear = gravity
     pin.loadReferenceConfigurationsFromXML(model, srdf(shape))
+    _limit_free_flyer(model, shape.free_flyer)
     indices = [model.getJointId(name) for name in JOINTS]
     return Aerobat(
         morphology=shape,
@@ -120,23 +148,12 @@ def load_aerobat(
     )
 
 
-def _visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
-    visual = pin.GeometryModel()
-    for name, part in parts(morphology).items():
-        frame = frame_id(model, part.link)
-        placement = model.frames[frame].placement
-        item = pin.GeometryObject(name, model.frames[frame].parentJoint, frame, placement, _bvh(part.mesh))
-        item.meshColor = np.array(MATERIALS[part.material])
-        visual.addGeometryObject(item)
-    return visual
-
-
-def _bvh(mesh: Mesh) -> coal.BVHModelOBBRSS:
-    corners = [point for triangle in mesh for point in triangle]
-    unique = {point: i for i, point in enumerate(dict.fromkeys(corners))}
-    shape = coal.BVHModelOBBRSS()
-    shape.beginModel(len(mesh), len(unique))
-    shape.addVertices(np.array(list(unique)))
-    shape.addTriangles(np.array([[unique[point] for point in triangle] for triangle in mesh]))
-    shape.endModel()
-    return shape
+def _limit_free_flyer(model: pin.Model, limits: FreeFlyer) -> None:
+    """Replace the free-flyer's infinite limits; its effort is zero, for nothing drives a free base."""
+    bound = np.concatenate([np.full(3, limits.position), np.ones(4)])
+    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    lower[:7], upper[:7] = -bound, bound
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    speed, effort = model.velocityLimit.copy(), model.effortLimit.copy()
+    speed[:3], speed[3:6], effort[:6] = limits.velocity, limits.angular_velocity, 0.0
+    model.velocityLimit, model.effortLimit = speed, effort

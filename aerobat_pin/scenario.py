@@ -11,125 +11,28 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
+from aerobat_pin.sections import (
+    AirSection,
+    BelievedSection,
+    CrankSection,
+    FlightSection,
+    HoldSection,
+    ObserverSection,
+    RobotSection,
+    Section,
+    SensorsSection,
+    SimulationSection,
+)
+from aerobat_pin.signals import UnknownForceSection
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Whole = Annotated[int, Field(strict=True)]
-Positive = Annotated[Number, Field(gt=0.0)]
-NonNegative = Annotated[Number, Field(ge=0.0)]
-Triple = tuple[Number, Number, Number]
 LONGEST_WARM_UP = 60.0  # [s]
-Limits = tuple[Positive, Positive, Positive]
-
-
-class Section(BaseModel):
-    """A table of a scenario file: no unknown keys, no changes after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RobotSection(Section):
-    """Which robot flies."""
-
-    morphology: str = Field("aerobat", description="shipped name or TOML file")
-    changes: dict[str, Any] = Field(default_factory=dict, description="nested values laid over the morphology")
-
-
-class FlightSection(Section):
-    """How the flight starts."""
-
-    position: Triple = Field((0.0, 0.0, 0.0), description="body COM in world [m]")
-    velocity: Triple = Field((3.0, 0.0, 0.0), description="of the body COM in world axes [m/s]")
-    roll_deg: Number = Field(0.0, description="positive: right wing down [deg]")
-    pitch_deg: Number = Field(0.0, description="positive: nose up [deg]")
-    yaw_deg: Number = Field(0.0, description="positive: nose to the left [deg]")
-    angular_velocity: Triple = Field((0.0, 0.0, 0.0), description="of the body in body axes [rad/s]")
-    gravity: NonNegative = Field(9.81, description="[m/s2]")
-
-
-class CrankSection(Section):
-    """How the crank turns."""
-
-    frequency: NonNegative = Field(4.75, description="flapping frequency, one turn a flap [Hz]")
-    start_deg: Number = Field(-90.0, description="absolute crank angle t1 at the start [deg]")
-
-
-class AirSection(Section):
-    """The air."""
-
-    density: Positive = Field(1.225, description="[kg/m3]")
-    strips: Whole = Field(16, ge=2, le=200, description="strips over the full span")
-    warm_up_cycles: Whole = Field(6, ge=0, description="flapping cycles flown with the body held before t = 0")
-
-
-class HoldSection(Section):
-    """Ideal attitude hold about the flight's start, a known body wrench; see `aerobat_pin.hold`."""
-
-    attitude_stiffness: tuple[NonNegative, NonNegative, NonNegative] = Field(description="roll, pitch, yaw [N m/rad]")
-    attitude_damping: tuple[NonNegative, NonNegative, NonNegative] = Field(description="roll, pitch, yaw [N m s/rad]")
-    torque_limit: Limits = Field(description="roll, pitch, yaw [N m]")
-    speed_gain: NonNegative = Field(description="world x [N s/m]")
-    thrust_limit: Positive = Field(description="world x [N]")
-    lift: Number = Field(description="constant, world z [N]")
-    height_stiffness: NonNegative = Field(description="world z [N/m]")
-    height_damping: NonNegative = Field(description="world z [N s/m]")
-    lift_limit: Positive = Field(description="of stiffness and damping together, world z [N]")
-
-
-class UnknownForceSection(Section):
-    """One unknown force: the paper's signal along a direction at a frame."""
-
-    frame: str = Field(description="frame at whose origin it acts")
-    direction: Triple = Field((0.0, 0.0, 1.0), description="normalised on reading")
-    axes: Literal["link", "body", "world"] = Field("link", description="axes in which the direction is fixed")
-    amplitude: Number = Field(0.2, description="factor of sin(elbow angle) [N]")
-    noise: NonNegative = Field(0.01, description="standard deviation [N], drawn per force")
-    step: Number = Field(0.15, description="height of the step [N]")
-    step_start: Number = Field(1.0, description="on for step_start < t <= step_end [s]")
-    step_end: Number = Field(1.6, description="[s]")
-    tick: Annotated[Number, Field(ge=1.0e-5)] = Field(
-        1.0e-3, description="one value of noise and step is held this long [s]"
-    )
-
-
-class SimulationSection(Section):
-    """Time and chance."""
-
-    duration: Positive = Field(2.0, description="[s]")
-    dt: Annotated[Number, Field(gt=0.0, le=0.02)] = Field(1.0e-3, description="integration and logging step [s]")
-    seed: Whole = Field(1, ge=0, description="of all random numbers")
-
-    @property
-    def count(self) -> int:
-        """Number of steps."""
-        return round(self.duration / self.dt)
-
-    @model_validator(mode="after")
-    def _whole_steps(self) -> SimulationSection:
-        steps = self.duration / self.dt
-        if steps < 0.5 or abs(steps - round(steps)) > 1e-6 * steps:
-            raise ValueError(f"duration = {self.duration} s is not a whole number of steps of dt = {self.dt} s")
-        return self
-
-
-class ObserverSection(Section):
-    """Who estimates the unknown forces."""
-
-    names: tuple[str, ...] = Field(("momentum", "force_level"), description="observers to run")
-    gain: Positive = Field(1000.0, description="K [1/s]")
-    torque: Literal["measured", "modelled", "motor_only", "none"] = Field(
-        "measured",
-        description="what is known of the joint torques: all of them; a model without the unknown force; the motor's "
-        "torque at the crank alone; nothing",
-    )
-    frames: tuple[str, ...] = Field(
-        ("left_force_point", "right_force_point"), description="frames at which forces are sought"
-    )
 
 
 class Scenario(Section):
@@ -138,15 +41,37 @@ class Scenario(Section):
     name: str = Field(
         min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder"
     )
-    description: str = ""
+    description: str = Field("", description="what happens, in a line")
     robot: RobotSection = RobotSection()
     flight: FlightSection = FlightSection()
     crank: CrankSection = CrankSection()
     air: AirSection = AirSection()
     hold: HoldSection | None = None
     unknown_force: tuple[UnknownForceSection, ...] = ()
+    sensors: SensorsSection = SensorsSection()
     simulation: SimulationSection = SimulationSection()
     observers: ObserverSection = ObserverSection()
+    believed: BelievedSection = BelievedSection()
+
+    @property
+    def believed_robot(self) -> RobotSection:
+        """The robot that the observers believe in."""
+        return _laid_over(self.robot, self.believed.robot)
+
+    @property
+    def believed_air(self) -> AirSection:
+        """The air that the observers believe in."""
+        return _laid_over(self.air, self.believed.air)
+
+    @model_validator(mode="after")
+    def _believable(self) -> Scenario:
+        for name in ("robot", "air"):
+            try:
+                getattr(self, f"believed_{name}")
+            except ValidationError as error:
+                told = [_explain({**item, "loc": (name, *item["loc"])}) for item in error.errors()]
+                raise ValueError("; ".join(f"believed: {line}" for line in told)) from error
+        return self
 
     @model_validator(mode="after")
     def _short_warm_up(self) -> Scenario:
@@ -157,6 +82,24 @@ class Scenario(Section):
                 f"to fly; at most {LONGEST_WARM_UP:.0f} s are allowed"
             )
         return self
+
+    @model_validator(mode="after")
+    def _sensors_within_the_log(self) -> Scenario:
+        for name, sensor in self.sensors.fitted.items():
+            fastest = 1.0 / self.simulation.dt
+            if sensor.rate is not None and sensor.rate > fastest * (1.0 + 1e-9):
+                raise ValueError(
+                    f"sensors.{name}.rate = {sensor.rate:g} Hz: the log has {fastest:g} samples a second; a smaller "
+                    "simulation.dt, or no rate, were expected"
+                )
+        return self
+
+
+Table = TypeVar("Table", bound=Section)
+
+
+def _laid_over(section: Table, values: Mapping[str, Any]) -> Table:
+    return type(section).model_validate(merge(section.model_dump(exclude_none=True), values)) if values else section
 
 
 def shipped_scenarios() -> dict[str, str]:
@@ -177,20 +120,29 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
         ScenarioError: not found, not TOML, or a value that breaks its rule; the message names key, value and rule.
     """
     values = _read(str(source))
-    robot = values.get("robot")
-    if isinstance(robot, dict) and isinstance(robot.get("morphology"), str) and Path(source).is_file():
-        robot["morphology"] = _beside(Path(source), robot["morphology"])
+    if Path(source).is_file():
+        _find_beside(Path(source).parent, values)
+    return parse_scenario(with_settings(values, settings), str(source))
+
+
+def with_settings(values: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+    """Set dotted keys of plain values, in place; returns them. Raises ScenarioError for a setting that is none."""
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not equals or not key.strip():
             raise ScenarioError(f"--set {setting}: dotted.key=value was expected")
         _assign(values, key.strip().split("."), _parsed(text.strip()), setting)
-    return parse_scenario(values, str(source))
+    return values
 
 
-def _beside(scenario: Path, morphology: str) -> str:
-    """Find a morphology file from where the scenario lies; shipped names stay as they are."""
-    return morphology if morphology in MORPHOLOGIES else str((scenario.parent / morphology).resolve())
+def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
+    """Find the files that plain values name from where the scenario lies; shipped morphologies stay names."""
+    robot, forces = values.get("robot"), values.get("unknown_force")
+    named: list[tuple[Any, str]] = [(robot, "morphology")]
+    named += [(force, "file") for force in forces] if isinstance(forces, list) else []
+    for table, key in named:
+        if isinstance(table, dict) and isinstance(table.get(key), str) and table[key] not in MORPHOLOGIES:
+            table[key] = str((folder / table[key]).resolve())
 
 
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
@@ -251,15 +203,19 @@ def _assign(values: dict[str, Any], keys: list[str], value: Any, setting: str) -
 
 
 def _explain(error: dict[str, Any]) -> str:
-    where = ".".join(str(part) for part in error["loc"])
+    parts, section = _place(error["loc"])
+    where = ".".join(parts)
     if error["type"] == "extra_forbidden":
-        known = _known_keys(error["loc"][:-1])
-        close = difflib.get_close_matches(str(error["loc"][-1]), known, n=1)
+        known = list(section.model_fields)
+        close = difflib.get_close_matches(parts[-1], known, n=1)
         return f"unknown key '{where}'" + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}")
+    if error["type"] == "union_tag_invalid":
+        tag, known = error["ctx"]["tag"], error["ctx"]["expected_tags"].replace("'", "").split(", ")
+        close = difflib.get_close_matches(tag, known, n=1)
+        guess = f"did you mean '{close[0]}'? There are" if close else "there are"
+        return f"{where}.signal = '{tag}': {guess} {', '.join(known)}"
     if error["type"] == "missing" and isinstance(error["loc"][-1], int):
-        return (
-            f"{'.'.join(str(part) for part in error['loc'][:-1])} = {list(error['input'])}: more numbers were expected"
-        )
+        return f"{'.'.join(parts[:-1])} = {list(error['input'])}: more numbers were expected"
     if error["type"] == "missing":
         return f"missing key '{where}'"
     if error["type"] == "value_error":
@@ -268,14 +224,34 @@ def _explain(error: dict[str, Any]) -> str:
     return f"{where} = {error['input']!r}: {rule[:1].lower()}{rule[1:]}"
 
 
-def _known_keys(loc: tuple[Any, ...]) -> list[str]:
-    kind: Any = Scenario
-    sections = {section.__name__: section for section in Section.__subclasses__()}
+def _place(loc: tuple[Any, ...]) -> tuple[list[str], type[Section]]:
+    """Return the dotted key that pydantic's location means, and the last section on the way to it."""
+    section: type[Section] = Scenario
+    parts: list[str] = []
+    kinds: dict[str, type[Section]] = {}
     for part in loc:
-        if isinstance(part, str):
-            annotation = str(kind.model_fields[part].annotation)
-            kind = next((section for name, section in sections.items() if name in annotation), kind)
-    return list(kind.model_fields)
+        if part in kinds and len(kinds) > 1:  # not a key: which of several kinds of section it is
+            section, kinds = kinds[part], {}
+            continue
+        parts.append(str(part))
+        if not isinstance(part, int):
+            field = section.model_fields.get(part)
+            kinds = {} if field is None else sections_of(field.annotation)
+        if len(kinds) == 1:
+            section = next(iter(kinds.values()))
+    return parts, section
+
+
+def sections_of(annotation: Any) -> dict[str, type[Section]]:
+    """Return the sections that a field may hold: by their `signal` where there are several kinds, else by their name.
+
+    Args:
+        annotation: of the field.
+    """
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        signal = annotation.model_fields.get("signal")
+        return {annotation.__name__ if signal is None else get_args(signal.annotation)[0]: annotation}
+    return {name: kind for inner in get_args(annotation) for name, kind in sections_of(inner).items()}
 
 
 def scenario_toml(scenario: Scenario) -> str:
@@ -295,15 +271,16 @@ def _table_lines(values: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
             for item in value:
                 lists += ["", f"[[{'.'.join((*path, key))}]]", *_table_lines(item, (*path, key))]
         else:
-            lines.append(f"{key} = {_toml_value(value)}")
+            lines.append(f"{key} = {scenario_value(value)}")
     return lines + tables + lists
 
 
-def _toml_value(value: Any) -> str:
+def scenario_value(value: Any) -> str:
+    """Write one value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, tuple | list):
-        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
+        return "[" + ", ".join(scenario_value(item) for item in value) + "]"
     return repr(value)

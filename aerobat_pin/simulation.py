@@ -8,14 +8,19 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
+from aerobat_pin.aerodynamics.robot_air import strips_of
 from aerobat_pin.arrays import Array
-from aerobat_pin.disturbances import PointForce
+from aerobat_pin.crank import CrankDrive
+from aerobat_pin.disturbances import held_parts
 from aerobat_pin.flight_log import KNOWN, FlightLog, channel
+from aerobat_pin.frames import rotations
 from aerobat_pin.jit import announce_compilation
 from aerobat_pin.plant import Flown, Plant
 from aerobat_pin.plant_kernels import advance
 from aerobat_pin.robot import JOINTS, Aerobat, load_aerobat
 from aerobat_pin.scenario import Scenario
+from aerobat_pin.sensors import recorded
+from aerobat_pin.wing import LINKS
 
 Q_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 V_AXIS = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -27,32 +32,39 @@ def load_robot(scenario: Scenario) -> Aerobat:
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
 
 
-def simulate(scenario: Scenario, progress: Callable[[float], None] | None = None) -> FlightLog:
+def believed_robot(scenario: Scenario) -> Aerobat:
+    """Load the robot that a scenario's observers believe in. Raises as `load_aerobat`."""
+    chosen = scenario.believed_robot
+    return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
+
+
+def simulate(
+    scenario: Scenario,
+    progress: Callable[[float], None] | None = None,
+    drive: CrankDrive | None = None,
+    robot: Aerobat | None = None,
+) -> FlightLog:
     """Fly a scenario.
 
     Args:
         scenario: what happens.
         progress: called with the share done, 0..1, about a hundred times.
+        drive: how the crank turns, in place of the scenario's drive.
+        robot: the scenario's robot where it is loaded already, as by `load_robot`.
 
     Raises:
         ScenarioError, MorphologyFileError, LinkageError: the scenario asks for what the robot cannot do.
+        CrankError: the drive is not a motion.
         SimulationError: the flight diverged.
     """
     settings = scenario.simulation
     announce_compilation(advance)
-    plant = Plant(load_robot(scenario), scenario)
+    plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
     flown = plant.fly(count, dt, held_parts(plant.forces, time, settings.seed), progress)
-    return _flight_log(plant, time, flown)
-
-
-def held_parts(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
-    """Draw noise and step of every force (2, forces, n), each from a stream of its own, by its place in the list."""
-    parts = np.zeros((2, len(forces), len(edges) - 1))
-    for i, force in enumerate(forces):
-        parts[:, i] = force.signal.held(edges, np.random.default_rng([seed, i]))
-    return parts
+    log = _flight_log(plant, time, flown)
+    return recorded(log, plant.robot, scenario.sensors, settings.seed)
 
 
 def _flight_log(plant: Plant, time: Array, flown: Flown) -> FlightLog:
@@ -70,13 +82,11 @@ def _flight_log(plant: Plant, time: Array, flown: Flown) -> FlightLog:
                 flown.q, ("time", "q_axis"), "m, -, rad", "configuration: position in world, quaternion, joints"
             ),
             "v": channel(flown.v, ("time", "v_axis"), "m/s, rad/s", "velocity: body twist in body axes, joint rates"),
-            "crank_angle": channel(
-                plant.crank_start + plant.crank_rate * time, per_sample, "rad", "absolute crank angle t1"
+            "crank_angle": channel(flown.crank_angle, per_sample, "rad", "absolute crank angle t1"),
+            "airspeed": channel(
+                _airspeed(plant, time, flown), per_sample, "m/s", "airspeed along the body's x axis, at its COM"
             ),
             "motor_torque": channel(mean.motor, generalized, "N m", "motor torque at the joints, interval mean"),
-            f"{KNOWN}aerodynamic": channel(
-                mean.aerodynamic, generalized, "N, N m", "aerodynamic generalised force, interval mean"
-            ),
             f"{KNOWN}thrusters": channel(
                 mean.thrusters, generalized, "N, N m", "attitude hold's generalised force, interval mean"
             ),
@@ -87,10 +97,11 @@ def _flight_log(plant: Plant, time: Array, flown: Flown) -> FlightLog:
             "morphology": scenario.robot.morphology,
             "morphology_changes": json.dumps(scenario.robot.changes),
             "gravity": scenario.flight.gravity,
+            "air": scenario.believed_air.model_dump_json(),
         },
     )
     at_point = (*per_interval, "point", "axis")
-    strip = (*per_interval, "strip")
+    strip, strips = (*per_interval, "strip"), strips_of(flown.loads)
     truth = xr.Dataset(
         {
             "force_W": channel(mean.force_W, at_point, "N", "unknown force in world axes, interval mean"),
@@ -98,23 +109,45 @@ def _flight_log(plant: Plant, time: Array, flown: Flown) -> FlightLog:
                 mean.force_noise_free_W, at_point, "N", "unknown force without its noise, interval mean"
             ),
             "unknown": channel(mean.unknown, generalized, "N, N m", "unknown generalised force, interval mean"),
-            "motor_power": channel(mean.motor_power, per_interval, "W", "motor power, interval mean"),
-            "air_state": channel(flown.air, ("time", "air_axis"), "m, m, m2/s", "zeta_1, zeta_2, circulation"),
-            "incidence": channel(
-                np.arctan2(flown.loads[:, 1], flown.loads[:, 0]), strip, "rad", "incidence at the 3/4 chord, at start"
+            "aerodynamic": channel(
+                mean.aerodynamic, generalized, "N, N m", "aerodynamic generalised force, interval mean"
             ),
-            "strip_force_z": channel(flown.loads[:, 4], strip, "N", "force along the link's z, at start"),
-            "strip_force_x": channel(flown.loads[:, 3], strip, "N", "force along the link's x, at start"),
+            "added_mass": channel(
+                mean.added_mass, generalized, "N, N m", "generalised force of the wings' added mass, interval mean"
+            ),
+            "motor_power": channel(mean.motor_power, per_interval, "W", "motor power, interval mean"),
+            "air_power": channel(mean.air_power, per_interval, "W", "power of air and added mass, interval mean"),
+            "link_wrench": channel(
+                mean.link_wrench,
+                (*per_interval, "link", "wrench_axis"),
+                "N, N m",
+                "air on links, at and in their frames",
+            ),
+            "airspeed": channel(strips.airspeed, strip, "m/s", "air past the strip, in its plane, at start"),
+            "incidence": channel(strips.incidence, strip, "rad", "incidence at the 3/4 chord, at start"),
+            "downwash": channel(strips.downwash, strip, "m/s", "downwash of the wake, at start"),
+            "circulation": channel(strips.circulation, strip, "m2/s", "bound circulation, at start"),
+            "strip_force_z": channel(strips.force_z, strip, "N", "force along the link's z, at start"),
+            "strip_force_x": channel(strips.force_x, strip, "N", "force along the link's x, at start"),
         },
         coords={
             **coords,
             "v_axis": [*V_AXIS, *order],
             "point": list(plant.points),
             "axis": ["x", "y", "z"],
+            "link": list(LINKS),
+            "wrench_axis": ["fx", "fy", "fz", "mx", "my", "mz"],
             "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
         },
     )
-    stepped = [force.signal for force in plant.forces if force.signal.step != 0.0]
-    if stepped:
-        truth.attrs["step_zone"] = [stepped[0].step_start, stepped[0].step_end]
+    if flown.air.size:
+        truth["air_state"] = channel(flown.air, ("time", "air_axis"), "m, m, m2/s", "zeta_1, zeta_2, circulation")
+    zones = [force.signal.zone for force in plant.forces if force.signal.zone is not None]
+    if zones:
+        truth.attrs["step_zone"] = list(zones[0])
     return FlightLog(measured, truth)
+
+
+def _airspeed(plant: Plant, time: Array, flown: Flown) -> Array:
+    wind = plant.wind(time)[:, 0]
+    return np.asarray(flown.v[:, 0] - np.sum(rotations(flown.q)[:, :, 0] * wind, axis=1))

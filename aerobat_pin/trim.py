@@ -61,10 +61,12 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
         progress: called with the residual after each evaluation of the orbit.
 
     Raises:
-        TrimError: the crank stands still, no periodic flight was found near the guess, or the flight is not symmetric.
+        TrimError: the crank does not turn steadily, the flight is not symmetric, or none that is periodic was found.
     """
     if scenario.crank.frequency <= 0.0:
         raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
+    if scenario.crank.drive != "constant":
+        raise TrimError(f"crank.drive = {scenario.crank.drive!r}: only a crank that turns steadily can be trimmed")
     guess = load_robot(scenario).morphology.wing.offset_x
     flight = scenario.flight
     body = [

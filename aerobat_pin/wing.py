@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.arrays import Array
+from aerobat_pin.errors import FrameNotFoundError
 
 LINKS = ("base_link", "left_proximal", "left_distal", "right_proximal", "right_distal")
 
@@ -34,19 +35,12 @@ class Wing:
     @property
     def span(self) -> float:
         """Length of the arc from tip to tip [m]."""
-        return 2.0 * self.breaks[2]
+        return self.morphology.span
 
     @property
     def area(self) -> float:
         """Area of one wing's membranes, spread flat [m2]."""
-        wing = self.morphology.wing
-        return sum(
-            float(np.trapezoid(np.subtract(leading, trailing), stations))
-            for stations, leading, trailing in (
-                (wing.proximal_stations, wing.proximal_leading_edge, wing.proximal_trailing_edge),
-                (wing.distal_stations, wing.distal_leading_edge, wing.distal_trailing_edge),
-            )
-        )
+        return self.morphology.wing_area
 
     def leading_edge(self, y: ArrayLike) -> Array:
         """Return the leading edge's x in the wing frame [m] at arc coordinates y [m]."""
@@ -87,10 +81,41 @@ class Wing:
         points[~body, 1] *= side[~body]
         return link, points
 
-    def _edge(self, y: ArrayLike, edge: str) -> Array:
-        """Interpolate an edge's x in the wing frame. The proximal panel is stretched to the distance of the axes."""
+    def outline(self, link: str) -> Array:
+        """Return the corners (k, 3) of a link's membrane [m] in the link's frame, along the leading edge and back.
+
+        The body between the shoulders counts as a panel with the edges of the wing root. Unlike `chord`, which never
+        falls below a minimum, the membrane ends in a point.
+
+        Args:
+            link: one of `LINKS`.
+
+        Raises:
+            FrameNotFoundError: no such link.
+        """
+        if link not in LINKS:
+            raise FrameNotFoundError(link, list(LINKS))
+        shoulder, elbow, tip = self.breaks
+        panel = link.rpartition("_")[2]
+        inner, outer = {"link": (-shoulder, shoulder), "proximal": (shoulder, elbow), "distal": (elbow, tip)}[panel]
+        y = np.array([inner, *(s for s in self._stations if inner < s < outer), outer])
+        edge = np.nextafter(y, 0.5 * (inner + outer))  # both ends belong to the panel, whichever link carries the axis
+        side = -1.0 if link.startswith("right") else 1.0
+        line = self.attach(side * edge)[1]
+        forward = np.array([1.0, 0.0, 0.0])
+        front, back = self._edge(y, "leading_edge"), self._edge(y, "trailing_edge")
+        leading, trailing = (line + edge[:, None] * forward for edge in (front, back))
+        return np.concatenate([leading, trailing[back < front][::-1]])
+
+    @property
+    def _stations(self) -> list[float]:
+        """Arc coordinates [m] of the edges' corners. The proximal panel is stretched to the distance of the axes."""
         wing, (shoulder, elbow, _) = self.morphology.wing, self.breaks
         stretch = (elbow - shoulder) / wing.proximal_stations[-1]
-        stations = [shoulder + stretch * s for s in wing.proximal_stations] + [elbow + s for s in wing.distal_stations]
+        return [shoulder + stretch * s for s in wing.proximal_stations] + [elbow + s for s in wing.distal_stations]
+
+    def _edge(self, y: ArrayLike, edge: str) -> Array:
+        """Interpolate an edge's x in the wing frame."""
+        wing = self.morphology.wing
         edges = getattr(wing, f"proximal_{edge}") + getattr(wing, f"distal_{edge}")
-        return np.asarray(np.interp(np.abs(np.asarray(y, float)), stations, edges))
+        return np.asarray(np.interp(np.abs(np.asarray(y, float)), self._stations, edges))

@@ -1,0 +1,43 @@
+"""Serve one page to browsers on this machine until somebody stops it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+HERE = "127.0.0.1"
+
+
+def serve(page: str, announce: Callable[[str], None]) -> None:
+    """Serve a page in this process, at a free port of this machine alone, until Ctrl-C.
+
+    Args:
+        page: HTML.
+        announce: called with the address once it can be opened.
+    """
+    content = page.encode()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            if self.path not in ("/", "/favicon.ico"):
+                self.send_error(404)
+                return
+            found = content if self.path == "/" else b""
+            self.send_response(200 if found else 204)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(found)))
+            self.send_header("Cache-Control", "no-store")
+            self.end_headers()
+            self.wfile.write(found)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Say nothing."""
+
+    with ThreadingHTTPServer((HERE, 0), Handler) as server:
+        server.daemon_threads, server.block_on_close = True, False
+        announce(f"http://{HERE}:{server.server_address[1]}/")
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            return

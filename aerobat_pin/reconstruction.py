@@ -1,0 +1,187 @@
+"""Sigma_Aero along a recorded motion: what a believed air does to a believed robot, as interval means.
+
+Samples may be coarser than the air's states bear: an interval is flown in equal steps no longer than `LONGEST_STEP`, on
+the geodesic between the samples' placements and the closed linkage at the crank's angle in between (or straight between
+the joint angles, where the crank is not recorded).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.added_mass import factored
+from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.arrays import Array
+from aerobat_pin.dynamics import BASE
+from aerobat_pin.errors import LogError
+from aerobat_pin.jit import Integers, check_views, motions, placements
+from aerobat_pin.motion import Motion
+from aerobat_pin.plant_layout import Constants, Found, layout, tree_of, unknown_of
+from aerobat_pin.reconstruction_kernels import END, MIDDLE, START, blow
+from aerobat_pin.robot import Aerobat
+from aerobat_pin.sections import AirSection
+from aerobat_pin.warm_up import joint_table, warmed_up
+
+LONGEST_STEP = 1.5e-3  # [s]: a third of what Runge-Kutta bears at 16 strips and 6 m/s
+LONGEST_WARM_UP = 3.0  # [s]: of a crank that hardly turns; the air remembers some ten chords of way
+LONGEST_GAP = 0.5  # [s]: nobody knows what the wings did meanwhile
+
+
+def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[str, Array]:
+    """Return the generalised forces of the air as interval means.
+
+    Args:
+        robot: the believed robot.
+        air: the believed air. For its warm-up cycles, at the flight's median rate, the body is held as at the first
+            sample and the crank turns at its first rate.
+        moved: the recorded motion.
+
+    Returns:
+        `aerodynamic` and, where the air has added mass, `added_mass`: (m, nv).
+
+    Raises:
+        LogError: a gap in time is too long to be flown through, or the believed air diverges.
+    """
+    dt = np.diff(moved.time)
+    if np.max(dt) > LONGEST_GAP:
+        at = int(np.argmax(dt))
+        raise LogError(
+            f"flight log: {dt[at]:.3g} s without a sample after t = {moved.time[at]:g} s: the air's past is lost; cut "
+            "the log there"
+        )
+    believed = _Believed(robot, air)
+    steps = np.maximum(np.ceil(dt / LONGEST_STEP - 1e-9), 1).astype(int)
+    aerodynamic, added = believed.fly(moved, steps)
+    if not (np.all(np.isfinite(aerodynamic)) and np.all(np.isfinite(added))):
+        at = int(np.argmin(np.all(np.isfinite(aerodynamic + added), axis=1)))
+        raise LogError(
+            f"flight log: the believed air diverges at t = {moved.time[at]:g} s: fewer air.strips, or a motion that "
+            "is less noisy, were expected"
+        )
+    made = {"aerodynamic": aerodynamic}
+    if air.added_mass > 0.0:
+        made["added_mass"] = added
+    return made
+
+
+class _Believed:
+    """A robot in its air, nothing else pushing."""
+
+    def __init__(self, robot: Aerobat, air: AirSection) -> None:
+        self.robot, self.section = robot, air
+        self.model, self.data = robot.model, robot.model.createData()
+        data = self.data
+        self.air = RobotAir(
+            robot.wing,
+            strips=air.strips,
+            air_density=air.density,
+            model=air.model,
+            lift_limit=air.lift_limit,
+            added_mass=air.added_mass,
+        )
+        found = Found(data.M, data.nle, placements(data.liMi), motions(data.v), motions(data.a_gf))
+        check_views(self.model, data, placements(data.oMi), *found[2:])
+        self.constants = Constants(
+            self.air.arrays,
+            factored(self.air.added_mass),
+            np.array([-self.model.gravity.linear[2]]),
+            tree_of(self.model),
+            unknown_of(self.model, (), ()),
+            np.zeros(0),
+        )
+        self.places, self._arrays = layout(self.constants, found)
+
+    def start(self, moved: Motion) -> Array:
+        """Return the air's state at the first sample, warmed up."""
+        cycles = self.section.warm_up_cycles
+        rate = 0.0 if moved.crank is None else float(np.median(np.abs(moved.crank[1])))
+        if rate == 0.0 or cycles == 0 or not self.air.state_size:
+            return np.zeros(self.air.state_size)
+        assert moved.crank is not None
+        duration = min(cycles * 2.0 * np.pi / rate, LONGEST_WARM_UP)
+        count = int(np.ceil(duration / LONGEST_STEP))
+        back = (np.arange(2 * count + 1) * 0.5 / count - 1.0) * duration
+        closed = self.robot.linkage.solve(moved.crank[0, 0] + moved.crank[1, 0] * back, moved.crank[1, 0])
+        R = pin.Quaternion(moved.q[0, 3:7]).matrix()
+        twist = moved.v[0, :BASE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
+        state: Array = np.zeros(self.air.state_size)
+        kernel = self.places, self.constants.tree
+        warmed_up(self.robot, self.data, kernel, moved.q[0, :7], twist, joint_table(closed), duration / count, state)
+        return state
+
+    def fly(self, moved: Motion, steps: Integers) -> tuple[Array, Array]:
+        """Fly along in `steps` (m,) steps an interval; return the means (m, nv) of aerodynamic force and added mass."""
+        model, data, places, steady = self.model, self.data, self.places, self.air.steady
+        nle = pin.nonLinearEffects
+        q, v, a, wind = _half_steps(moved, self.robot, steps)
+        stages, none = np.zeros((6, self.air.state_size)), np.zeros((4, 0))
+        stages[4] = stages[5] = self.start(moved)
+        means = np.zeros((len(steps), 2, model.nv))
+        dt = np.diff(moved.time) / steps
+        nle(model, data, q[0], v[0])
+        half = 0
+        for k, count in enumerate(steps.tolist()):
+            if dt[k] > 0.0:
+                step, mean = dt[k], means[k]
+                for i in range(half, half + 2 * count, 2):
+                    # Pinocchio's results are those of the start: the step before has ended here.
+                    blow(places, steady, wind[i], a[i + 1], step, START, stages, none, mean)
+                    nle(model, data, q[i + 1], v[i + 1])
+                    blow(places, steady, wind[i + 1], a[i + 1], step, MIDDLE, stages, none, mean)
+                    nle(model, data, q[i + 2], v[i + 2])
+                    blow(places, steady, wind[i + 2], a[i + 1], step, END, stages, none, mean)
+                mean /= count
+            half += 2 * count
+        return means[:, 0], means[:, 1]
+
+
+def _half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, Array, Array, Array]:
+    """Return q, v, acceleration and wind at every half step, one row more than there are half steps.
+
+    Between two samples the body moves straight and turns evenly, velocities and wind change evenly.
+    """
+    k = np.append(np.repeat(np.arange(len(steps)), 2 * steps), len(steps) - 1)
+    share = np.append(np.concatenate([np.arange(2 * n) / (2.0 * n) for n in steps]), 1.0)[:, None]
+    dt = np.diff(moved.time)
+    q = moved.q[k] + share * (moved.q[k + 1] - moved.q[k])
+    q[:, 3:7] = _turned(moved.q[k, 3:7], moved.q[k + 1, 3:7], share)
+    v = moved.v[k] + share * (moved.v[k + 1] - moved.v[k])
+    slope = np.divide(np.diff(moved.v, axis=0), dt[:, None], out=np.zeros_like(moved.v[1:]), where=dt[:, None] > 0.0)
+    a = slope[k]
+    wind = moved.wind[k] + share[:, :, None] * (moved.wind[k + 1] - moved.wind[k])
+    if moved.crank is not None:
+        angles = _linkage_between(moved.crank, robot, dt, k, share[:, 0])
+        for row, (at_q, at_v) in enumerate(zip(robot.idx_q, robot.idx_v, strict=True)):
+            q[:, at_q], v[:, at_v], a[:, at_v] = angles[:, :, row % 2].T
+    return q, v, a, wind
+
+
+def _turned(start: Array, end: Array, share: Array) -> Array:
+    """Turn evenly from unit quaternions start to end (n, 4), the shorter way."""
+    cosine = np.sum(start * end, axis=1, keepdims=True)
+    end, cosine = np.where(cosine < 0.0, -end, end), np.minimum(np.abs(cosine), 1.0)
+    angle = np.arccos(cosine)
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    first = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
+    second = np.where(near, share, np.sin(share * angle) / safe)
+    turned = first * start + second * end
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def _linkage_between(crank: Array, robot: Aerobat, dt: Array, k: Integers, share: Array) -> Array:
+    """Return angle, rate and acceleration (n, 3, 2) of shoulder and elbow at shares of the intervals k.
+
+    The crank follows the cubic through both ends' angles and rates.
+    """
+    angle, rate, acceleration = crank
+    length = dt[k]
+    gap, a, b = angle[k + 1] - angle[k], rate[k] * length, rate[k + 1] * length
+    second, third = 3.0 * gap - 2.0 * a - b, a + b - 2.0 * gap
+    value = angle[k] + share * (a + share * (second + share * third))
+    slope = a + share * (2.0 * second + 3.0 * share * third)
+    slope = np.divide(slope, length, out=rate[k], where=length > 0.0)
+    bend = acceleration[k] + share * (acceleration[k + 1] - acceleration[k])
+    return joint_table(robot.linkage.solve(value, slope, bend))
