@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from aerobat_pin.experiment import Experiment, run
+import pytest
+from browser import started
+
+from aerobat_pin.experiment import Experiment, run, write
+from aerobat_pin.gallery import draw
 from aerobat_pin.plant import Plant
 from aerobat_pin.robot import load_aerobat
 from aerobat_pin.scenario import load_scenario
@@ -14,6 +20,22 @@ from aerobat_pin.scenario import load_scenario
 def paper() -> Experiment:
     """Return the paper's experiment, two seconds, seed 1."""
     return run(load_scenario("paper"))
+
+
+@pytest.fixture(scope="session")
+def paper_folder(paper: Experiment, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder with everything that `aerobat run paper` writes."""
+    target = tmp_path_factory.mktemp("paper")
+    write(paper, target)
+    draw(paper, target)
+    return target
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Return a headless Chromium."""
+    with started() as running:
+        yield running
 
 
 @pytest.fixture(scope="session")

@@ -203,7 +203,7 @@ def test_trim_writes_a_scenario_that_flies(
 ) -> None:
     """Standard output alone is the scenario; with --out it is a file, and the summary is printed."""
     assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 0
-    assert "6.862 Hz, wing offset -79.97 mm" in capsys.readouterr().out
+    assert "6.696 Hz, wing offset -80.02 mm" in capsys.readouterr().out
     assert call(monkeypatch, "trim", "paper_open_loop") == 0
     printed = capsys.readouterr()
     assert printed.out == (tmp_path / "found.toml").read_text()
@@ -232,10 +232,10 @@ def test_doctor_finds_this_installation_healthy(
 
 
 def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Scenarios, morphologies, observers."""
+    """Scenarios, sweeps, morphologies, observers."""
     assert call(monkeypatch, "list") == 0
     printed = capsys.readouterr().out
-    for name in ("paper", "observer_benchmark", "aerobat_guard", "momentum", "force_level"):
+    for name in ("paper", "observer_benchmark", "gain_noise", "aerobat_guard", "momentum", "force_level"):
         assert name in printed
 
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerobat_pin.disturbances import PaperSignal, held_means
 from aerobat_pin.plant import Plant
 from aerobat_pin.robot import load_aerobat
 from aerobat_pin.scenario import load_scenario
+from aerobat_pin.signals import PaperForce, held_means
 
-SIGNAL = PaperSignal()
+SIGNAL = PaperForce(frame="left_force_point")
 
 
 def clock(duration: float, dt: float = 1e-3) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> 
 
 def test_a_signal_that_is_not_sampled_on_its_ticks_still_covers_the_run() -> None:
     """A run that ends between two ticks draws the last tick as well; an interval across an edge mixes both values."""
-    signal = PaperSignal(noise=1.0, tick=0.1)
+    signal = PaperForce(frame="left_force_point", noise=1.0, tick=0.1)
     noise, _ = signal.held(np.array([0.0, 0.05, 0.15, 0.25]), np.random.default_rng(2))
     a, b, c = np.random.default_rng(2).standard_normal(3)
     assert noise == pytest.approx([a, (a + b) / 2.0, (b + c) / 2.0], abs=1e-12)

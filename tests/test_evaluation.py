@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
 
-from aerobat_pin.evaluation import euler_angles, lag, r_squared
+from aerobat_pin.evaluation import euler_angles, lag, r_squared, world_velocity
 
 
 def test_r_squared_is_one_for_the_truth_and_zero_for_its_mean() -> None:
@@ -41,3 +42,26 @@ def test_pitch_is_reported_nose_up_and_roll_right_wing_down() -> None:
     np.testing.assert_allclose(np.degrees(euler_angles(up)), [[0.0, 10.0, 0.0]], atol=1e-12)
     right = np.array([[0, 0, 0, np.sin(half), 0, 0, np.cos(half), 0, 0, 0, 0]])
     np.testing.assert_allclose(np.degrees(euler_angles(right)), [[10.0, 0.0, 0.0]], atol=1e-12)
+
+
+def test_attitude_and_velocity_are_pinocchios_own() -> None:
+    """Random attitudes through `pin.rpy` and `pin.Quaternion`."""
+    random = np.random.default_rng(4)
+    q, v = random.standard_normal((50, 11)), random.standard_normal((50, 10))
+    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    R = [pin.Quaternion(one[3:7]).matrix() for one in q]
+    rpy = np.array([pin.rpy.matrixToRpy(one) for one in R])
+    np.testing.assert_allclose(euler_angles(q), rpy * [1.0, -1.0, 1.0], atol=1e-13)
+    np.testing.assert_allclose(world_velocity(q, v), [one @ two[:3] for one, two in zip(R, v, strict=True)], atol=1e-13)
+
+
+def test_the_lag_compares_the_estimate_with_the_truth_rolled_sample_by_sample() -> None:
+    """The definition, written as a loop: of a noisy series delayed by five samples, to the last bit."""
+    random, dt, longest = np.random.default_rng(5), 1e-3, 50
+    truth = np.cumsum(random.standard_normal(400))
+    estimate = np.roll(truth, 5) + 0.1 * random.standard_normal(400)
+    window = slice(longest, -1)
+    errors = [np.mean((estimate[window] - np.roll(truth, shift)[window]) ** 2) for shift in range(-1, longest + 1)]
+    before, here, after = errors[5:8]
+    assert int(np.argmin(errors)) == 6
+    assert lag(estimate, truth, dt) == (5 + 0.5 * (before - after) / (before - 2.0 * here + after)) * dt

@@ -28,16 +28,16 @@ def test_an_observer_is_fed_from_the_measured_side_alone(paper: Experiment) -> N
     """Without its truth a log gives the same inputs, each with its source."""
     whole, blind = (known_inputs(log, paper.robot) for log in (paper.log, FlightLog(paper.log.measured)))
     np.testing.assert_array_equal(whole.tau, blind.tau)
-    assert set(blind.known) == {"aerodynamic", "thrusters"}
+    assert set(blind.known) == {"aerodynamic", "added_mass", "thrusters"}
     assert blind.source["motor_torque"] == "measured"
-    assert blind.source["aerodynamic"] == "modelled"
+    assert blind.source["aerodynamic"] == "reconstructed"
 
 
 def test_what_is_not_a_flight_is_refused(paper: Experiment, tmp_path: Path) -> None:
     """Missing channels, missing or backward time, intervals that do not fit, and files of another kind."""
     measured = paper.log.measured
-    with pytest.raises(LogError, match="no channel named motor_torque"):
-        FlightLog(measured.drop_vars("motor_torque"))
+    with pytest.raises(LogError, match="no channel named q or pose"):
+        FlightLog(measured.drop_vars("q"))
     with pytest.raises(LogError, match="no coordinate named time"):
         FlightLog(measured.drop_vars("time"))
     with pytest.raises(LogError, match="must not decrease"):

@@ -13,11 +13,12 @@ import numba
 import numpy as np
 import pinocchio as pin
 import pytest
-import twins
 from kernel_cases import COPIES, KINDS, MODELS, PACKAGE, assert_equal, compiled_only, record
+from observer_twins import ObserverTwin
 
 from aerobat_pin import jit, plant_kernels
 from aerobat_pin.observers import Observer
+from aerobat_pin.observers.filters import FIRST_ORDER
 from aerobat_pin.plant import Plant
 
 # ------------------------------------------------------------------------------------------------- Pinocchio's memory
@@ -75,17 +76,18 @@ def test_a_copied_observer_estimates_like_a_new_one(kind: type[Observer], way: s
     """Copied in mid-stream: it looks at data of its own, and neither disturbs the other."""
     model, frames = MODELS["aerobat"]
     time, q, v, tau, known = record(model)
-    twin = twins.ObserverTwin(model, frames, 400.0, project_first=kind.project_first)
+    twin = ObserverTwin(kind.name, model, frames, 400.0)
     residual, points = twin.run(time, q, v, tau, known)
     observer = kind(model, frames, 400.0)
     observer.reset(q[0], v[0], time[0])
     copied = COPIES[way](observer)
     assert copied.data is not observer.data
     estimate = copied.run(time, q, v, tau, known)
-    assert_equal(estimate.residual, residual)
-    assert_equal(estimate.force, points)
+    near = 1e-12 if kind.kind == FIRST_ORDER else 1e-9  # the other twins go by expm and bisection
+    assert_equal(estimate.residual, residual, near)
+    assert_equal(estimate.force, points, near)
     now = {channel: values[0] for channel, values in known.items()}
-    assert_equal(observer.update(time[1], q[1], v[1], tau[0], now).residual, residual[0])
+    assert_equal(observer.update(time[1], q[1], v[1], tau[0], now).residual, residual[0], near)
 
 
 @pytest.mark.parametrize("way", COPIES)
@@ -94,7 +96,7 @@ def test_a_copied_plant_flies_the_same_flight(way: str, paper_plant: Plant) -> N
     held = np.zeros((2, len(paper_plant.forces), 5))
     expected = paper_plant.fly(5, 1e-3, held)
     copied = COPIES[way](paper_plant)
-    assert any(np.shares_memory(part, copied.data.M) for part in copied._fixed)
+    assert copied._places[2] == copied.data.M.ctypes.data != paper_plant.data.M.ctypes.data
     found = copied.fly(5, 1e-3, held)
     np.testing.assert_array_equal(found.q, expected.q)
     np.testing.assert_array_equal(found.v, expected.v)
@@ -128,6 +130,8 @@ for name, kind in OBSERVERS.items():
     observer = kind(model, ["point"], 400.0)
     estimate = observer.run(time, q, v, tau)
     found[name], found[name + "_residual"] = estimate.force, estimate.residual
+    if name == "smoother":
+        continue
     observer.reset(q[0], v[0], time[0])
     found[name + "_stream"] = np.array([observer.update(*now).force for now in zip(time[1:], q[1:], v[1:], tau)])
 np.savez(sys.argv[1], compiled=not numba.config.DISABLE_JIT, **found)
@@ -135,7 +139,7 @@ np.savez(sys.argv[1], compiled=not numba.config.DISABLE_JIT, **found)
 
 
 def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path) -> None:
-    """NUMBA_DISABLE_JIT=1, for debugging and coverage: a short flight and both observers, batch and stream."""
+    """NUMBA_DISABLE_JIT=1, for debugging and coverage: a short flight and every observer, batch and stream."""
     results = []
     for disabled in ("0", "1"):
         path = tmp_path / f"disabled_{disabled}.npz"
@@ -152,7 +156,8 @@ def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path) -> 
     assert compiled.pop("compiled")
     assert not interpreted.pop("compiled")
     for name, expected in compiled.items():
-        assert_equal(interpreted[name], expected)
+        sensitive = name.startswith(("super_twisting", "kalman", "smoother"))  # roots and inverses of small differences
+        assert_equal(interpreted[name], expected, 1e-9 if sensitive else 1e-12)
 
 
 def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
@@ -160,7 +165,7 @@ def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
     with_kernels = {
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
-        if re.search(r"^@(jit\.)?kernel\b", path.read_text(), re.MULTILINE)
+        if re.search(r"^@(jit\.)?(kernel|inner)\b", path.read_text(), re.MULTILINE)
     }
     assert with_kernels <= set(jit.KERNEL_SOURCES)
     assert all((PACKAGE / name).is_file() for name in jit.KERNEL_SOURCES)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -21,11 +23,15 @@ from kernel_cases import (
 
 from aerobat_pin import jit, plant_kernels, plant_layout
 from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.aerodynamics.robot_air import strips_of
+from aerobat_pin.disturbances import held_parts
 from aerobat_pin.hold import AttitudeHold, rotation_vector
 from aerobat_pin.integrators import next_stage
 from aerobat_pin.plant import Plant
-from aerobat_pin.simulation import held_parts
 from aerobat_pin.wing import LINKS
+
+SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
+GUSTY = 0.07  # [s] in the middle of the gust of the cases
 
 # ------------------------------------------------------------------------------------------------------ linear algebra
 
@@ -92,12 +98,13 @@ def test_the_hold_pushes_as_its_twin(seed: int) -> None:
 # ----------------------------------------------------------------------------------------------------------------- air
 
 
+@pytest.mark.parametrize("options", [{}, {"lift_limit": 1.2}, {"model": "quasi_steady"}])
 @pytest.mark.parametrize("tail", ["own", "tilted", "none"])
 @pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_the_air_loads_equal_their_twin(morphology: str, tail: str) -> None:
+def test_the_air_loads_equal_their_twin(morphology: str, tail: str, options: dict[str, Any]) -> None:
     """Random twists, also backwards, and a random state; strips at rest among them."""
     robot = robot_with_a_turned_frame(morphology, tail)
-    air = RobotAir(robot.wing, strips=13, air_density=1.1)
+    air = RobotAir(robot.wing, strips=13, air_density=1.1, **options)
     for seed in range(10):
         rng = np.random.default_rng(seed)
         twists = rng.uniform(-4.0, 4.0, (5, 6)) * np.repeat([1.0, 8.0], 3)
@@ -108,23 +115,20 @@ def test_the_air_loads_equal_their_twin(morphology: str, tail: str) -> None:
         assert_spatial(wrenches, expected)
         for part, whole in zip(air.line.split(rates), air.line.split(expected_rates), strict=True):
             assert_equal(part, whole)
-        u, w, w_eff, force_x, force_z = loads
-        assert_equal(strips.incidence, np.arctan2(w, u))
-        assert_equal(strips.effective_velocity, w_eff)
-        assert_equal(strips.force_x, force_x)
-        assert_equal(strips.force_z, force_z)
+        for name, part in vars(strips).items():
+            assert_equal(part, getattr(strips_of(loads), name))
+        assert_equal(strips.incidence, np.arctan2(loads[1] + 0.0, loads[0] + 0.0))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int) -> None:
+def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Plant) -> None:
     """Five steps under random twists, each given at its start, middle and end."""
-    robot = robot_with_a_turned_frame("aerobat")
-    air, rng = RobotAir(robot.wing), np.random.default_rng(seed)
+    air, rng = paper_plant.air, np.random.default_rng(seed)
     twists = rng.uniform(-1.0, 1.0, (11, 5, 6)) * np.repeat([1.0, 10.0], 3) + np.array([3.0, 0, 0, 0, 0, 0])
     start = rng.uniform(-0.02, 0.02, air.state_size)
     state = start.copy()
-    plant_kernels.warm_up(air.arrays, twists, 2e-3, state)
-    assert_equal(state, twins.warmed_up(air, robot.wing.morphology, twists, 2e-3, start))
+    plant_kernels.warm_up(paper_plant._places, None, twists, 2e-3, state)
+    assert_equal(state, twins.warmed_up(air, paper_plant.robot.morphology, twists, 2e-3, start))
 
 
 # ---------------------------------------------------------------------------------------------------------- integrator
@@ -161,14 +165,16 @@ def test_climbing_the_tree_is_the_sum_of_transposed_jacobians(morphology: str, s
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_rotations_down_the_tree_are_those_of_pinocchio(morphology: str, seed: int) -> None:
-    """Chained placements in the parents against `oMi`."""
+def test_placements_down_the_tree_are_those_of_pinocchio(morphology: str, seed: int) -> None:
+    """Chained placements in the parents against `oMi`, seen from the body."""
     plant = built(morphology, "all forces, hold")
     data, liMi = posed(plant, seed)
-    found = np.full((5, 3, 3), np.nan)
-    plant_kernels.rotations(plant.constants.tree, liMi, found)
+    rotation, origin = np.full((5, 3, 3), np.nan), np.full((5, 3), np.nan)
+    plant_kernels.chain(plant.constants.tree, liMi, rotation, origin)
     joints = [plant.model.frames[plant.model.getFrameId(link)].parentJoint for link in LINKS]
-    assert_equal(found, [data.oMi[joint].rotation for joint in joints])
+    places = [data.oMi[joints[0]].actInv(data.oMi[joint]) for joint in joints]
+    assert_equal(rotation, [place.rotation for place in places])
+    assert_equal(origin, [place.translation for place in places])
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if "hold" in case])
@@ -179,10 +185,11 @@ def test_unknown_forces_push_where_and_along_what_they_should(morphology: str, c
     held = np.random.default_rng(5).uniform(-0.3, 0.3, (2, len(plant.forces), 4))
     for seed in SEEDS:
         data, liMi = posed(plant, seed)
-        rotation, wrenches = np.empty((5, 3, 3)), np.full((5, 6), np.nan)
+        rotation, origin, wrenches = np.empty((5, 3, 3)), np.empty((5, 3)), np.full((5, 6), np.nan)
         at_points, found = np.full((2, len(plant.points), 3), np.nan), np.empty(plant.model.nv)
-        plant_kernels.rotations(plant.constants.tree, liMi, rotation)
-        plant_kernels.push(plant.constants.unknown, 0.6, held, seed, rotation, wrenches, at_points)
+        plant_kernels.chain(plant.constants.tree, liMi, rotation, origin)
+        world = liMi[plant.constants.tree.table[0, 0]]
+        plant_kernels.push(plant.constants.unknown, 0.6, held, seed, world, rotation, wrenches, at_points)
         expected = twins.forces_at_points(
             plant.model, data, plant.forces, plant.points, 0.6, held[0, :, seed], held[1, :, seed]
         )
@@ -198,14 +205,14 @@ def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: s
     plant = built(morphology, case)
     for seed in SEEDS:
         q, v, joints, air, held = instant(plant, seed)
-        acceleration, air_rate, forces = plant.rates(q, v, joints, air, held)
-        expected, expected_rate, expected_forces, _ = twins.plant_rates(plant, q, v, joints, air, held)
+        acceleration, air_rate, forces = plant.rates(q, v, joints, air, held, GUSTY)
+        expected, expected_rate, expected_forces, _ = twins.plant_rates(plant, q, v, joints, air, held, GUSTY)
         assert_spatial(acceleration, expected)
         for part, whole in zip(plant.air.line.split(air_rate), plant.air.line.split(expected_rate), strict=True):
             assert_equal(part, whole)
         for name in forces._fields:
             actual, twin = getattr(forces, name)[0], getattr(expected_forces, name)
-            (assert_spatial if name in ("aerodynamic", "thrusters", "unknown") else assert_equal)(actual, twin)
+            (assert_spatial if name in SPATIAL else assert_equal)(actual, twin)
 
 
 def test_a_flight_of_the_paper_equals_the_flight_of_the_twin(paper_plant: Plant) -> None:
@@ -219,8 +226,8 @@ def test_a_flight_of_the_paper_equals_the_flight_of_the_twin(paper_plant: Plant)
     for part, whole in zip(np.split(found.air, 3, axis=1), np.split(expected.air, 3, axis=1), strict=True):
         assert_equal(part, whole, 1e-10)
     for name, mean, twin in zip(found.forces._fields, found.forces, expected.forces, strict=True):
-        (assert_spatial if name in ("aerodynamic", "thrusters", "unknown") else assert_equal)(mean, twin, 1e-10)
-    for row in range(5):
+        (assert_spatial if name in SPATIAL else assert_equal)(mean, twin, 1e-10)
+    for row in range(9):
         assert_equal(found.loads[:, row], expected.loads[:, row], 1e-10)
 
 
@@ -238,30 +245,43 @@ def test_a_few_steps_in_every_case_equal_the_twin(morphology: str, case: str) ->
         assert_equal(mean, twin)
 
 
+@compiled_only
 @pytest.mark.parametrize("case", CASES)
 def test_packed_constants_come_back_as_views_of_the_same_numbers(case: str) -> None:
-    """`unpack` undoes `pack`, without copying, with and without forces and hold; nothing is left over."""
-    constants = built("aerobat", case).constants
-    numbers, integers = plant_layout.pack(constants)
-    air, tree, unknown, hold = plant_layout.unpack(numbers, integers)
-    doubles = (air.strips, air.downwash, air.numbers, air.tail, tree.axis, unknown.numbers, unknown.points, hold)
-    whole = (air.link, tree.table, unknown.table)
-    expected = constants.air, constants.tree, constants.unknown
-    for found, original in zip((air, tree, unknown), expected, strict=True):
-        for actual, value in zip(found, original, strict=True):
+    """`unpack` undoes `layout`, without copying, with and without forces and hold; nothing is left over."""
+    plant = built("aerobat", case)
+    numbers, _ = plant._arrays
+    numbers[:] = plant_layout.pack(plant.constants)[0]  # the hold keeps its own scratch among them
+    unpacked = plant_layout.unpack(plant._places)
+    whole, doubles = 0, 0
+    for found, original in zip(unpacked, plant.constants, strict=True):
+        both = zip(found, original, strict=True) if isinstance(original, tuple) else [(found, original)]
+        for actual, value in both:
             np.testing.assert_array_equal(actual, value)
-    np.testing.assert_array_equal(hold, constants.hold)
-    assert sum(part.size for part in doubles) == numbers.size
-    assert 4 + sum(part.size for part in whole) == integers.size
-    assert all(np.shares_memory(part, numbers) for part in doubles if part.size)
-    assert all(np.shares_memory(part, integers) for part in whole if part.size)
+            if value.dtype == np.float64:
+                doubles += value.size
+                assert not value.size or np.shares_memory(actual, numbers)
+            else:
+                whole += value.size
+                assert not value.size or np.shares_memory(actual, plant._places)
+    assert doubles == numbers.size
+    assert plant_layout.PLACES + plant_layout.SIZES + whole == plant._places.size
+    data = plant.data
+    results = (data.M, data.nle, jit.placements(data.liMi), jit.motions(data.v), jit.motions(data.a_gf))
+    for actual, value in zip(plant_layout.unpack_found(plant._places), results, strict=True):
+        assert actual.shape == value.shape
+        assert np.shares_memory(actual, value)
 
 
+@compiled_only
 def test_the_scratch_is_cut_into_parts_that_do_not_overlap() -> None:
     """Each double of the scratch belongs to exactly one name."""
-    flat = plant_layout.scratch(7)
-    work = plant_layout.unpack_work(flat)
-    assert [part.shape for part in work] == [(3, 5, 6), (5, 3, 3), (5, 7), (7, 6), (4, 6)]
+    plant = built("aerobat", "no force, no hold")
+    scratch = plant._arrays[1]
+    work = plant_layout.unpack_work(plant._places)
+    shapes = [(4, 5, 6), (5, 3, 3), (5, 3), (3, 3), (3, 8), (11, 10), (7, 6), (9, 16), (4, 6)]
+    assert [part.shape for part in work] == shapes
+    scratch[:] = 0.0
     for part in work:
         part += 1.0
-    np.testing.assert_array_equal(flat, 1.0)
+    np.testing.assert_array_equal(scratch, 1.0)

@@ -1,7 +1,6 @@
-"""The lifting line agrees with the classics: Wagner, Theodorsen and Garrick in two dimensions, Prandtl in three.
+"""The lifting line as a model: its matrices are its equations, its stations fit its sines, any planform goes in.
 
-Two dimensions are the limit of a span far larger than the chord (1e9 m here), which leaves no downwash. Angles are
-small: the normal velocity of a section at incidence a and speed U is U a.
+That it agrees with the classics is in test_lifting_line_ladder.py.
 """
 
 from __future__ import annotations
@@ -12,165 +11,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad
-from scipy.linalg import expm
-from scipy.special import hankel2, i0, i1, k0, k1
 
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.errors import AerobatError, ShapeError
-
-ENDLESS = 1e9  # [m]
-INCIDENCE = np.radians(5.0)
-
-
-def jones(s: float) -> float:
-    """R. T. Jones's fit of Wagner's function; s in semichords."""
-    return 1.0 - 0.165 * np.exp(-0.0455 * s) - 0.335 * np.exp(-0.300 * s)
-
-
-def theodorsen(k: float) -> complex:
-    """Theodorsen's function C(k) for motion e^(i w t)."""
-    return complex(hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k)))
-
-
-def wagner(s: float) -> float:
-    """Return Wagner's function: Theodorsen's, inverted by Laplace along its branch cut."""
-
-    def decay(x: float) -> float:
-        return np.exp(-s * x) / x**2 / ((k0(x) - k1(x)) ** 2 + (np.pi * (i0(x) + i1(x))) ** 2)
-
-    return 1.0 - sum(quad(decay, *piece, epsabs=1e-10)[0] for piece in ((0.0, 0.01), (0.01, 1.0), (1.0, 20.0)))
-
-
-def after_a_step(line: LiftingLine, airspeed: float, normal_velocity: float, time: float) -> np.ndarray:
-    """Return the lift per span a while after the normal velocity jumps from rest: exact, by the matrix exponential."""
-    system, size = line.state_space(airspeed), 3 * line.strips
-    w_n = np.full(line.strips, normal_velocity)
-    state = np.linalg.solve(system.A, (expm(system.A * time) - np.eye(size)) @ system.B @ w_n)
-    return np.asarray(system.C @ state + system.D @ w_n)
-
-
-def response(line: LiftingLine, airspeed: float, frequency: float) -> complex:
-    """Return the lift per span over the normal velocity, at w [rad/s], of a one-strip line."""
-    system = line.state_space(airspeed)
-    state = np.linalg.solve(1j * frequency * np.eye(3) - system.A, system.B)
-    return complex((system.C @ state + system.D)[0, 0])
 
 
 def rectangle(aspect_ratio: float, **options: Any) -> LiftingLine:
     """Return a rectangular wing of unit chord in air of unit density."""
     return LiftingLine(aspect_ratio, 1.0, air_density=1.0, **options)
-
-
-def coefficients(line: LiftingLine, area: float) -> tuple[float, float]:
-    """Return steady CL and induced CDi at 5 deg and unit speed, from the circulation and its downwash."""
-    circulation = line.steady_circulation(INCIDENCE)
-    drag = line.width @ (circulation * (line.downwash @ circulation))
-    return 2.0 * float(line.width @ circulation) / area, 2.0 * float(drag) / area
-
-
-@pytest.mark.parametrize(("s", "printed"), [(0.0, 0.500), (5.0, 0.794), (40.0, 0.973)])
-def test_the_lift_after_a_step_is_jones_function(s: float, printed: float) -> None:
-    """Two-dimensional step of incidence: c_l / c_l(inf) is the fit of R. T. Jones (1938), to its closed form."""
-    airspeed, chord = 4.0, 0.1
-    line = LiftingLine(ENDLESS, chord, strips=1)
-    lift = after_a_step(line, airspeed, 0.2, s * chord / 2.0 / airspeed)
-    ratio = float(lift[0] / (np.pi * 1.225 * chord * airspeed * 0.2))
-    assert ratio == pytest.approx(jones(s), rel=0.0, abs=1e-6)
-    assert round(ratio, 3) == printed
-
-
-@pytest.mark.parametrize(("s", "exact"), [(0.0, 0.5), (1.0, 0.60061), (5.0, 0.78820), (10.0, 0.87504), (50.0, 0.97676)])
-def test_the_lift_after_a_step_is_near_wagners_exact_function(s: float, exact: float) -> None:
-    """Wagner's exact function, integrated here (to 1e-5 of its table); the fit of Jones is within 1.1 %."""
-    assert wagner(s) == pytest.approx(exact, rel=0.0, abs=1e-5)
-    line = LiftingLine(ENDLESS, 2.0, strips=1, air_density=1.0)
-    lift = after_a_step(line, 1.0, 1.0, s)[0]
-    assert lift / (2.0 * np.pi) == pytest.approx(exact, rel=0.011)
-
-
-def test_harmonic_lift_is_theodorsens() -> None:
-    """Frequency response over quasi-steady lift: C(k) of Jones to 1e-4, of Theodorsen (1935) to 2.3 %."""
-    line = LiftingLine(ENDLESS, 2.0, strips=1, air_density=1.0)
-    k = np.geomspace(0.01, 10.0, 400)
-    lift = np.array([response(line, 1.0, frequency) for frequency in k]) / (2.0 * np.pi)
-    fit = 1.0 - 0.165j * k / (1j * k + 0.0455) - 0.335j * k / (1j * k + 0.300)
-    assert np.max(np.abs(lift - fit)) < 1e-4
-    exact = np.array([theodorsen(frequency) for frequency in k])
-    worst = np.max(np.abs(lift - exact) / np.abs(exact))
-    assert round(worst, 3) == 0.023
-
-
-def test_a_plunging_section_lifts_and_pulls_as_theodorsen_and_garrick_say() -> None:
-    """Plunge 10 mm at 5 Hz, 4 m/s, chord 0.1 m: lift amplitude 2 pi rho U b |C| h w, thrust pi rho b |C|^2 (h w)^2.
-
-    Closed forms of Theodorsen (1935) and Garrick (1936), 0.3139 N/m without added mass and 0.0080 N/m.
-    """
-    airspeed, chord, frequency, amplitude = 4.0, 0.1, 2.0 * np.pi * 5.0, 0.010 * 2.0 * np.pi * 5.0
-    lag = abs(theodorsen(frequency * chord / 2.0 / airspeed))
-    theodorsens = np.pi * 1.225 * chord * airspeed * lag * amplitude
-    garricks = np.pi * 1.225 * chord / 2.0 * (lag * amplitude) ** 2
-    assert round(theodorsens, 4) == 0.3139
-    assert round(garricks, 4) == 0.0080
-
-    line = LiftingLine(ENDLESS, chord, strips=1)
-    system = line.state_space(airspeed)
-    state = np.linalg.solve(1j * frequency * np.eye(3) - system.A, system.B[:, 0] * amplitude)
-    lift, suction = [], []
-    for phase in 2.0 * np.pi * np.arange(64) / 64:
-        now, speed = np.real(state * np.exp(1j * phase)), np.array([airspeed])
-        w_eff, _ = line.effective_velocity(now, speed, np.array([amplitude * np.cos(phase)]))
-        lift.append(float(line.lift(speed, w_eff)[0]))
-        suction.append(float(line.suction(w_eff)[0]))
-    assert 2.0 * abs(np.fft.fft(lift)[1]) / 64 == pytest.approx(theodorsens, rel=0.01)
-    assert np.mean(suction) == pytest.approx(garricks, rel=0.01)
-
-
-@pytest.mark.parametrize("strips", [1, 7, 16])
-@pytest.mark.parametrize(("aspect_ratio", "printed"), [(4.0, 0.36554), (6.0, 0.41123), (10.0, 0.45693)])
-def test_a_steady_elliptic_wing_is_prandtls(aspect_ratio: float, printed: float, strips: int) -> None:
-    """Closed form: CL = a0 a / (1 + a0/(pi AR)), CDi = CL^2/(pi AR), for any number of strips."""
-    root = 4.0 / (np.pi * aspect_ratio)
-    line = LiftingLine(1.0, lambda y: root * np.sqrt(1.0 - 4.0 * y**2), strips=strips, air_density=1.0)
-    lift = 2.0 * np.pi * INCIDENCE / (1.0 + 2.0 / aspect_ratio)
-    assert round(lift, 5) == printed
-    drag = lift**2 / (np.pi * aspect_ratio)
-    assert coefficients(line, 1.0 / aspect_ratio) == pytest.approx((lift, drag), rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("aspect_ratio", "lift", "drag"),
-    [(4.0, 0.35154, 0.01011), (6.0, 0.39535, 0.00869), (10.0, 0.44042, 0.00670)],
-)
-def test_a_steady_rectangular_wing_is_glauerts(aspect_ratio: float, lift: float, drag: float) -> None:
-    """Prandtl's equation for a rectangle at 5 deg: Glauert's series, solved here at mid-strip angles with odd terms."""
-    terms = np.arange(1, 120, 2)
-    theta = (np.arange(len(terms)) + 0.5) * np.pi / (2 * len(terms))
-    mu = 2.0 * np.pi / (4.0 * aspect_ratio)
-    matrix = np.sin(np.outer(theta, terms)) * (terms * mu / np.sin(theta)[:, None] + 1.0)
-    series = np.linalg.solve(matrix, np.full(len(terms), mu * INCIDENCE))
-    glauert = np.pi * aspect_ratio * series[0], np.pi * aspect_ratio * float(terms @ series**2)
-    assert glauert == pytest.approx((lift, drag), rel=0.0, abs=5e-6)
-    assert coefficients(rectangle(aspect_ratio, strips=60), aspect_ratio) == pytest.approx(glauert, rel=1e-4)
-    assert coefficients(rectangle(aspect_ratio, strips=16), aspect_ratio) == pytest.approx(glauert, rel=0.01)
-
-
-def test_an_impulsive_start_grows_as_the_vortex_lattice_says() -> None:
-    """Rectangle of aspect ratio 4 at 5 deg against an unsteady vortex lattice; s in semichords.
-
-    The line, which has one vortex per section, starts 11, 5 and 2 % above the lattice at s = 0.25, 1 and 2; at 5 and
-    10 the two agree within 0.5 %.
-    """
-    line = rectangle(4.0)
-    for s, lattice, difference in (
-        (0.25, 0.2476, 0.11),
-        (1.0, 0.2701, 0.05),
-        (2.0, 0.2894, 0.02),
-        (5.0, 0.3153, 0.0),
-        (10.0, 0.3270, 0.0),
-    ):
-        lift = 2.0 * float(line.width @ after_a_step(line, 1.0, INCIDENCE, s / 2.0)) / 4.0
-        assert lift / lattice - 1.0 == pytest.approx(difference, abs=0.005)
 
 
 @settings(max_examples=30, derandomize=True)
@@ -231,6 +79,40 @@ def test_steady_circulation_is_where_the_states_come_to_rest() -> None:
     assert np.all(np.linalg.eigvals(system.A).real < 0.0)
 
 
+def test_frequency_response_is_that_of_the_matrices() -> None:
+    """D + C (i w - A)^-1 B, on a tapered wing whose strips fly at different speeds, one of them not at all."""
+    line = LiftingLine(0.4, lambda y: 0.1 - 0.2 * np.abs(y), strips=6)
+    speed, w_n = np.array([5.0, 4.0, 3.0, 2.0, 1.0, 0.0]), np.linspace(0.1, 0.3, 6)
+    system, frequency = line.state_space(speed), np.array([0.5, 20.0, 900.0])
+    lift = line.frequency_response(frequency, speed, w_n)
+    assert lift.shape == (3, 6)
+    for found, omega in zip(lift, frequency, strict=True):
+        state = np.linalg.solve(1j * omega * np.eye(18) - system.A, system.B @ w_n)
+        assert found == pytest.approx(system.C @ state + system.D @ w_n, rel=1e-10, abs=1e-14)
+    assert line.frequency_response(20.0, speed, w_n) == pytest.approx(lift[1], rel=1e-14)
+
+
+def test_step_response_is_that_of_the_matrices() -> None:
+    """C A^-1 (e^(A t) - 1) B w_n + D w_n, by the eigenvectors of A; the steps in time may differ."""
+    line = LiftingLine(0.4, lambda y: 0.1 - 0.2 * np.abs(y), strips=6)
+    speed, w_n = np.array([5.0, 4.0, 3.0, 2.0, 1.0, 0.5]), np.linspace(0.1, 0.3, 6)
+    system, time = line.state_space(speed), np.array([0.0, 0.001, 0.02, 0.02, 0.3])
+    values, vectors = np.linalg.eig(system.A)
+    lift = line.step_response(time, speed, w_n)
+    for found, t in zip(lift, time, strict=True):
+        state = vectors @ (np.expm1(values * t) / values * np.linalg.solve(vectors, system.B @ w_n))
+        assert found == pytest.approx(system.C @ state.real + system.D @ w_n, rel=1e-8)
+    assert lift[0] == pytest.approx(system.D @ w_n, rel=1e-14)
+
+
+def test_slow_and_late_responses_are_the_steady_lift() -> None:
+    """At frequency zero, and long after a step, the lift per span is rho U Gamma of the steady circulation."""
+    line, w_n = rectangle(6.0), np.linspace(0.1, 0.4, 16)
+    steady = 3.0 * line.steady_circulation(w_n)
+    assert line.frequency_response(0.0, 3.0, w_n) == pytest.approx(steady, rel=1e-12)
+    assert line.step_response([1e3], 3.0, w_n)[0] == pytest.approx(steady, rel=1e-9)
+
+
 def test_air_at_rest_freezes_circulation_and_makes_no_lift() -> None:
     """At U = 0 nothing divides by the airspeed: no lift, circulation and lag decay stand still, no warning."""
     line = rectangle(4.0, strips=8)
@@ -245,15 +127,75 @@ def test_air_at_rest_freezes_circulation_and_makes_no_lift() -> None:
     assert np.all(np.isfinite(system.A))
 
 
+def test_responses_are_regular_where_strips_stand_still() -> None:
+    """All of the wing or one strip at U = 0, at any frequency, also zero: finite, no lift there, no warning."""
+    line, one_still = rectangle(4.0, strips=8), np.array([0.0, *[2.0] * 7])
+    with np.errstate(all="raise"):
+        for speed in (np.zeros(8), one_still):
+            frequency = line.frequency_response([0.0, 3.0], speed)
+            step = line.step_response([0.0, 0.5], speed, 1.0)
+            for lift in (frequency, step):
+                assert np.all(np.isfinite(lift))
+                assert np.all((lift != 0.0) == (speed > 0.0))
+
+
+@pytest.mark.parametrize(
+    "chord",
+    [
+        lambda y: np.interp(y, [-0.3, 0.0, 0.1, 0.3], [0.05, 0.1, 0.1, 0.02]),
+        ([-0.3, 0.0, 0.1, 0.3], [0.05, 0.1, 0.1, 0.02]),
+        np.array([[-0.3, 0.0, 0.1, 0.3], [0.05, 0.1, 0.1, 0.02]]),
+    ],
+    ids=["function", "polyline", "array"],
+)
+def test_function_and_polyline_are_the_same_wing(chord: Any) -> None:
+    """Chord at the stations, area of the trapezia, and the points of each section."""
+    line = LiftingLine(0.6, chord, quarter_chord=([-0.3, 0.3], [-0.1, 0.2]), strips=9)
+    assert line.chord == pytest.approx(np.interp(line.y, [-0.3, 0.0, 0.1, 0.3], [0.05, 0.1, 0.1, 0.02]), rel=1e-15)
+    assert line.area == pytest.approx(0.3 * 0.075 + 0.1 * 0.1 + 0.2 * 0.06, rel=1e-6)
+    assert line.quarter_chord == pytest.approx(0.05 + 0.5 * line.y, abs=1e-15)
+    assert line.mid_chord == pytest.approx(line.quarter_chord - line.chord / 4.0, abs=1e-15)
+    assert line.three_quarter_chord == pytest.approx(line.quarter_chord - line.chord / 2.0, abs=1e-15)
+    assert line.added_mass == pytest.approx(1.225 * np.pi * line.chord**2 / 4.0)
+
+
+def test_area_does_not_depend_on_the_number_of_strips() -> None:
+    """Rectangle and ellipse; a number for each station counts straight lines between them."""
+    for strips in (1, 4, 16):
+        assert LiftingLine(0.4, 0.1, strips=strips).area == pytest.approx(0.04, rel=1e-6)
+        ellipse = LiftingLine(0.4, lambda y: 0.1 * np.sqrt(1.0 - (y / 0.2) ** 2), strips=strips)
+        assert ellipse.area == pytest.approx(np.pi / 4.0 * 0.04, rel=1e-6)
+    chord = np.array([0.02, 0.05, 0.1, 0.07, 0.03])
+    line = LiftingLine(0.4, chord, strips=5)
+    ends = (0.2 - line.y[0]) * (chord[0] + chord[-1])
+    assert line.area == pytest.approx(ends - np.trapezoid(chord, line.y), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("span", "chord", "options", "message"),
     [
         (1.0, 0.1, {"strips": 0}, "strips = 0"),
+        (1.0, 0.1, {"strips": 2.5}, "strips = 2.5"),
+        (1.0, 0.1, {"strips": np.nan}, "strips = nan"),
+        (1.0, 0.1, {"lift_slope": -6.0}, "lift_slope = -6"),
         (np.nan, 0.1, {}, "span = nan"),
         (-1.0, 0.1, {}, "span = -1"),
-        (1.0, np.nan, {}, "chord"),
-        (1.0, -0.1, {}, "chord"),
-        (1.0, lambda y: 0.1 * y, {}, "chord"),
+        (1.0, np.nan, {}, "chord = nan"),
+        (1.0, -0.1, {}, "chord = -0.1"),
+        (1.0, 0.0, {}, "chord = 0"),
+        (1.0, lambda y: 0.1 * y, {}, "chord = -0.05"),
+        (1.0, lambda y: np.where(np.abs(y) < 0.01, -0.1, 0.1), {}, "chord = -0.1"),  # between two stations
+        (1.0, lambda y: y[:3], {}, r"chord as a function has shape \(3,\)"),
+        (1.0, [[0.1, 0.2], [0.1]], {}, r"chord = \[\[0.1, 0.2\], \[0.1\]\]: one number"),
+        (1.0, "wide", {}, "chord = 'wide': one number, 16 numbers"),
+        (1.0, np.full((3, 4), 0.1), {}, r"chord has shape \(3, 4\).*stations"),
+        (1.0, ([0.5, 0.0, -0.5], [0.1, 0.1, 0.1]), {}, "chord: the polyline's stations .* to rise"),
+        (1.0, ([-0.5, np.nan, 0.5], [0.1, 0.1, 0.1]), {}, "chord: the polyline's stations .* to rise"),
+        (1.0, ([0.0, 0.5], [0.1, 0.1]), {}, "from tip to tip, -0.5 m to 0.5 m"),  # half a wing
+        (1.0, ([-0.5, 0.4], [0.1, 0.1]), {}, "from tip to tip"),
+        (1.0, ([-0.5, 0.5], [0.1, np.inf]), {}, "chord = "),
+        (1.0, 0.1, {"quarter_chord": np.nan}, "quarter_chord = nan"),
+        (1.0, 0.1, {"quarter_chord": [0.1, 0.2]}, "quarter_chord has shape"),
         (1.0, np.full(5, 0.1), {}, r"shape \(5,\).* 16 numbers"),
         (1.0, 0.1, {"air_density": 0.0}, "air_density = 0"),
         (1.0, 0.1, {"air_density": np.inf}, "air_density = inf"),
@@ -264,3 +206,28 @@ def test_a_wing_that_cannot_be_is_refused(span: float, chord: Any, options: dict
     with pytest.raises(ShapeError, match=message) as caught:
         LiftingLine(span, chord, **options)
     assert isinstance(caught.value, AerobatError)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda line: line.state_space(-1.0), "airspeed = -1: .* from behind"),
+        (lambda line: line.state_space(np.nan), "airspeed = nan"),
+        (lambda line: line.state_space([1.0, 2.0]), r"airspeed has shape \(2,\): one number or 16"),
+        (lambda line: line.steady_circulation(np.inf), "normal_velocity = inf"),
+        (lambda line: line.steady_circulation(np.ones(3)), r"normal_velocity has shape \(3,\)"),
+        (lambda line: line.steady_coefficients(np.nan), "incidence = nan"),
+        (lambda line: line.frequency_response(-1.0, 4.0), "frequency"),
+        (lambda line: line.frequency_response([1.0, np.nan], 4.0), "frequency"),
+        (lambda line: line.frequency_response(1.0, -4.0), "airspeed = -4"),
+        (lambda line: line.frequency_response(1.0, 4.0, [1.0]), r"normal_velocity has shape \(1,\)"),
+        (lambda line: line.step_response([0.0, -1.0], 4.0, 1.0), "time"),
+        (lambda line: line.step_response(0.5, 4.0, 1.0), "time"),
+        (lambda line: line.step_response([np.nan], 4.0, 1.0), "time"),
+        (lambda line: line.step_response([0.5], 4.0, np.nan), "normal_velocity = nan"),
+    ],
+)
+def test_a_question_that_cannot_be_is_refused(call: Any, message: str) -> None:
+    """Negative airspeed, NaN and odd shapes, by name."""
+    with pytest.raises(ShapeError, match=message):
+        call(rectangle(4.0))

@@ -8,7 +8,6 @@ measured on these loops with the laboratory's published bar lengths ("taken from
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerobat_pin.errors import AerobatError, LinkageError, ShapeError
+from aerobat_pin.errors import ShapeError
 from aerobat_pin.linkage import Closure, KineticSculpture
 from aerobat_pin.robot import load_aerobat
 
@@ -205,6 +204,22 @@ def test_the_crank_torque_does_the_work_of_the_joint_torques(
     assert closure.crank_torque(shoulder, elbow) * rate == pytest.approx(power, rel=1e-12, abs=1e-13)
 
 
+@settings(max_examples=50, derandomize=True)
+@given(CRANK_ANGLES, st.floats(-100.0, 100.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_a_crank_torque_spread_over_the_joints_has_its_power_and_nothing_to_spare(
+    t1: float, rate: float, crank: float, strain: float
+) -> None:
+    """Virtual work the other way; any other pair with this power is larger by what strains the linkage."""
+    closure = LINKAGE.solve(t1, rate)
+    shoulder, elbow = closure.joint_torques(crank)
+    assert closure.crank_torque(shoulder, elbow) == pytest.approx(crank, rel=1e-14, abs=1e-15)
+    power = shoulder * closure.theta_s_dot + elbow * closure.theta_e_dot
+    assert power == pytest.approx(crank * rate, rel=1e-13, abs=1e-14)
+    other = shoulder - strain * closure.dtheta_e, elbow + strain * closure.dtheta_s
+    assert closure.crank_torque(*other) == pytest.approx(crank, rel=1e-13, abs=1e-14)
+    assert math.hypot(*other) >= math.hypot(shoulder, elbow) * (1.0 - 1e-12)
+
+
 def test_the_trees_joints_lie_on_the_linkages_pins() -> None:
     """At any crank angle shoulder and elbow of the tree are J5 and J6, and the forearm turns by t6; mirrored right.
 
@@ -244,21 +259,6 @@ def test_many_crank_angles_at_once_equal_one_at_a_time() -> None:
         assert np.shape(one.theta_s) == ()
     assert LINKAGE.solve(0.3, np.ones(4)).theta_e_dot.shape == (4,)
     assert LINKAGE.solve([]).theta_s.shape == (0,)
-
-
-@pytest.mark.parametrize(
-    ("bar", "factor", "dyad"), [("L3b", 0.7, "J4"), ("L2a", 1.1, "J4"), ("L5a", 0.7, "J7"), ("L6", 0.5, "J10")]
-)
-def test_a_linkage_that_cannot_turn_names_the_pin_and_the_crank_angle(bar: str, factor: float, dyad: str) -> None:
-    """A bar too short or too long leaves a dyad open; the error says which one and where."""
-    linkage = KineticSculpture(replace(BARS, **{bar: factor * getattr(BARS, bar)}))
-    with pytest.raises(LinkageError, match=f"at {dyad} for a crank angle of .* deg") as caught:
-        linkage.check()
-    assert isinstance(caught.value, AerobatError)
-    assert caught.value.dyad == dyad
-    assert f"{np.degrees(caught.value.crank_angle):.1f} deg" in str(caught.value)
-    with pytest.raises(LinkageError):
-        linkage.solve(caught.value.crank_angle)
 
 
 @pytest.mark.parametrize(

@@ -1,59 +1,35 @@
-"""What a person looks at: figures, report, and the replay in a real browser."""
+"""What a person looks at after a run: figures, and the report in a real browser."""
 
 from __future__ import annotations
 
-import io
 import re
-import shutil
-from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from browser import needs_browser, opened
 from matplotlib.image import imread
 
 from aerobat_pin.evaluation import true_force
-from aerobat_pin.experiment import Experiment, write
+from aerobat_pin.experiment import Experiment, run, write
 from aerobat_pin.figures import draw_all
 from aerobat_pin.gallery import draw
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-needs_browser = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this machine: install it, e.g. `apt-get install chromium`"
-)
+from aerobat_pin.report import report_html
+from aerobat_pin.scenario import load_scenario
 
 
-@pytest.fixture(scope="module")
-def folder(paper: Experiment, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the paper's experiment written with everything."""
-    target = tmp_path_factory.mktemp("paper")
-    write(paper, target)
-    draw(paper, target)
-    return target
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Start headless Chromium with software rendering."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield running
-        running.close()
-
-
-def test_the_papers_figures_are_drawn_as_png_and_pdf(folder: Path) -> None:
-    """Five figures, none of them blank, the PDF a vector file."""
-    names = {"position", "states", "stick_diagram", "estimation", "linkage"}
-    assert {path.stem for path in (folder / "figures").iterdir()} == names
+def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:
+    """The paper's five, and what the air does; none of them blank, the PDF a vector file."""
+    names = {"position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power"}
+    assert {path.stem for path in (paper_folder / "figures").iterdir()} == names
     for name in names:
-        pixels = imread(folder / "figures" / f"{name}.png")
+        pixels = imread(paper_folder / "figures" / f"{name}.png")
         assert pixels.shape[1] >= 1000
         assert pixels[..., :3].std() > 0.02
-        assert (folder / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+        assert (paper_folder / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
@@ -73,73 +49,76 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
         assert "79 % thruster-borne" in drawn[name].get_suptitle()
 
 
-def test_the_same_run_draws_the_same_figures(paper: Experiment, folder: Path, tmp_path: Path) -> None:
+def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Path, tmp_path: Path) -> None:
     """Byte for byte: no date, no random order (the replay's viewer numbers its objects at random)."""
     write(paper, tmp_path)
     draw(paper, tmp_path)
-    for path in sorted(folder.rglob("*")):
+    for path in sorted(paper_folder.rglob("*")):
         if path.suffix in (".png", ".pdf", ".json", ".toml"):
-            assert path.read_bytes() == (tmp_path / path.relative_to(folder)).read_bytes(), path.name
+            assert path.read_bytes() == (tmp_path / path.relative_to(paper_folder)).read_bytes(), path.name
 
 
-def test_the_report_is_self_contained_and_holds_the_table(folder: Path) -> None:
-    """No address to fetch, five embedded pictures, a row per observer, wing and axis."""
-    page = (folder / "report.html").read_text()
-    assert not re.search(r'(?:src|href)="(?!data:)', page)
-    assert page.count("data:image/png;base64,") == 5
+def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> None:
+    """Lift and thrust against an own rotation to world axes, weight, power; the colours hold every strip."""
+    assert paper.log.truth is not None
+    truth, drawn = paper.log.truth, draw_all(paper.robot, paper.log, paper.estimates, paper.metrics["note"])
+    lift, thrust, strips = drawn["aerodynamics"].axes[:3]
+    force = (truth["aerodynamic"] + truth["added_mass"]).values
+    for k in (0, 700, 1999):
+        world = 1e3 * pin.XYZQUATToSE3(paper.log.measured["q"].values[k, :7]).rotation @ force[k, :3]
+        assert lift.lines[0].get_ydata()[k] == pytest.approx(world[2], rel=1e-9)
+        assert thrust.lines[0].get_ydata()[k] == pytest.approx(world[0], rel=1e-9)
+    assert lift.lines[2].get_ydata()[0] == pytest.approx(92.1 * 9.81, rel=1e-3)  # 92.1 g under standard gravity
+    assert strips.collections[0].get_array().shape == truth["circulation"].shape[::-1]
+    motor, air = (line.get_ydata() for line in drawn["power"].axes[0].lines)
+    np.testing.assert_array_equal(motor, truth["motor_power"])
+    np.testing.assert_array_equal(air, truth["air_power"])
+
+
+def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, paper_folder: Path) -> None:
+    """No address to fetch, seven embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
+    page = (paper_folder / "report.html").read_text()
+    assert not re.search(r'(?:src|href)="(?!data:|#)', page)
+    assert "url(" not in page
+    assert page.count("data:image/png;base64,") == 7
     assert page.count("mN</td>") == 12
     assert "79 % thruster-borne" in page
+    for name, source in paper.metrics["inputs"].items():
+        assert re.search(rf">{name}</td><td[^>]*>{source}", page), name
+    for name, version in paper.metrics["versions"].items():
+        assert f'>{name}</td><td class="text">{version}' in page
+    assert ">6 of 6<" in page
+    assert "Every pattern of forces leaves a trace." in page
+    assert "[simulation]" in page
+
+
+def test_the_report_says_in_words_what_nobody_can_see() -> None:
+    """With the base rows alone an equal and opposite pair leaves no trace: rank five, and a sentence."""
+    blind = run(load_scenario("paper", ["observers.torque=none", "simulation.duration=0.05"]))
+    page = report_html(blind, {})
+    assert ">5 of 6<" in page
+    assert ">infinite<" in page
+    [pattern] = blind.metrics["observers"]["momentum"]["unseen"]
+    assert escape(pattern) in page
+    assert "leave no trace" in page
 
 
 @needs_browser
-def test_the_report_opens_without_a_request_or_an_error(folder: Path, browser: Any) -> None:
-    """From disk, offline."""
-    page = browser.new_page()
-    problems: list[str] = []
-    requests: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("request", lambda request: requests.append(request.url))
-    page.goto((folder / "report.html").as_uri())
-    assert page.locator("figure img").count() == 5
-    assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 500)")
-    assert problems == []
-    assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
-    page.close()
-
-
-@needs_browser
-def test_the_replay_plays_the_flight_with_moving_arrows(paper: Experiment, folder: Path, browser: Any) -> None:
-    """From disk, offline: as long as the flight, robot and arrows in the scene, the arrows change, pause holds."""
-    page = browser.new_page(viewport={"width": 1000, "height": 650})
-    problems: list[str] = []
-    requests: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("request", lambda request: requests.append(request.url))
-    page.goto((folder / "replay.html").as_uri())
-    page.wait_for_function("window.viewer && viewer.animator.time > 0.02", timeout=60_000)
-    assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0, abs=0.02)
-    shaft = "viewer.scene_tree.find(['meshcat', 'force', 'estimated', 'left_force_point', 'shaft']).object"
-    lengths = []
-    for time in (0.1, 0.13, 0.18):
-        page.evaluate(f"viewer.animator.pause(); viewer.animator.seek({time})")
-        lengths.append(page.evaluate(f"{shaft}.scale.y"))
-    assert max(lengths) - min(lengths) > 0.02
-    # The head of the estimated arrow lies ahead of its tail along the force.
-    where = "viewer.scene_tree.find(['meshcat', 'force', 'estimated', 'left_force_point', '{}'])"
-    where += ".object.position.toArray()"
-    ahead = np.subtract(*(page.evaluate(where.format(part)) for part in ("head", "shaft")))
-    force = paper.estimates["momentum"].force[180, 0]
-    assert float(ahead @ force) > 0.99 * float(np.linalg.norm(ahead) * np.linalg.norm(force))
-    held = page.evaluate("viewer.animator.actions[0].time")
-    page.wait_for_timeout(300)
-    assert page.evaluate("viewer.animator.actions[0].time") == held
-    assert float(re.findall(r"([0-9.]+) N per cm", page.inner_text("#legend"))[0]) > 0.0
-    page.add_style_tag(content="#legend, .dg { display: none !important; }")
-    pixels = imread(io.BytesIO(page.screenshot()))[..., :3]
-    dark = pixels.sum(axis=2) < 1.2  # body, guard and arrows against a pale sky
-    columns = np.flatnonzero(dark.any(axis=0))
-    assert columns.size, "the robot is not in the picture"
-    assert columns.max() - columns.min() > 0.1 * pixels.shape[1]
-    assert problems == []
-    assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
-    page.close()
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, browser: Any, scheme: str) -> None:
+    """From disk, offline, readable by day and by night; the linkage turns."""
+    with opened(browser, (paper_folder / "report.html").as_uri()) as page:
+        page.emulate_media(color_scheme=scheme)
+        assert page.locator("figure img").count() == 7
+        assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 500)")
+        look = "getComputedStyle(document.body)"
+        ink, ground = (page.evaluate(f"{look}.{name}") for name in ("color", "backgroundColor"))
+        ink, ground = (np.mean([float(x) for x in re.findall(r"[0-9.]+", one)[:3]]) for one in (ink, ground))
+        assert abs(ink - ground) > 150
+        assert (ink > ground) == (scheme == "dark")
+        crank = "document.querySelectorAll('figure svg polyline')[1].animatedPoints[1]"
+        where = []
+        for time in (0.0, 0.5):
+            page.evaluate(f"document.querySelector('figure svg').setCurrentTime({time})")
+            where.append(page.evaluate(f"[{crank}.x, {crank}.y]"))
+        assert np.hypot(*np.subtract(*where)) > 1.0  # [mm]

@@ -12,10 +12,14 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kernel_cases import instant
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.plant import Plant
 from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.scenario import load_scenario
+from aerobat_pin.simulation import load_robot, simulate
 from aerobat_pin.wing import LINKS, Wing
 
 SHAPE = Morphology.load("aerobat")
@@ -69,35 +73,33 @@ def test_the_planform_has_the_published_area_and_spans() -> None:
     assert 1e3 * np.array(WING.breaks) == pytest.approx([20.6732, 69.4657, 201.4657], abs=5e-5)
     assert 1e3 * WING.span == pytest.approx(402.93, abs=5e-3)
     proximal, distal = SHAPE.wing.proximal_stations[-1], SHAPE.wing.distal_stations[-1]
-    assert 2.0 * (SHAPE.hull.width / 2.0 + proximal + distal) == pytest.approx(0.414)  # the drawing's own span
+    assert 2.0 * (25e-3 + proximal + distal) == pytest.approx(0.414)  # the drawing's own span
 
 
 def test_each_strip_rides_on_the_link_under_it() -> None:
     """Of 16 cosine strips 2 lie over the body, 1 on each proximal and 6 on each distal panel."""
     assert np.bincount(AIR.link).tolist() == [2, 1, 6, 1, 6]
     shoulder, elbow, tip = WING.breaks
-    for y, link, point in zip(AIR.line.y, AIR.link, AIR.quarter_chord, strict=True):
+    for y, link, point in zip(AIR.line.y, AIR.link, AIR.mid_chord, strict=True):
         start, stop = [(0.0, shoulder), (shoulder, elbow), (elbow, tip)][[0, 1, 2, 1, 2][link]]  # in the order of LINKS
         assert start <= abs(y) <= stop
         assert link == 0 or LINKS[link].startswith("left" if y > 0.0 else "right")
         assert point[1] * y > 0.0
 
 
-def test_strips_lie_at_the_quarter_chords_of_the_membrane(robot: Aerobat) -> None:
-    """Chords equal the planform's at root, elbow and mid-span; force and velocity points lie half a chord apart."""
+def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
+    """Chords equal the planform's at root, elbow and mid-span; mid-chords lie half a chord behind the leading edge."""
     shoulder, elbow, tip = WING.breaks
     assert WING.chord([0.0, shoulder, elbow, elbow + 84e-3, tip]) == pytest.approx(
         [159.1e-3, 159.1e-3, 187.5e-3, 100.95e-3, 25e-3]
     )
     assert AIR.line.chord == pytest.approx(WING.chord(AIR.line.y))
-    apart = AIR.quarter_chord - AIR.three_quarter_chord
-    assert apart == pytest.approx(np.outer(AIR.line.chord, [0.5, 0.0, 0.0]), abs=1e-16)
     # In world axes, wings spread, a strip's leading edge lies where the arc and the planform put it.
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
-    for y, link, point, chord in zip(AIR.line.y, AIR.link, AIR.quarter_chord, AIR.line.chord, strict=True):
+    for y, link, point, chord in zip(AIR.line.y, AIR.link, AIR.mid_chord, AIR.line.chord, strict=True):
         place = data.oMf[robot.model.getFrameId(LINKS[link])].act(point)
-        assert place[0] + chord / 4.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
+        assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
 
 
 def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
@@ -134,7 +136,8 @@ def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int)
     expected = np.zeros((5, 6))
     for i, link in enumerate(BARE.link):
         force = np.array([strips.force_x[i], 0.0, strips.force_z[i]])
-        expected[link] += np.concatenate([force, np.cross(BARE.quarter_chord[i], force)])
+        point = BARE.mid_chord[i] + [strips.lead[i] * BARE.line.chord[i] / 4.0, 0.0, 0.0]
+        expected[link] += np.concatenate([force, np.cross(point, force)])
     assert wrenches == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
 
 
@@ -147,9 +150,12 @@ def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
     _, rates, strips = AIR.evaluate(twists, state)
     line, cd0 = AIR.line, SHAPE.aerodynamics.profile_drag
     for i, link in enumerate(AIR.link):
-        velocity = twists[link, :3] + np.cross(twists[link, 3:], AIR.three_quarter_chord[i])
+        middle = twists[link, :3] + np.cross(twists[link, 3:], AIR.mid_chord[i])
+        speed, b = np.hypot(middle[0], middle[2]), line.chord[i] / 2.0
+        lead = 0.5 * middle[0] / speed * (3.0 - (middle[0] / speed) ** 2)
+        aft = AIR.mid_chord[i] - [lead * line.chord[i] / 4.0, 0.0, 0.0]
+        velocity = twists[link, :3] + np.cross(twists[link, 3:], aft)
         u, w = velocity[0], -velocity[2]
-        speed, b = np.hypot(u, w), line.chord[i] / 2.0
         zeta1, zeta2, circulation = state.reshape(3, -1)[:, i]
         w_n = w * abs(u) / speed - line.downwash[i] @ state.reshape(3, -1)[2]
         w_eff = 0.5 * w_n + speed / b * (0.165 * 0.0455 * zeta1 + 0.335 * 0.300 * zeta2)
@@ -158,7 +164,7 @@ def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
         assert strips.circulation[i] == circulation
         drag = 1.225 * b * cd0 * speed * np.array([-u, w])
         lift = 2.0 * np.pi * 1.225 * b * speed * w_eff
-        suction = np.sign(u) * 2.0 * np.pi * 1.225 * b * w_eff**2
+        suction = lead * 2.0 * np.pi * 1.225 * b * w_eff**2
         assert strips.force_x[i] / line.width[i] == pytest.approx(suction + drag[0], rel=1e-9, abs=1e-9)
         assert strips.force_z[i] / line.width[i] == pytest.approx(lift + drag[1], rel=1e-9, abs=1e-9)
         kutta = 1.225 * (speed * circulation + 2.0 * b * rates.reshape(3, -1)[2, i])
@@ -296,3 +302,37 @@ def test_broadside_flow_makes_no_lift_but_drag() -> None:
     assert np.all(strips.force_z > 0.0)
     assert wrenches[0, 2] > 0.0
     assert np.max(np.abs(rates)) < 1e-14
+
+
+def test_the_logged_power_is_wrench_times_twist_and_what_the_added_mass_takes(robot: Aerobat) -> None:
+    """At one instant in a wind: sum over links of wrench . twist, and the same power by way of generalised forces."""
+    scenario = load_scenario("paper", ["air.wind=[1.0, 0.5, -0.3]", "air.warm_up_cycles=1"])
+    plant = Plant(load_robot(scenario), scenario)
+    q, v, joints, air, held = instant(plant, 5)
+    forces = plant.rates(q, v, joints, air, held)[2]
+    loads, twists = forces.link_wrench[0], twists_of(plant.robot, q, v)
+    assert forces.aerodynamic[0] @ v == pytest.approx(float(np.sum(loads * twists)), rel=1e-11)
+    assert forces.air_power[0] == pytest.approx(float(np.sum(loads * twists) + forces.added_mass[0] @ v), rel=1e-11)
+    assert forces.motor_power[0] == pytest.approx(forces.motor[0] @ v, rel=1e-11)
+
+
+def test_the_log_holds_what_each_strip_and_link_does() -> None:
+    """Incidence, downwash, circulation and forces per strip; wrench per link; power; as the object gives them."""
+    scenario = load_scenario("paper", ["simulation.duration=0.01"])
+    log, plant = simulate(scenario), Plant(load_robot(scenario), scenario)
+    twists = twists_of(plant.robot, log.measured["q"].values[7], log.measured["v"].values[7])
+    _, _, strips = plant.air.evaluate(twists, log.truth["air_state"].values[7])
+    for name, found in (
+        ("airspeed", strips.airspeed),
+        ("incidence", strips.incidence),
+        ("downwash", strips.downwash),
+        ("circulation", strips.circulation),
+        ("strip_force_x", strips.force_x),
+        ("strip_force_z", strips.force_z),
+    ):
+        assert log.truth[name].dims == ("interval", "strip")
+        assert log.truth[name].values[7] == pytest.approx(found, rel=1e-9, abs=1e-12)
+    downwash = plant.air.line.downwash @ strips.circulation
+    assert strips.downwash == pytest.approx(downwash, rel=1e-9, abs=1e-12)
+    assert log.truth["link_wrench"].shape == (10, 5, 6)
+    assert log.truth["air_power"].attrs["units"] == "W"

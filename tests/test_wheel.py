@@ -72,11 +72,18 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix in {".py", ".toml", ".urdf", ".srdf", ".stl", ".typed"}
+        if path.suffix in {".py", ".toml", ".urdf", ".srdf", ".stl", ".typed", ".xml", ".txt", ".html", ".css"}
     }
     assert {name for name in names if not name.startswith(f"{info}/")} == ours
-    for one in ("aerobat_pin/py.typed", "aerobat_description/py.typed", "aerobat_pin/scenarios/paper.toml"):
+    for one in (
+        "aerobat_pin/py.typed",
+        "aerobat_description/py.typed",
+        "aerobat_pin/scenarios/paper.toml",
+        "aerobat_pin/sweeps/morphology.toml",
+    ):
         assert one in ours
+    for one in ("package.xml", "CMakeLists.txt"):
+        assert f"aerobat_description/{one}" in ours
     for end in (".toml", ".urdf", ".srdf", ".stl"):
         assert sum(name.startswith("aerobat_description/") and name.endswith(end) for name in ours) >= 3
     assert f"{info}/licenses/LICENSE" in names

@@ -1,0 +1,152 @@
+"""Numpy references of the observers' kernels, by other means where there are any: least squares, expm, root finding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+Vector = NDArray[np.float64]
+ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+SETTLED = 2.1461932206205825  # (1 + x) exp(-x) = exp(-1)
+
+
+def point_jacobian(model: pin.Model, frames: Sequence[str], q: Vector) -> Vector:
+    """Return J (3n, nv): world velocities of the frames' origins per unit generalised velocity."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    rows = [pin.getFrameJacobian(model, data, model.getFrameId(name), ALIGNED)[:3] for name in frames]
+    return np.vstack([np.zeros((0, model.nv)), *rows])
+
+
+def remembered(model: pin.Model, frames: Sequence[str], q: Vector, v: Vector) -> Vector:
+    """Return what a sample leaves behind, (3 + 3n, nv): momentum p = M v, drift C^T v - g, v, point Jacobians."""
+    data = model.createData()
+    momentum = pin.crba(model, data, q) @ v
+    drift = pin.computeCoriolisMatrix(model, data, q, v).T @ v
+    gravity = pin.computeGeneralizedGravity(model, data, q)
+    return np.vstack([momentum, drift - gravity, v, point_jacobian(model, frames, q)])
+
+
+def believed(model: pin.Model, rows: str, v: Vector) -> Vector:
+    """Return the weighted choice W (rows, nv) of what is believed of a generalised force.
+
+    Weights are 1 for the base's translation and one over a lever of 50 mm for every moment. All rows; or the base's
+    six; or these and the power of all joints per unit of joint velocity, v_j . phi_j / |v_j|, nothing at rest.
+    """
+    free = model.joints[1].nv == 6
+    weighted = np.diag(np.concatenate([np.ones(3 * free), np.full(model.nv - 3 * free, 1.0 / 0.05)]))
+    if rows == "all":
+        return weighted
+    speed = np.linalg.norm(v[6:])
+    if rows == "base" or speed == 0.0:
+        return weighted[:6]
+    return np.vstack([weighted[:6], np.concatenate([np.zeros(6), v[6:] / speed / 0.05])])
+
+
+def project(J: Vector, W: Vector, generalized: Vector) -> Vector:
+    """Return argmin |W (phi - J^T f)|^2 + 1e-12 trace(W J^T J W^T) |f|^2, the forces (3n,), by least squares (QR)."""
+    if not len(J):
+        return np.zeros(0)
+    weighted = W @ J.T
+    stacked = np.vstack([weighted, 1.0e-6 * np.linalg.norm(weighted) * np.eye(len(J))])
+    Q, R = np.linalg.qr(stacked)
+    return np.linalg.solve(R, Q[: len(W)].T @ (W @ generalized))
+
+
+def first_order(gain: float, dt: float, value: float, state: Vector) -> Vector:
+    """Advance x' = K (value - x)."""
+    return np.array([value + np.exp(-gain * dt) * (state[0] - value), 0.0])
+
+
+def second_order(gain: float, dt: float, value: float, state: Vector) -> Vector:
+    """Advance x'' + 2 w x' + w^2 x = w^2 value by the matrix exponential, w = 2.146 K."""
+    w = SETTLED * gain
+    return expm(dt * np.array([[0.0, 1.0], [-w * w, -2.0 * w]])) @ (state - [value, 0.0]) + [value, 0.0]
+
+
+def super_twisting(gain: float, dt: float, value: float, state: Vector, slope: float) -> Vector:
+    """Advance the super-twisting observer (z, e) by implicit Euler, its equation solved by bisection."""
+    w = SETTLED * gain
+
+    def z_after(e: float, sign: float) -> float:
+        return state[0] + dt * (1.1 * slope * sign + w * w * e)
+
+    def miss(e: float, sign: float) -> float:
+        return e - state[1] - dt * (value - z_after(e, sign) - 1.5 * np.sqrt(slope * abs(e)) * sign - 2.0 * w * e)
+
+    if miss(0.0, 1.0) >= 0.0 >= miss(0.0, -1.0):  # a sign between -1 and 1 keeps e at zero
+        return np.array([state[0] + value - state[0] + state[1] / dt, 0.0])
+    sign = 1.0 if miss(0.0, 1.0) < 0.0 else -1.0
+    e = brentq(miss, 0.0, sign * (abs(state[1]) + dt * abs(value - state[0]) + 1e-9), args=(sign,), xtol=1e-18)
+    return np.array([z_after(e, sign), e])
+
+
+class ObserverTwin:
+    """Every observer that filters the residual, or the components projected from it.
+
+    phi = (p_1 - p_0) / dt - (drift_0 + drift_1) / 2 - u is the mean external generalised force of an interval, and the
+    mean of its two end Jacobians stands for the one in its middle. `momentum` filters phi, then projects; the others
+    project, then filter.
+    """
+
+    def __init__(
+        self, name: str, model: pin.Model, frames: Sequence[str], gain: float | Vector, rows: str = "all"
+    ) -> None:
+        """Prepare the filter."""
+        self.name, self.model, self.frames, self.rows = name, model, tuple(frames), rows
+        size = model.nv if name == "momentum" else 3 * len(frames)
+        self.gain = np.broadcast_to(gain, (size,))
+
+    def reset(self, q: Vector, v: Vector, time: float) -> None:
+        """Start from a sample with the filter at zero."""
+        self.time, self.sample = time, remembered(self.model, self.frames, q, v)
+        self.residual, self.force = np.zeros(self.model.nv), np.zeros(3 * len(self.frames))
+        self.state = np.zeros((len(self.gain), 2))
+
+    def filter(self, dt: float, values: Vector) -> Vector:
+        """Advance every quantity on its own."""
+        for i, value in enumerate(values):
+            if self.name == "second_order":
+                self.state[i] = second_order(self.gain[i], dt, value, self.state[i])
+            elif self.name == "super_twisting":
+                self.state[i] = super_twisting(self.gain[i], dt, value, self.state[i], slope=1.0)
+            else:
+                self.state[i] = first_order(self.gain[i], dt, value, self.state[i])
+        return self.state[:, 0].copy()
+
+    def update(
+        self, time: float, q: Vector, v: Vector, tau: Vector, known: Mapping[str, Vector]
+    ) -> tuple[Vector, Vector]:
+        """Return residual (nv,) and force (n, 3) of the interval since the sample before."""
+        dt = time - self.time
+        if dt > 0.0:
+            before, after = self.sample, remembered(self.model, self.frames, q, v)
+            mean = 0.5 * (before + after)
+            phi = (after[0] - before[0]) / dt - mean[1] - tau - sum(known.values(), np.zeros_like(tau))
+            J, W = mean[3:], believed(self.model, self.rows, mean[2])
+            if self.name == "momentum":
+                self.residual = self.filter(dt, phi)
+                self.force = project(J, W, self.residual)
+            else:
+                self.force = self.filter(dt, project(J, W, phi))
+                self.residual = J.T @ self.force
+            self.time, self.sample = time, after
+        return self.residual, self.force.reshape(-1, 3)
+
+    def run(
+        self, time: Vector, q: Vector, v: Vector, tau: Vector, known: Mapping[str, Vector]
+    ) -> tuple[Vector, Vector]:
+        """Return residuals (m, nv) and forces (m, n, 3) over a record."""
+        self.reset(q[0], v[0], time[0])
+        found = []
+        for k, torque in enumerate(tau):
+            now = {name: values[k] for name, values in known.items()}
+            found.append(self.update(time[k + 1], q[k + 1], v[k + 1], torque, now))
+        residual, force = zip(*found, strict=True)
+        return np.array(residual), np.array(force)

@@ -1,0 +1,100 @@
+"""The pages of the documentation: their code runs and gives what they say, and no observer is left out."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerobat_pin import cli
+from aerobat_pin.csv_log import UNITS
+from aerobat_pin.estimation import belief_about
+from aerobat_pin.observers import OBSERVERS
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+PAGE = (DOCS / "observers.md").read_text()
+RECORDED = (DOCS / "recorded.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def page() -> dict[str, Any]:
+    """Return the names left behind by the code blocks of the observers' page, run one after the other."""
+    names: dict[str, Any] = {}
+    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(compile(block, "docs/observers.md", "exec"), names)
+    return names
+
+
+def test_the_observers_page_finds_the_push_it_makes(page: dict[str, Any]) -> None:
+    """Force and place of the push, its onset and end, full rank, and a bias that is none."""
+    np.testing.assert_allclose(page["estimate"].components[6900], page["wrench"], atol=0.2)
+    assert page["known"].rank == 6
+    assert page["known"].describe() == []
+    [event] = page["events"]
+    assert event.onset == pytest.approx(6.0, abs=0.01)
+    assert event.end == pytest.approx(7.0, abs=0.05)
+    assert event.alarm - event.onset < 2.0 * page["level"].latency(4.0)
+    assert np.all(np.abs(page["bias"].mean) < 4.0 * page["bias"].standard_error)
+    assert page["line"].verdict == "a point force"
+    assert page["crossing"].verdict == "inside"
+    deviation = np.sqrt(np.diag(page["crossing"].covariance))
+    assert np.all(np.abs(page["crossing"].point - [0.05, 0.0, 0.0]) <= 4.0 * deviation + 1e-9)
+    assert deviation.max() < 0.05
+
+
+def test_the_observers_page_predicts_the_noise_it_shows(page: dict[str, Any]) -> None:
+    """The free run of the page against its own prediction, 10 %."""
+    predicted = page["predict"](page["observer"], page["q"], 1e-3, page["noise"]).deviation
+    np.testing.assert_allclose(np.std(page["estimate"].components[:5000], axis=0), predicted, rtol=0.1)
+
+
+@pytest.mark.parametrize("name", OBSERVERS)
+def test_every_observer_has_a_row_in_the_table(name: str) -> None:
+    """By its name, once."""
+    assert len(re.findall(rf"^\| `{name}` \|", PAGE, re.MULTILINE)) == 1
+
+
+def test_the_page_on_recorded_flights_lists_every_column_with_its_unit() -> None:
+    """Names that follow each other, as `a` ... `b`, stand for those between them."""
+    names = list(UNITS)
+    told: dict[str, str] = {}
+    table = RECORDED.split("<!-- columns -->")[1].split("<!-- /columns -->")[0]
+    for columns, units in re.findall(r"^\| (`.*?) \| (.*?) \|", table, re.MULTILINE):
+        for part in columns.split(", "):
+            first, *last = re.findall(r"`(\w+)`", part)
+            for name in names[names.index(first) : names.index(last[0] if last else first) + 1]:
+                told[name] = units
+    assert set(told) == set(UNITS)
+    for name, units in told.items():
+        assert UNITS[name] in units.split(", ")
+
+
+def test_the_page_on_recorded_flights_does_what_it_says(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its Python writes the table, its command estimates from it and finds its own pushes."""
+    monkeypatch.chdir(tmp_path)
+    exec(compile(re.findall(r"```python\n(.*?)```", RECORDED, re.DOTALL)[0], "docs/recorded.md", "exec"), {})
+    command = shlex.split(re.findall(r"```sh\n(.*?)```", RECORDED, re.DOTALL)[0].replace("\\\n", " "))
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    printed = capsys.readouterr().out
+    assert not stop.value.code, printed
+    assert "self-check: sign, frame and unit are right" in printed
+    assert "aerodynamic    reconstructed" in printed
+    assert (tmp_path / "runs" / "hall-estimate" / "estimate.csv").exists()
+
+
+def test_every_option_of_the_page_on_recorded_flights_is_taken() -> None:
+    """Each `--set` of its table is a value that a belief may have."""
+    settings = re.findall(r"`--set ([^`]+)`", RECORDED)
+    assert len(settings) > 6
+    belief = belief_about(None, "hall", "aerobat_guard", ["smoother"], settings)
+    assert belief.observers.frames == ("base_link",)
+    assert belief.observers.settings("smoother")["known_error"] == {"aerodynamic": 0.2}

@@ -1,0 +1,125 @@
+"""Every angle and pin of the linkage: rates, accelerations, and what the adjustable lengths do to them.
+
+Derivatives are checked against differences of positions. `arms`, where pins and loops are linear in exp(i t), knows
+nothing of how the loops are closed and is checked against the closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aerobat_description.closure import ADJUSTABLE
+from aerobat_pin.linkage import ANGLES, PINS, KineticSculpture
+from aerobat_pin.linkage.arms import loops, pins
+
+LINKAGE = KineticSculpture()
+BARS = LINKAGE.lengths
+CRANK_ANGLES = st.floats(-20.0, 20.0, allow_nan=False)
+STEP = 1e-3 * np.array([-2.0, -1.0, 1.0, 2.0])
+SLOPE = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3  # fourth-order central difference at STEP
+
+
+@settings(max_examples=60, derandomize=True)
+@given(CRANK_ANGLES)
+def test_every_angle_and_pin_is_differentiated_by_the_crank_angle(t1: float) -> None:
+    """First and second derivatives of seven angles and ten pins against differences, step 1e-3 rad."""
+    here, near = LINKAGE.solve(t1), LINKAGE.solve(t1 + STEP)
+    assert tuple(here.angles) == ANGLES
+    assert tuple(here.pins) == PINS
+    for name in ANGLES:
+        turned = np.unwrap(near.angles[name])
+        assert SLOPE @ turned == pytest.approx(here.dangles[name], rel=0.0, abs=2e-9)
+        assert SLOPE @ near.dangles[name] == pytest.approx(here.d2angles[name], rel=0.0, abs=2e-9)
+    for name in PINS:
+        assert SLOPE @ near.pins[name] == pytest.approx(here.dpins[name], rel=0.0, abs=2e-10)
+        assert SLOPE @ near.dpins[name] == pytest.approx(here.d2pins[name], rel=0.0, abs=2e-10)
+
+
+@settings(max_examples=40, derandomize=True)
+@given(CRANK_ANGLES, st.floats(-60.0, 60.0), st.floats(-1e3, 1e3))
+def test_every_angle_and_pin_has_its_rate_and_acceleration(t1: float, rate: float, acceleration: float) -> None:
+    """Against differences in time along t1 + rate t + acceleration t^2 / 2."""
+    here = LINKAGE.solve(t1, rate, acceleration)
+    scale = max(1.0, abs(rate), np.sqrt(abs(acceleration)))
+    time, slope = STEP / scale, SLOPE * scale
+    along = LINKAGE.solve(t1 + rate * time + acceleration * time**2 / 2.0, rate + acceleration * time, acceleration)
+    for name in ANGLES:
+        assert abs(slope @ np.unwrap(along.angles[name]) - here.angles_dot[name]) < 1e-8 * scale
+        assert abs(slope @ along.angles_dot[name] - here.angles_ddot[name]) < 1e-8 * scale**2
+    for name in PINS:
+        assert slope @ along.pins[name] == pytest.approx(here.pins_dot[name], rel=0.0, abs=1e-9 * scale)
+        assert slope @ along.pins_dot[name] == pytest.approx(here.pins_ddot[name], rel=0.0, abs=1e-9 * scale**2)
+
+
+@settings(max_examples=40, derandomize=True)
+@given(CRANK_ANGLES)
+def test_every_angle_and_pin_is_differentiated_by_the_adjustable_lengths(t1: float) -> None:
+    """L3b, L5a and L5b in turn, the crank angle held, against differences of step 1e-5 m."""
+    found = LINKAGE.sensitivity(t1)
+    assert tuple(found) == ADJUSTABLE == ("L3b", "L5a", "L5b")
+    for length, here in found.items():
+        near = [
+            KineticSculpture(replace(BARS, **{length: getattr(BARS, length) + 1e-2 * step})).solve(t1) for step in STEP
+        ]
+        slope = 100.0 * SLOPE
+        for name in ANGLES:
+            turned = np.unwrap([one.angles[name] for one in near])
+            assert slope @ turned == pytest.approx(here.angles[name], rel=1e-6, abs=1e-6)
+        for name in PINS:
+            moved = np.array([one.pins[name] for one in near])
+            assert slope @ moved == pytest.approx(here.pins[name], rel=1e-6, abs=1e-8)
+        for joint in ("theta_s", "theta_e"):
+            turned = np.unwrap([getattr(one, joint) for one in near])
+            assert slope @ turned == pytest.approx(getattr(here, joint), rel=1e-6, abs=1e-6)
+
+
+def test_a_length_moves_nothing_before_it_in_the_chain() -> None:
+    """L5a and L5b belong to the second dyad: the first one, and with it the shoulder, does not feel them."""
+    found = LINKAGE.sensitivity(np.linspace(0.0, 6.0, 7))
+    for length in ("L5a", "L5b"):
+        assert np.all(np.abs(found[length].theta_s) < 1e-12)
+        for pin in ("J1", "J2", "J3", "J4", "J5", "J6", "J8"):
+            assert np.all(np.abs(found[length].pins[pin]) < 1e-12)
+        assert np.max(np.abs(found[length].theta_e)) > 10.0
+    assert np.max(np.abs(found["L3b"].theta_s)) > 10.0
+    assert found["L3b"].theta_s.shape == (7,)
+    assert found["L3b"].pins["J10"].shape == (7, 2)
+
+
+def test_pins_and_loops_are_linear_in_the_turning_arms() -> None:
+    """P = p + V exp(i t), P' = i V e t', P'' = V (i t'' - t'^2) e give the closed form's pins; the loops are shut."""
+    t1 = np.linspace(-3.0, 3.0, 13)
+    closed = LINKAGE.solve(t1, 30.0, 500.0)
+    t, t_dot, t_ddot = (
+        np.stack(list(angles.values()), axis=-1) for angles in (closed.angles, closed.angles_dot, closed.angles_ddot)
+    )
+    points = pins(BARS)
+    place = points.at(t)
+    velocity = (points.by_angles(t) @ t_dot[..., None])[..., 0]
+    acceleration = (points.by_angles(t) @ t_ddot[..., None])[..., 0] + points.centripetal(t, t_dot)
+    for i, name in enumerate(PINS):
+        for mine, theirs, size in (
+            (place, closed.pins, 1.0),
+            (velocity, closed.pins_dot, 1e2),
+            (acceleration, closed.pins_ddot, 1e4),
+        ):
+            pair = np.stack([mine[:, i].real, mine[:, i].imag], axis=-1)
+            assert pair == pytest.approx(theirs[name], rel=0.0, abs=1e-15 * size)
+    assert np.max(np.abs(loops(BARS).at(t))) < 1e-15
+
+
+def test_the_crank_pin_moves_on_its_circle() -> None:
+    """J2 at t1 = 0: velocity L1 t1' upward, acceleration L1 t1'^2 inward and L1 t1'' upward. Pivots rest."""
+    closed = LINKAGE.solve(0.0, 30.0, 400.0)
+    assert closed.pins_dot["J2"] == pytest.approx([0.0, 7.5e-3 * 30.0], abs=1e-15)
+    assert closed.pins_ddot["J2"] == pytest.approx([-7.5e-3 * 900.0, 7.5e-3 * 400.0], abs=1e-14)
+    for pivot in ("J1", "J5", "J8"):
+        assert np.all(closed.pins_dot[pivot] == 0.0)
+        assert np.all(closed.pins_ddot[pivot] == 0.0)
+    assert closed.angles_dot["t1"] == 30.0
+    assert closed.angles_ddot["t1"] == 400.0
