@@ -13,7 +13,6 @@ the lowest and the highest round beside it. Nothing fails here: benchmarks infor
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import os
 import platform
@@ -21,131 +20,111 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from measure import Call, Figure, Part, figure, interleaved
+from sweeping import sweep_figures
 
-from aerobat_pin.flight_log import KNOWN
-from aerobat_pin.observers import ForceLevelObserver, MomentumObserver
-from aerobat_pin.plant import Plant, joint_table
-from aerobat_pin.robot import load_aerobat
-from aerobat_pin.scenario import load_scenario
-from aerobat_pin.simulation import held_parts, simulate
+from aerobat_pin.disturbances import held_parts
+from aerobat_pin.known_inputs import known_inputs
+from aerobat_pin.observers import ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
+from aerobat_pin.plant import Plant
+from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.scenario import Scenario, load_scenario
+from aerobat_pin.simulation import simulate
+from aerobat_pin.warm_up import joint_table
 
 STEPS, DT = 2000, 1.0e-3  # the paper's flight: two seconds, dt in s
 STREAM = 500  # samples of one pass through a streaming observer
-REPEATS = 3  # of which a round takes the best
 FRAMES = ("left_force_point", "right_force_point")
+GUST = "air.gust={amplitude = [0.5, 0.5, 0.5], start = 0.5, duration = 0.5}"
+AIRS: dict[str, tuple[list[str], float | None]] = {  # settings and target of the right-hand side in other air
+    "no added mass": (["air.added_mass=0.0"], None),
+    "wind, gust, lift limit": (["air.wind=[0.5, 0.2, 0.1]", GUST, "air.lift_limit=1.5"], 3.0),
+    "24 strips": (["air.strips=24"], 3.3),
+    "24 strips, wind, gust, lift limit": (
+        ["air.strips=24", "air.wind=[0.5, 0.2, 0.1]", GUST, "air.lift_limit=1.5"],
+        3.3,
+    ),
+    "quasi-steady": (["air.model=quasi_steady"], None),
+}
 PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "numba", "scipy")
 
-Part = tuple[Callable[[], object], int]
-Times = dict[str, NDArray[np.float64]]
 
-
-@dataclass(frozen=True)
-class Figure:
-    """One line of the table: median, lowest and highest round, in `unit`; a target is an upper limit."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-    unit: str
-    target: float | None = None
-
-
-def interleaved(rounds: int, **parts: Part) -> Times:
-    """Time several callables in turn.
-
-    Args:
-        rounds: number n of rounds.
-        parts: name -> a callable and the number of operations that one call of it does.
-
-    Returns:
-        Name -> (n,) time of one operation [s], the best of each round.
-    """
-    times = {name: np.full(rounds, np.inf) for name in parts}
-    for call, _ in parts.values():
-        call()
-    gc.disable()
-    try:
-        for k in range(rounds):
-            for _ in range(REPEATS):
-                for name, (call, operations) in parts.items():
-                    start = time.perf_counter()
-                    call()
-                    times[name][k] = min(times[name][k], (time.perf_counter() - start) / operations)
-    finally:
-        gc.enable()
-    return times
-
-
-def figure(name: str, values: NDArray[np.float64], unit: str, target: float | None = None) -> Figure:
-    """Summarise the rounds (n,) of one quantity."""
-    return Figure(name, float(np.median(values)), float(values.min()), float(values.max()), unit, target)
-
-
-def flight_figures(rounds: int) -> Iterator[Figure]:
-    """Right-hand side and step, beside crba, nle and integrate on the configurations of the same flight."""
-    scenario = load_scenario("paper")
-    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+def right_hand_side(robot: Aerobat, scenario: Scenario) -> tuple[Plant, Call, Call]:
+    """Fly a scenario, and return calls of `Plant.evaluate` and of bare crba and nle along that flight."""
     plant = Plant(robot, scenario)
     edges = np.arange(STEPS + 1) * DT
     held = held_parts(plant.forces, edges, scenario.simulation.seed)
     flown = plant.fly(STEPS, DT, held)
     model, data = plant.model, plant.data
     states = list(zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True))
-    tangents = [(q, v * DT) for q, v in states]
-    joints = list(joint_table(plant.closure(edges[:-1])))
+    joints, wind = list(joint_table(plant.closure(edges[:-1]))), list(plant.wind(edges[:-1]))
     noise = [np.ascontiguousarray(held[:, :, k : k + 1]) for k in range(STEPS)]
     bodies = np.concatenate([flown.v[:-1, :6], flown.air[:-1]], axis=1)
-    evaluated = [(q, v, *rest) for (q, v), *rest in zip(states, joints, noise, list(bodies), strict=True)]
+    evaluated = [(q, v, *rest) for (q, v), *rest in zip(states, joints, wind, noise, list(bodies), strict=True)]
     rate, forces = np.empty(bodies.shape[1]), np.empty(plant.force_size)
-    crba, nle, integrate, evaluate = pin.crba, pin.nonLinearEffects, pin.integrate, plant.evaluate
+    crba, nle, evaluate = pin.crba, pin.nonLinearEffects, plant.evaluate
 
     def bare_pair() -> None:
         for q, v in states:
             crba(model, data, q)
             nle(model, data, q, v)
 
-    def bare_integrate() -> None:
-        for q, way in tangents:
-            integrate(model, q, way)
-
     def one_by_one() -> None:
         for arguments in evaluated:
             evaluate(*arguments, rate, forces)
 
+    return plant, one_by_one, bare_pair
+
+
+def flight_figures(rounds: int) -> Iterator[Figure]:
+    """Right-hand side and step, beside crba, nle and integrate on the configurations of the same flight."""
+    scenario = load_scenario("paper")
+    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    plant, evaluate, pair = right_hand_side(robot, scenario)
+    held = held_parts(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
+    flown = plant.fly(STEPS, DT, held)
+    model, integrate = plant.model, pin.integrate
+    tangents = [(q, v * DT) for q, v in zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True)]
+
+    def bare_integrate() -> None:
+        for q, way in tangents:
+            integrate(model, q, way)
+
     times = interleaved(
         rounds,
         fly=(lambda: plant.fly(STEPS, DT, held), STEPS),
-        pair=(bare_pair, STEPS),
+        pair=(pair, STEPS),
         integrate=(bare_integrate, STEPS),
-        evaluate=(one_by_one, STEPS),
+        evaluate=(evaluate, STEPS),
     )
-    fly, pair, move = times["fly"], times["pair"], times["integrate"]
-    yield figure("bare crba + nle", 1e6 * pair, "us")
+    fly, bare, move = times["fly"], times["pair"], times["integrate"]
+    yield figure("bare crba + nle", 1e6 * bare, "us")
     yield figure("bare integrate", 1e6 * move, "us")
     yield figure("flight, one step of RK4", 1e6 * fly, "us")
-    yield figure("right-hand side (Plant.evaluate), over crba + nle", times["evaluate"] / pair, "x", 3.0)
-    yield figure("step, over 4 (crba + nle) + 5 integrate", fly / (4 * pair + 5 * move), "x", 3.5)
+    yield figure("right-hand side (Plant.evaluate), over crba + nle", times["evaluate"] / bare, "x", 3.0)
+    yield figure("step, over 4 (crba + nle) + 5 integrate", fly / (4 * bare + 5 * move), "x", 3.5)
+    for name, (settings, target) in AIRS.items():
+        _, evaluate, pair = right_hand_side(robot, load_scenario("paper", settings))
+        times = interleaved(rounds, pair=(pair, STEPS), evaluate=(evaluate, STEPS))
+        yield figure(f"right-hand side, {name}", times["evaluate"] / times["pair"], "x", target)
 
 
 def observer_figures(rounds: int) -> Iterator[Figure]:
     """Observers on the paper's flight, streaming and in batch, beside the three Pinocchio calls of one sample."""
     scenario = load_scenario("paper")
     log = simulate(scenario)
-    instants, measured = log.time, log.measured
-    configurations, velocities, torque, aerodynamic = (
-        np.ascontiguousarray(measured[name].values) for name in ("q", "v", "motor_torque", f"{KNOWN}aerodynamic")
-    )
-    model = load_aerobat(scenario.robot.morphology, scenario.robot.changes).model
+    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    model, inputs = robot.model, known_inputs(log, robot)
+    instants, configurations, velocities, torque = inputs.time, inputs.q, inputs.v, inputs.tau
+    aerodynamic = np.ascontiguousarray(inputs.known["aerodynamic"])
     data = model.createData()
     samples = list(zip(list(configurations), list(velocities), strict=True))
     stamps = [float(stamp) for stamp in instants[1 : STREAM + 1]]
@@ -201,6 +180,18 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
     for kind in parts:
         limit = kinds[kind][2] if kind in kinds else None
         yield figure(f"batch per sample, {kind}", times[kind] / times["bare"], "x", limit)
+    doubts = {"known_error": {"aerodynamic": 0.2}, "mass_error": 0.05}
+    parts = {
+        "kalman": batch(KalmanObserver(model, FRAMES, force_walk=0.7)),
+        "kalman and smoother": batch(SmootherObserver(model, FRAMES, force_walk=0.7)),
+        "kalman and smoother, mass and air in doubt": batch(
+            SmootherObserver(model, FRAMES, force_walk=0.7, **doubts), {"aerodynamic": aerodynamic}
+        ),
+    }
+    times = interleaved(rounds, bare=bare(len(samples)), **parts)
+    for kind in parts:
+        goal = 3.0 if kind == "kalman and smoother" else None
+        yield figure(f"batch per sample over Pinocchio's, {kind}", 1e6 * (times[kind] - times["bare"]), "us", goal)
 
 
 def absolute_figures(rounds: int) -> Iterator[Figure]:
@@ -287,6 +278,7 @@ def main() -> None:
         *flight_figures(rounds),
         *observer_figures(rounds),
         *absolute_figures(rounds),
+        *sweep_figures(rounds),
         *process_figures(runs),
     ]
     print("\n".join(table_lines(figures)))

@@ -5,7 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import frames
+import lifting_line
 import numpy as np
+import observer_study
+import screenshots
+import studies
 
 from aerobat_pin import figures
 from aerobat_pin.evaluation import AXES, r_squared, true_force
@@ -138,8 +143,8 @@ noise-free truth is lower at this gain, because an observer that follows the noi
 {flight_table(paper)}
 
 "79 % thruster-borne" is the hold's constant lift over the weight. The height loop takes some of it back: the table has
-the mean over the flight and what the air lifts; the unknown forces lift the rest. An independent simulator with added
-mass ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg; added mass is not in this model yet.
+the mean over the flight and what the air lifts; the unknown forces lift the rest. An independent simulator, also with
+added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
 
 ![Position](figures/position.png)
 ![Joint angles, attitude and velocity](figures/states.png)
@@ -159,7 +164,7 @@ memory; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
 `paper_left` pushes on the left wing alone: it drifts to the right, as the paper's figure does. `paper_open_loop` flies
 without any hold, trimmed by `aerobat trim`, on a tail and a fin that the robot does not have; the dive after 1 s is the
 step. Its roll and yaw stay within 6 deg for the scenario's own seed and not for all: drooped wings are laterally unstable,
-what the noise of the two wings starts doubles every 0.45 s (the trim's Floquet multipliers), and a hold is what it takes to
+what the noise of the two wings starts doubles every 0.48 s (the trim's Floquet multipliers), and a hold is what it takes to
 stop that. `tumble` has no fin and is pushed to the left.
 
 ## What must be known of the joint torques
@@ -198,6 +203,9 @@ def _span(bounds: tuple[float, float], form: str) -> str:
 
 def main() -> None:
     """Run everything and rewrite the files."""
+    lifting_line.write(DOCS)
+    screenshots.main()
+    studies.write(DOCS)
     paper = [run(load_scenario("paper", [f"simulation.seed={seed}"])) for seed in SEEDS]
     benchmark = [run(load_scenario("observer_benchmark", [f"simulation.seed={seed}"])) for seed in SEEDS]
     (DOCS / "figures").mkdir(exist_ok=True)
@@ -206,6 +214,8 @@ def main() -> None:
     ).items():
         figures.save(figure, DOCS / "figures" / name)
         (DOCS / "figures" / f"{name}.pdf").unlink()
+    frames.main()
+    observer_study.write(DOCS)
     (DOCS / "results.md").write_text(results_page(paper, benchmark), encoding="utf-8")
     readme = DOCS.parent / "README.md"
     block = f"<!-- results: written by docs/regenerate.py -->\n{paper_summary(paper[0])}\n<!-- /results -->"

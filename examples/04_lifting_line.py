@@ -1,22 +1,31 @@
-"""Use the lifting line alone: steady lift of an elliptic wing, and lift after an impulsive start."""
+"""Use the lifting line alone: matrices, steady lift, lift after a step and under a harmonic, and a flapping wing."""
 
 import numpy as np
-from scipy.linalg import expm
 
 from aerobat_pin.aerodynamics import LiftingLine
+from aerobat_pin.aerodynamics.stroke import Stroke, fly
 
 speed, incidence, span, root = 4.0, np.radians(5.0), 0.4, 0.1
 line = LiftingLine(span, lambda y: root * np.sqrt(1.0 - (2.0 * y / span) ** 2), strips=16)
-area = np.pi / 4.0 * span * root
-circulation = line.steady_circulation(speed * incidence)
-steady = 2.0 * float(line.width @ circulation) / (speed * area)
-aspect = span**2 / area
-print(f"steady CL {steady:.5f}, closed form {2 * np.pi * incidence / (1 + 2 / aspect):.5f}")
+lift, drag = line.steady_coefficients(incidence)
+aspect = span**2 / line.area
+print(f"elliptic wing: CL {lift:.5f}, closed form {2 * np.pi * incidence / (1 + 2 / aspect):.5f}; CDi {drag:.5f}")
 
 air = line.state_space(speed)
-normal_velocity = np.full(line.strips, speed * incidence)
-for chords in (0.0, 1.0, 5.0, 20.0):
-    time = chords * root / speed
-    state = np.linalg.solve(air.A, (expm(air.A * time) - np.eye(len(air.A))) @ air.B @ normal_velocity)
-    lift = float(line.width @ (air.C @ state + air.D @ normal_velocity))
-    print(f"after {chords:4.1f} chords: CL {lift / (0.5 * line.air_density * speed**2 * area):.4f}")
+print(f"{len(air.A)} states, slowest time constant {-1.0 / np.linalg.eigvals(air.A).real.max():.3f} s")
+
+chords = np.array([0.0, 1.0, 5.0, 20.0])
+after = line.step_response(chords * root / speed, speed, speed * incidence) @ line.width
+for distance, force in zip(chords, after, strict=True):
+    print(f"after {distance:4.1f} chords: CL {force / (0.5 * line.air_density * speed**2 * line.area):.4f}")
+
+frequency = 2.0 * np.pi * 5.0
+answer = line.frequency_response(frequency, speed, speed * incidence) @ line.width
+print(f"incidence of 5 deg at 5 Hz: lift {abs(answer):.3f} N, phase {np.degrees(np.angle(answer)):.0f} deg")
+
+tapered = LiftingLine(
+    span, ([-0.2, 0.0, 0.2], [0.05, 0.12, 0.05]), quarter_chord=([-0.2, 0.0, 0.2], [-0.03, 0.0, -0.03])
+)
+flight = fly(tapered, Stroke(speed, incidence, frequency=5.0, flap=np.radians(30.0)), np.linspace(0.0, 1.0, 501))
+thrust, _, lift = flight.force[-100:].T
+print(f"tapered, swept and flapping: mean lift {lift.mean():.3f} N, mean thrust {thrust.mean():.3f} N")

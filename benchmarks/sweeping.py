@@ -1,0 +1,50 @@
+"""What a sweep costs beside its flights, and what processes bring."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from measure import Figure, figure, interleaved
+
+from aerobat_pin.estimation import estimate_log
+from aerobat_pin.plant import Plant
+from aerobat_pin.scenario import load_scenario
+from aerobat_pin.simulation import held_parts, load_robot, simulate
+from aerobat_pin.sweep.worker import outcome_of
+from aerobat_pin.sweep.workers import in_this_process, on_this_machine
+
+
+def sweep_figures(rounds: int) -> Iterator[Figure]:
+    """What a run of a sweep takes beside its flight and its observers, and what a second process brings."""
+    scenario = load_scenario("paper", ["simulation.duration=1.0"])
+    robot = load_robot(scenario)
+    log = simulate(scenario, robot=robot)
+    edges = np.arange(scenario.simulation.count + 1) * scenario.simulation.dt
+
+    def fly() -> None:
+        plant = Plant(robot, scenario)
+        held = held_parts(plant.forces, edges, scenario.simulation.seed)
+        plant.fly(scenario.simulation.count, scenario.simulation.dt, held)
+
+    times = interleaved(
+        rounds,
+        fly=(fly, 1),
+        estimate=(lambda: estimate_log(log, robot, scenario), 1),
+        whole=(lambda: outcome_of(scenario), 1),
+    )
+    yield figure("1 s of flight", 1e3 * times["fly"], "ms")
+    yield figure("its air reconstructed, two observers", 1e3 * times["estimate"], "ms")
+    beside = times["whole"] - times["fly"] - times["estimate"]
+    yield figure("run of a sweep, beside these two", 1e3 * beside, "ms", 20.0)
+    runs = {k: scenario for k in range(200)}
+    list(on_this_machine(dict.fromkeys(range(4), scenario), 2))  # starts the processes
+    gains = np.empty(max(2, rounds // 5))
+    for k in range(len(gains)):
+        start = time.perf_counter()
+        list(in_this_process(runs))
+        middle = time.perf_counter()
+        list(on_this_machine(runs, 2))
+        gains[k] = (middle - start) / (time.perf_counter() - middle)
+    yield figure("200 runs of 1 s, two processes faster than one by", gains, "x")

@@ -1,0 +1,63 @@
+"""Find a known force on other people's robots with every observer: an arm, two that fly, one that walks.
+
+Borinot, Hector and Solo come with `pip install 'aerobat-pinocchio[robots]'` and are skipped where that is missing.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.frames import external_forces, joint_wrench
+from aerobat_pin.integrators import step
+from aerobat_pin.observers import OBSERVERS
+
+DATA = Path("cmeel.prefix", "share", "example-robot-data", "robots")
+DT, STEPS = 1e-3, 100
+
+
+def load(file: str) -> pin.Model | None:
+    """Return a robot of the package `example-robot-data`, wherever pip has put it; None where it is missing."""
+    found = [Path(folder) / DATA / file for folder in sys.path if (Path(folder) / DATA / file).exists()]
+    return pin.buildModelFromUrdf(str(found[0]), pin.JointModelFreeFlyer()) if found else None
+
+
+def fly(model: pin.Model, frame: str, force: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate under a constant world force at a frame and a constant generalised force: q and v at every sample."""
+    data, wrench = model.createData(), np.concatenate([force, np.zeros(3)])
+
+    def rates(_: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+        pin.forwardKinematics(model, data, q)
+        pushed = joint_wrench(model, data, frame, wrench, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        return v, pin.aba(model, data, q, v, tau, external_forces(model, [pushed])).copy(), None
+
+    q, v = pin.integrate(model, pin.neutral(model), np.full(model.nv, 0.3)), np.full(model.nv, 0.2)
+    samples = [(q, v)]
+    for k in range(STEPS):
+        q, v, _ = step(rates, lambda q, xi: pin.integrate(model, q, xi), k * DT, q, v, DT)
+        samples.append((q, v))
+    return np.array([q for q, _ in samples]), np.array([v for _, v in samples])
+
+
+robots = {
+    "arm": (pin.buildSampleModelManipulator(), "effector_body"),
+    "borinot": (load("borinot_description/urdf/borinot_flying_arm_2.urdf"), "flying_arm_2__ee"),
+    "hector": (load("hector_description/robots/quadrotor_base.urdf"), "base_link"),
+    "solo12": (load("solo_description/robots/solo12.urdf"), "FL_FOOT"),
+}
+for name, (model, frame) in robots.items():
+    if model is None:
+        print(f"{name:<9} skipped: pip install 'aerobat-pinocchio[robots]'")
+        continue
+    weight = 9.81 * pin.computeTotalMass(model)
+    force = 0.1 * weight * np.array([0.6, -0.5, 0.4])
+    thrust = np.zeros(model.nv)
+    if model.joints[1].nv == 6:
+        thrust[2] = weight  # along the body's z; the observers know it
+    q, v = fly(model, frame, force, thrust)
+    time, tau = np.arange(STEPS + 1) * DT, np.zeros((STEPS, model.nv))
+    print(f"{name:<9} {'true':<15} {np.round(force, 3)} N at {frame}")
+    for observer in OBSERVERS.values():
+        estimate = observer(model, [frame], 500.0).run(time, q, v, tau, {"thrust": np.tile(thrust, (STEPS, 1))})
+        print(f"{'':<9} {observer.name:<15} {np.round(estimate.force[-1, 0], 3)} N")

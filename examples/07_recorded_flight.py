@@ -1,0 +1,33 @@
+"""Write a simulated flight as the table a laboratory would record, and estimate the forces from the table alone."""
+
+import tempfile
+from pathlib import Path
+
+from aerobat_pin.csv_log import read_csv, write_csv
+from aerobat_pin.estimation import belief_about, estimate_log
+from aerobat_pin.evaluation import r_squared, true_force
+from aerobat_pin.scenario import load_scenario
+from aerobat_pin.simulation import believed_robot, simulate
+
+flight = simulate(load_scenario("real_log_demo"))
+with tempfile.TemporaryDirectory() as folder:
+    table = Path(folder) / "hall.csv"
+    write_csv(flight, table)
+    print("columns:", table.read_text().splitlines()[0])
+    log = read_csv(table)
+
+# What is believed: which robot it was, and how noisy its sensors are (m/s, rad/s, rad/s per sample).
+settings = [
+    "robot.changes.wing.offset_x=-0.060",
+    "observers.gain=100",
+    "observers.smoother.sensor_noise=[0.005, 0.003, 0.02]",
+]
+belief = belief_about(log, "hall", "aerobat_guard", ["force_level", "smoother"], settings)
+inputs, estimates = estimate_log(log, believed_robot(belief), belief)
+print("inputs:", ", ".join(f"{name} {source}" for name, source in inputs.source.items()))
+
+# Only here, where the flight was simulated, is there a truth to compare with.
+truth, _ = true_force(flight, "left_force_point")
+for name, estimate in estimates.items():
+    scores = (r_squared(estimate.force[:, 0, axis], truth[:, axis]) for axis in range(3))
+    print(name, *(f"F{axis} R2 {score:.2f}" for axis, score in zip("xyz", scores, strict=True)))
