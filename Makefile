@@ -2,7 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 PYTHONS := 3.11 3.12 3.13
-HEART := tests/test_description.py tests/test_identities.py tests/test_observers.py tests/test_paper_experiment.py tests/test_cli.py
+HEART := tests/test_description.py tests/test_portability.py tests/test_other_tools.py \
+	tests/test_identities.py tests/test_observers.py tests/test_paper_experiment.py tests/test_cli.py
 BIN := $(VENV)/bin
 
 .PHONY: demo test test-python docs bench clean
@@ -30,7 +31,8 @@ test-python:
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
-docs: $(VENV)/.installed
+docs: $(VENV)/.installed-test
+	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/regenerate.py
 
 $(BIN)/python:
