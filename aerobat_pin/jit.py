@@ -42,7 +42,9 @@ KERNEL_SOURCES = (
     "observers/kalman_kernels.py",
     "observers/kalman_store.py",
     "observers/kernels.py",
+    "observers/products.py",
     "observers/projection.py",
+    "observers/record.py",
     "observers/smoother_kernels.py",
     "observers/store.py",
 )

@@ -11,6 +11,7 @@ from kernel_cases import KINDS, MODELS, assert_equal, believable, record
 from aerobat_pin.observers import OBSERVERS, Observer, kernels
 from aerobat_pin.observers.filters import FIRST_ORDER
 from aerobat_pin.observers.projection import project
+from aerobat_pin.observers.record import open_record
 from aerobat_pin.observers.rows import ROWS, Rows
 from aerobat_pin.observers.store import new_store, unpack
 
@@ -58,12 +59,13 @@ def test_a_remembered_sample_is_momentum_drift_and_jacobians(name: str) -> None:
     observer = OBSERVERS["momentum"](model, frames)
     _, q, v, _, _ = record(model, count=4)
     memory = np.full((len(v), 3 + 3 * len(frames), model.nv), np.nan)
-    store = observer._store
+    place, now_q, now_v = open_record(q, v, memory)
     for k in range(len(v)):
-        pin.crba(model, observer.data, q[k])
-        pin.computeCoriolisMatrix(model, observer.data, q[k], v[k])
-        pin.computeGeneralizedGravity(model, observer.data, q[k])
-        kernels.collect(store, v, k, memory)
+        np.testing.assert_array_equal(now_q, q[k])
+        pin.crba(model, observer.data, now_q)
+        pin.computeCoriolisMatrix(model, observer.data, now_q, now_v)
+        pin.computeGeneralizedGravity(model, observer.data, now_q)
+        kernels.collect(observer._store, place)
         expected = twins.remembered(model, frames, q[k], v[k])
         assert_equal(memory[k, 0], expected[0])
         assert_equal(memory[k, 1], expected[1])

@@ -24,6 +24,7 @@ from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.filters import FIRST_ORDER
 from aerobat_pin.observers.identifiability import Identifiability, judge
 from aerobat_pin.observers.kernels import update
+from aerobat_pin.observers.record import open_record
 from aerobat_pin.observers.rows import Believed, Rows, Tie
 from aerobat_pin.observers.store import new_store
 
@@ -265,16 +266,23 @@ class Observer:
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         """Filter a checked record; return results (m, width) and what the samples left behind."""
         store = self._store.copy()  # a stream that is under way goes on undisturbed
-        memory = np.empty((len(time), 3 + self._width - self._nv, self._nv))
-        model, data, collect = self.model, self.data, kernels.collect
-        for k, (one_q, one_v) in enumerate(zip(list(q), list(v), strict=True)):
-            crba(model, data, one_q)
-            computeCoriolisMatrix(model, data, one_q, one_v)
-            computeGeneralizedGravity(model, data, one_q)
-            collect(store, v, k, memory)
+        memory = self._collect(
+            kernels.collect, store, q, v, np.empty((len(time), 3 + self._width - self._nv, self._nv))
+        )
         out = np.empty((len(u), self._width))
         self._refuse_huge(kernels.observe_all(memory, time, u, store, out), time)
         return out, memory
+
+    def _collect(self, collect: Any, store: Array, q: Array, v: Array, memory: Array) -> Array:
+        """Remember every sample of a record, with a kernel, in memory (m + 1, rows, nv); return it."""
+        model, data = self.model, self.data
+        place, one_q, one_v = open_record(q, v, memory)
+        for _ in range(len(q)):
+            crba(model, data, one_q)
+            computeCoriolisMatrix(model, data, one_q, one_v)
+            computeGeneralizedGravity(model, data, one_q)
+            collect(store, place)
+        return memory
 
     def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
         """Name the parts of a record's results."""

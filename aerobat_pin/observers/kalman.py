@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
 from aerobat_pin.arrays import Array, checked
 from aerobat_pin.errors import ObserverError
@@ -24,6 +23,7 @@ from aerobat_pin.observers.kalman_store import (
     POWER,
     PULSATION,
     WALK_PER_SAMPLE,
+    Filter,
     new_filter,
     unpack,
 )
@@ -32,7 +32,6 @@ from aerobat_pin.observers.rows import BASE, Rows, Tie
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # [m/s], [rad/s], [rad/s] per sample: linear, gyro, joints
 SETTLED = 1.75  # pulsation over gain: a second-order Butterworth filter has risen by 1 - 1/e at 1.753 / pulsation
 EARLIER = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
-JUDGED = 64  # samples of a record, evenly spread, that tell what can be known
 UNSEEN = 1.0e-6  # of the largest information on a pattern of forces: what is seen less counts as seen so much
 
 
@@ -197,13 +196,13 @@ class KalmanObserver(Observer):
         return KalmanSample(out, self._nv)
 
     def _start(self, v: Array) -> None:
-        self._begin(self._store, v)
+        sample = self._filter.memory[0]
+        kernels.remember(self._store, v, sample)
+        self._begin(self._filter, sample)
 
-    def _begin(self, store: Array, v: Array) -> None:
-        """Start a filter at a sample that Pinocchio has just computed: nothing found, and as sure as the settings."""
-        filter_, nv = unpack(store), self._nv
-        sample = filter_.memory[0]
-        kernels.remember(store, v, sample)
+    def _begin(self, filter_: Filter, sample: Array) -> None:
+        """Start a filter at a remembered sample: nothing found, and as sure as the settings."""
+        nv = self._nv
         blurred, spread = sample[-nv:], filter_.variance.copy()
         filter_.settings[[NEWER, ELAPSED]] = 0.0
         if self._prior is None:
@@ -227,50 +226,22 @@ class KalmanObserver(Observer):
         return np.asarray(scale[:, None] * (vectors / np.maximum(values, UNSEEN * values[-1]) @ vectors.T) * scale)
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        return self._filter_record(self._store.copy(), time, q, v, u, known, None)
+        return self._filtered(time, q, v, u, known, np.empty((0, len(self._filter.step))))
 
-    def _filter_record(
-        self,
-        store: Array,
-        time: Array,
-        q: Array,
-        v: Array,
-        u: Array,
-        known: Mapping[str, ArrayLike],
-        steps: Array | None,
+    def _filtered(
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
     ) -> tuple[Array, Array]:
-        """Run a filter, in a store of its own, over a checked record; return results and some remembered samples.
-
-        Where somebody wants to smooth, `steps` (m, size of a step) is written.
-        """
-        model, data, filter_, advance = self.model, self.data, unpack(store), kernels.update
-        count, steady = len(u), not self._errors
-        errors = np.empty((count, *filter_.errors.shape))
-        for i, name in enumerate(self._errors):
-            errors[:, i] = np.asarray(self._of(known, name), float)
-        judged = set(np.linspace(0, count, JUDGED).astype(int).tolist())
-        out, memory, places, rates = np.zeros((count, self._width)), [], list(q), list(v)
-        crba(model, data, places[0])
-        computeCoriolisMatrix(model, data, places[0], rates[0])
-        computeGeneralizedGravity(model, data, places[0])
-        self._begin(store, rates[0])
-        intervals = zip(np.diff(time).tolist(), places[1:], rates[1:], list(u), list(out), strict=True)
-        for k, (dt, one_q, one_v, one_u, one) in enumerate(intervals):
-            if k in judged:
-                memory.append(filter_.memory[int(filter_.settings[NEWER])].copy())
-            if dt == 0.0:  # a repeated stamp changes nothing
-                one[:] = out[k - 1] if k > 0 else 0.0
-                continue
-            if not steady:
-                filter_.errors[:] = errors[k]
-            crba(model, data, one_q)
-            computeCoriolisMatrix(model, data, one_q, one_v)
-            computeGeneralizedGravity(model, data, one_q)
-            if not advance(store, one_v, one_u, dt, one):
-                self._refuse_huge(k, time)
-            if steps is not None:
-                steps[k] = filter_.step
-        return out, np.array(memory)
+        """Filter a checked record, keeping its steps where there is room; return results (m, width) and the samples."""
+        store = self._store.copy()  # a stream that is under way goes on undisturbed
+        filter_, nv = unpack(store), self._nv
+        memory = np.empty((len(time), *filter_.memory.shape[1:]))
+        self._collect(kernels.collect, store, q, v, memory)
+        self._begin(filter_, memory[0])
+        errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
+        out = np.empty((len(u), self._width))
+        errors = errors.reshape(-1, len(u), nv)
+        self._refuse_huge(kernels.filter_all(memory, time, u, errors, store, steps, out), time)
+        return out, memory
 
     def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
         estimate = super()._estimate(time, out, memory)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import copy_values, kernel
+from aerobat_pin.jit import Integers, copy_values, kernel
 from aerobat_pin.observers import kernels, store
 from aerobat_pin.observers.kalman_store import (
     ELAPSED,
@@ -31,6 +31,8 @@ from aerobat_pin.observers.kalman_store import (
     unpack_step,
 )
 from aerobat_pin.observers.kernels import TOO_LARGE
+from aerobat_pin.observers.products import add_product, add_row_product, factorise
+from aerobat_pin.observers.record import proceed, sample
 from aerobat_pin.observers.rows import BASE
 
 UNKNOWN_TORQUE = 1.0e8  # variance of an unknown torque's impulse over that of its row's sensors
@@ -50,7 +52,7 @@ def remember(flat: Array, v: Array, memory: Array) -> None:
 
 @kernel
 def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
-    """Write the interval's shear and decay, and into `step.e` what the prediction misses of the measured momentum.
+    """Write the interval's shear and decay, and into `step.e` what it misses of the measured momentum.
 
     The estimate does not change yet. False where the innovation is NaN or huge.
 
@@ -63,15 +65,18 @@ def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
         step: written.
     """
     settings, x, c, nv, errors = filter_.settings, filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors
-    shear, nz, h, first = step.shear, step.shear.shape[0], step.z.shape[0], nv
+    shear, e, nz, h, z = step.shear, step.e, step.shear.shape[0], step.z.shape[0], filter_.x[u.shape[0] :]
     angle = settings[PULSATION] * (settings[ELAPSED] + 0.5 * dt)
     step.basis[0] = 1.0
     if step.basis.shape[0] == 3:
         step.basis[1], step.basis[2] = np.cos(angle), np.sin(angle)
-    for a in range(h):
-        block = a // c
-        for i in range(nv):
-            shear[a, i] = 0.5 * dt * step.basis[block] * (before[3 + a % c, i] + after[3 + a % c, i])
+    shear[:, :] = 0.0
+    for block in range(step.basis.shape[0]):
+        half = 0.5 * dt * step.basis[block]
+        for a in range(c):
+            row, one, other = shear[block * c + a], before[3 + a], after[3 + a]
+            for i in range(nv):
+                row[i] = half * (one[i] + other[i])
     for a in range(errors.shape[0]):
         for i in range(nv):
             shear[h + a, i] = dt * errors[a, i]
@@ -82,54 +87,42 @@ def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
             shear[nz - 1, i] = dt * u[i]
         for a in range(h):
             for i in range(nv):
-                shear[nz - 1, i] += shear[a, i] * x[first + a]
+                shear[nz - 1, i] += shear[a, i] * z[a]
     for i in range(nv):
-        missing = after[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
-        for a in range(nz):
-            missing -= shear[a, i] * step.decay[a] * x[first + a]
-        step.e[i] = missing
-        if not abs(missing) < TOO_LARGE * min(dt, 1.0):  # NaN too
+        e[i] = after[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
+    for a in range(nz):
+        now = step.decay[a] * z[a]
+        for i in range(nv):
+            e[i] -= now * shear[a, i]
+    for i in range(nv):
+        if not abs(e[i]) < TOO_LARGE * min(dt, 1.0):  # NaN too
             return False
     return True
 
 
 @kernel
 def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) -> None:
-    """Carry the covariance P over the interval: coefficients' noise, shear, misfit, unknown torques; S into L."""
-    settings, P, shear, L = filter_.settings, filter_.P, step.shear, step.L
-    nz, nv, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
+    """Carry the covariance P over the interval: noise, shear, misfit, unknown torques; then fill `step.rows`."""
+    settings, P, shear, rows = filter_.settings, filter_.P, step.shear, step.rows
+    nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
+    nv = n - nz
     grown = dt * (dt if settings[WALK_PER_SAMPLE] > 0.0 else 1.0) + dt * settings[HEAD_START]
     settings[HEAD_START] = 0.0
     for a in range(nz):
         decay = step.decay[a]
         if decay != 1.0:
-            for j in range(nv + nz):
+            for j in range(n):
                 P[nv + a, j] *= decay
-            for j in range(nv + nz):
+            for j in range(n):
                 P[j, nv + a] *= decay
             P[nv + a, nv + a] += (1.0 - decay * decay) * filter_.variance[a]
-    for a in range(step.z.shape[0]):
-        block = c * (a // c)
-        for b in range(c):
-            P[nv + a, nv + block + b] += grown * filter_.walk[a - block, b]
-    rows = P[nv:]
-    for a in range(nz):
-        added = L[0]
-        for i in range(nv):
-            added[i] = 0.0
-        for b in range(nz):
-            factor = rows[a, nv + b]
-            for i in range(nv):
-                added[i] += factor * shear[b, i]
-        for i in range(nv):
-            rows[a, i] += 0.5 * added[i]
-        for i in range(nv):
-            one, other = shear[a, i], rows[a, i]
-            for j in range(nv):
-                P[i, j] += one * rows[a, j] + other * shear[a, j]
-        for i in range(nv):
-            rows[a, i] += 0.5 * added[i]
-            P[i, nv + a] = rows[a, i]
+    for first in range(nv, nv + step.z.shape[0], c):
+        for a in range(c):
+            row = P[first + a, first:]
+            for b in range(c):
+                row[b] += grown * filter_.walk[a, b]
+    add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
+    add_product(P, P[:, nv:], shear, 1.0)
     if nz > step.z.shape[0]:
         decay = step.decay[nz - 1] if settings[ELAPSED] > 0.0 else 0.0
         for i in range(nv):
@@ -142,12 +135,14 @@ def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) 
     if filter_.hidden.shape[0] > 0:
         forget_torques(before, after, filter_)
     for i in range(nv):
-        for j in range(nv):
-            L[i, j] = P[i, j]
-        for k in range(nv):
-            factor = after[3 + c + k, i]
-            for j in range(nv):
-                L[i, j] += factor * after[3 + c + k, j]
+        unit = rows[i, nv + n :]
+        copy_values(P[i], rows[i, :nv])
+        copy_values(P[i], rows[i, nv : nv + n])
+        for j in range(unit.shape[0]):
+            unit[j] = 0.0
+        unit[i], unit[n] = 1.0, step.e[i]
+    blurred = after[3 + c :]
+    add_product(rows[:, :nv], blurred.T, blurred, 1.0)
 
 
 @kernel
@@ -175,41 +170,18 @@ def forget_torques(before: Array, after: Array, filter_: Filter) -> None:
 
 @kernel
 def correct(x: Array, P: Array, step: Step) -> None:
-    """Take the measurement: factorise S in `step.L`, whiten `step.e`, and update x (n,) and P (n, n)."""
-    L, T, e = step.L, step.T, step.e
-    nv, n = T.shape
-    for j in range(nv):
-        for k in range(j):
-            factor = L[j, k]
-            for i in range(j, nv):
-                L[i, j] -= factor * L[i, k]
-        inverse = 1.0 / np.sqrt(L[j, j])
-        for i in range(j, nv):
-            L[i, j] *= inverse
-    for i in range(nv):
-        for j in range(n):
-            T[i, j] = P[i, j]
-        for k in range(i):
-            factor = L[i, k]
-            e[i] -= factor * e[k]
-            for j in range(n):
-                T[i, j] -= factor * T[k, j]
-        inverse = 1.0 / L[i, i]
-        e[i] *= inverse
-        for j in range(n):
-            T[i, j] *= inverse
-            x[j] += T[i, j] * e[i]
-    for i in range(n):
-        for k in range(nv):
-            factor = T[k, i]
-            for j in range(n):
-                P[i, j] -= factor * T[k, j]
+    """Take the measurement: turn `step.rows` into L^T, T, L^-1 e and L^-1, and update x (n,) and P (n, n)."""
+    rows, nv, n = step.rows, step.rows.shape[0], x.shape[0]
+    factorise(rows)
+    T = rows[:, nv : nv + n]
+    add_row_product(x, rows[:, nv + 2 * n], T, 1.0)
+    add_product(P, T.T, T, -1.0)
 
 
 @kernel
 def report(step: Step, dt: float, out: Array) -> None:
     """Write residual, forces and standard deviations (nv + 2 c,) from the forces' coefficients and covariance."""
-    nv, blocks = step.e.shape[0], step.basis.shape[0]
+    nv, blocks = step.rows.shape[0], step.basis.shape[0]
     c = step.z.shape[0] // blocks
     for i in range(nv):
         out[i] = 0.0
@@ -226,38 +198,92 @@ def report(step: Step, dt: float, out: Array) -> None:
 
 
 @kernel
-def update(flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
-    """Remember a sample and take the interval since the one before.
-
-    False, and nothing changed, where v or u does not have the model's size or the innovation is NaN or huge.
+def advance(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
+    """Take the interval between two samples (3 + c + nv, nv); False, and nothing changed, where it is NaN or huge.
 
     Args:
-        flat: the observer's store.
-        v: (nv,) velocity.
-        u: (nv,) known generalised force, mean over the interval.
-        dt: the interval's length [s].
-        out: (nv + 2 c,) written: generalised residual, components, their standard deviations.
+        before: at its start.
+        after: at its end.
+        u: (nv,) known generalised force, its mean.
+        dt: its length [s].
+        filter_: changes.
+        step: written.
     """
-    filter_ = unpack(flat)
-    x, P, nv, nz = filter_.x, filter_.P, filter_.noise.shape[0], filter_.rate.shape[0]
-    if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE:
-        return False
-    step = unpack_step(filter_.step, nv, nz, filter_.walk.shape[0], filter_.settings[PULSATION] > 0.0)
-    older = int(filter_.settings[NEWER])
-    before, after = filter_.memory[older], filter_.memory[1 - older]
-    remember(flat, v, after)
+    x, P, nv = filter_.x, filter_.P, u.shape[0]
+    n = x.shape[0]
     if not predict(before, after, u, dt, filter_, step):
         return False
     spread(before, after, dt, filter_, step)
     for i in range(nv):
         x[i] = after[0, i] - step.e[i]
-    for a in range(nz):
+    for a in range(n - nv):
         x[nv + a] *= step.decay[a]
     correct(x, P, step)
     for a in range(step.z.shape[0]):
         step.z[a] = x[nv + a]
         copy_values(P[nv + a], step.Z[a])
-    report(step, dt, out)
     filter_.settings[ELAPSED] += dt
+    return True
+
+
+@kernel
+def update(flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+    """Remember a sample and `advance` over the interval since the one before.
+
+    False, and nothing changed, where v or u does not have the model's size or the innovation is NaN or huge.
+    """
+    filter_ = unpack(flat)
+    nv = filter_.noise.shape[0]
+    if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE:
+        return False
+    older = int(filter_.settings[NEWER])
+    before, after = filter_.memory[older], filter_.memory[1 - older]
+    remember(flat, v, after)
+    step = unpack_step(filter_.step, filter_)
+    if not advance(before, after, u, dt, filter_, step):
+        return False
+    report(step, dt, out)
     filter_.settings[NEWER] = 1.0 - older
     return True
+
+
+@kernel
+def collect(flat: Array, place: Integers) -> None:
+    """Remember a record's sample and go on to the next (see `open_record`)."""
+    v, memory = sample(place)
+    remember(flat, v, memory)
+    proceed(place)
+
+
+@kernel
+def filter_all(memory: Array, time: Array, u: Array, errors: Array, flat: Array, steps: Array, out: Array) -> int:
+    """`advance` over every interval of a record; return the first that is not finite, or -1.
+
+    Args:
+        memory: (m + 1, 3 + c + nv, nv) remembered samples; a repeated stamp's changes.
+        time: (m + 1,) [s].
+        u: (m, nv) known generalised force, interval means.
+        errors: (ne, m, nv) those of the known forces that are in doubt.
+        flat: the filter, begun at the first sample.
+        steps: (m, size of a step) written, for a smoother that then writes `out`; or (0, size of a step).
+        out: (m, nv + 2 c) written.
+    """
+    filter_, kept = unpack(flat), steps.shape[0] > 0
+    for k in range(u.shape[0]):
+        dt = time[k + 1] - time[k]
+        if dt == 0.0:  # a repeated stamp changes nothing
+            if k > 0:
+                copy_values(out[k - 1], out[k])
+            else:
+                out[k] = 0.0
+            for row in range(memory.shape[1]):
+                copy_values(memory[k, row], memory[k + 1, row])
+            continue
+        for a in range(errors.shape[0]):
+            copy_values(errors[a, k], filter_.errors[a])
+        step = unpack_step(steps[k] if kept else filter_.step, filter_)
+        if not advance(memory[k], memory[k + 1], u[k], dt, filter_, step):
+            return k
+        if not kept:
+            report(step, dt, out[k])
+    return -1

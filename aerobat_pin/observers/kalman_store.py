@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import kernel
+from aerobat_pin.jit import DOUBLE, array_at, kernel
 
 NEWER, WALK_PER_SAMPLE, HEAD_START, PULSATION, MASS, MISFIT, POWER, ELAPSED = range(8)  # of the settings
 SETTINGS = 8
@@ -44,19 +44,25 @@ class Filter(NamedTuple):
 class Step(NamedTuple):
     """What one interval leaves behind for its smoothing.
 
-    `shear` (nz, nv): dt G. `decay` (nz,): a. `L` (nv, nv): lower Cholesky factor of S. `T` (nv, n): L^-1 P_p. `e`
-    (nv,): the whitened innovation. `basis` (h,): weight of each block of c coefficients in the forces. `z` (h c,),
-    `Z` (h c, n): these blocks' part of x and P after the update.
+    `shear` (nz, n): dt G, then zeros. `decay` (nz,): a. `e` (nv,): the innovation. `rows` (nv, ...): S (nv, nv), P_p
+    and [1, 0] (nv, n), and e; after the update, with S = L L^T, L^-1 times all that: L^T, T, L^-1, e whitened. `basis`:
+    weight of each block of c coefficients in the forces. `z` (h c,), `Z` (h c, n): these blocks' part of x and P after
+    the update. Zeros and a rounded width are there because a product of whole vectors costs less than one of parts.
     """
 
     shear: Array
     decay: Array
-    L: Array
-    T: Array
     e: Array
+    rows: Array
     basis: Array
     z: Array
     Z: Array
+
+
+@kernel
+def columns(nv: int, nz: int) -> int:
+    """Return the width of a step's `rows`, rounded up to what a processor's vectors hold."""
+    return (nv + 2 * (nv + nz) + 8) // 8 * 8
 
 
 def new_filter(store: Array, noise: Array, hidden: Array, c: int, blocks: int, errors: int, mass: bool) -> Array:
@@ -73,7 +79,7 @@ def new_filter(store: Array, noise: Array, hidden: Array, c: int, blocks: int, e
     """
     nv, nz = len(noise), blocks * c + errors + mass
     n = nv + nz
-    step = nz * nv + nz + nv * nv + nv * n + nv + blocks + blocks * c + blocks * c * n
+    step = nz * n + nz + nv + nv * columns(nv, nz) + blocks + blocks * c + blocks * c * n
     size = SETTINGS + nv + 2 * nz + c * c + hidden.size + errors * nv + nv + n + n * n + 2 * (3 + c + nv) * nv + step
     flat = np.concatenate([store, np.zeros(size), [nv, c, errors, nz, len(hidden), len(store)]])
     filter_ = unpack(flat)
@@ -90,51 +96,51 @@ def unpack(flat: Array) -> Filter:
     nv, c, ne = int(flat[end]), int(flat[end + 1]), int(flat[end + 2])
     nz, unseen, start = int(flat[end + 3]), int(flat[end + 4]), int(flat[end + 5])
     n = nv + nz
-    a = start + SETTINGS
-    b = a + nv
-    d = b + 2 * nz
-    e = d + c * c
-    f = e + unseen * unseen
-    g = f + ne * nv
-    h = g + nv
-    i = h + n
-    j = i + n * n
-    k = j + 2 * (3 + c + nv) * nv
+    head = flat.ctypes.data + DOUBLE * start
+    a = head + DOUBLE * SETTINGS
+    b = a + DOUBLE * nv
+    d = b + DOUBLE * 2 * nz
+    e = d + DOUBLE * c * c
+    f = e + DOUBLE * unseen * unseen
+    g = f + DOUBLE * ne * nv
+    h = g + DOUBLE * nv
+    i = h + DOUBLE * n
+    j = i + DOUBLE * n * n
+    k = j + DOUBLE * 2 * (3 + c + nv) * nv
     return Filter(
-        flat[start:a],
-        flat[a:b],
-        flat[b : b + nz],
-        flat[b + nz : d],
-        flat[d:e].reshape((c, c)),
-        flat[e:f].reshape((unseen, unseen)),
-        flat[f:g].reshape((ne, nv)),
-        flat[g:h],
-        flat[h:i],
-        flat[i:j].reshape((n, n)),
-        flat[j:k].reshape((2, 3 + c + nv, nv)),
-        flat[k:end],
+        array_at(head, (SETTINGS,)),
+        array_at(a, (nv,)),
+        array_at(b, (nz,)),
+        array_at(b + DOUBLE * nz, (nz,)),
+        array_at(d, (c, c)),
+        array_at(e, (unseen, unseen)),
+        array_at(f, (ne, nv)),
+        array_at(g, (nv,)),
+        array_at(h, (n,)),
+        array_at(i, (n, n)),
+        array_at(j, (2, 3 + c + nv, nv)),
+        array_at(k, (end - (k - flat.ctypes.data) // DOUBLE,)),
     )
 
 
 @kernel
-def unpack_step(flat: Array, nv: int, nz: int, c: int, harmonic: bool) -> Step:
-    """Give a flat step its names and shapes, without copying."""
-    blocks = 3 if harmonic else 1
-    n, h = nv + nz, blocks * c
-    a = nz * nv
-    b = a + nz
-    d = b + nv * nv
-    e = d + nv * n
-    f = e + nv
-    g = f + blocks
-    i = g + h
+def unpack_step(flat: Array, filter_: Filter) -> Step:
+    """Give a filter's flat step its names and shapes, without copying."""
+    n, nv, blocks = filter_.x.shape[0], filter_.noise.shape[0], 3 if filter_.settings[PULSATION] > 0.0 else 1
+    nz, h = n - nv, blocks * filter_.walk.shape[0]
+    a = flat.ctypes.data
+    b = a + DOUBLE * nz * n
+    d = b + DOUBLE * (nz + nv)
+    width = columns(nv, nz)
+    e = d + DOUBLE * nv * width
+    f = e + DOUBLE * blocks
+    g = f + DOUBLE * h
     return Step(
-        flat[:a].reshape((nz, nv)),
-        flat[a:b],
-        flat[b:d].reshape((nv, nv)),
-        flat[d:e].reshape((nv, n)),
-        flat[e:f],
-        flat[f:g],
-        flat[g:i],
-        flat[i:].reshape((h, n)),
+        array_at(a, (nz, n)),
+        array_at(b, (nz,)),
+        array_at(b + DOUBLE * nz, (nv,)),
+        array_at(d, (nv, width)),
+        array_at(e, (blocks,)),
+        array_at(f, (h,)),
+        array_at(g, (h, n)),
     )

@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import copy_values, doubles_at, inner, kernel
+from aerobat_pin.jit import Integers, copy_values, doubles_at, inner, kernel
 from aerobat_pin.observers.filters import low_pass, rotate
 from aerobat_pin.observers.projection import project
+from aerobat_pin.observers.record import proceed, sample
 from aerobat_pin.observers.store import Store, unpack
 
 TOO_LARGE = 1.0e150  # of a residual: its square still is a number
@@ -163,9 +164,11 @@ def update(flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
 
 
 @kernel
-def collect(flat: Array, v: Array, k: int, memory: Array) -> None:
-    """Remember sample k of a record: v (m + 1, nv), memory (m + 1, 3 + c, nv)."""
-    remember(look(flat), v[k], unpack(flat), memory[k])
+def collect(flat: Array, place: Integers) -> None:
+    """Remember a record's sample and go on to the next (see `open_record`)."""
+    v, memory = sample(place)
+    remember(look(flat), v, unpack(flat), memory)
+    proceed(place)
 
 
 @kernel

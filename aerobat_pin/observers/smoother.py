@@ -33,9 +33,9 @@ class SmootherObserver(KalmanObserver):
         raise ObserverError("observer smoother looks back from the end of a record: use run, or kalman on a stream")
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        store, steps = self._store.copy(), np.empty((len(u), len(self._filter.step)))
-        out, memory = self._filter_record(store, time, q, v, u, known, steps)
-        smooth_all(time, store, steps, out)
+        steps = np.empty((len(u), len(self._filter.step)))
+        out, memory = self._filtered(time, q, v, u, known, steps)
+        smooth_all(time, self._store, steps, out)
         for k in np.flatnonzero(np.diff(time) == 0.0):
             out[k] = out[k - 1] if k > 0 else 0.0
         return out, memory
