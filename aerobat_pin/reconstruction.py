@@ -10,14 +10,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.added_mass import factored
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.arrays import Array
 from aerobat_pin.dynamics import BASE
 from aerobat_pin.errors import LogError
-from aerobat_pin.jit import Integers, check_views, motions, placements
+from aerobat_pin.jit import Integers
 from aerobat_pin.motion import Motion
-from aerobat_pin.plant_layout import Constants, Found, layout, tree_of, unknown_of
+from aerobat_pin.plant_layout import layout
 from aerobat_pin.reconstruction_kernels import END, MIDDLE, START, blow
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.sections import AirSection
@@ -71,26 +70,8 @@ class _Believed:
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
         self.robot, self.section = robot, air
         self.model, self.data = robot.model, robot.model.createData()
-        data = self.data
-        self.air = RobotAir(
-            robot.wing,
-            strips=air.strips,
-            air_density=air.density,
-            model=air.model,
-            lift_limit=air.lift_limit,
-            added_mass=air.added_mass,
-        )
-        found = Found(data.M, data.nle, placements(data.liMi), motions(data.v), motions(data.a_gf))
-        check_views(self.model, data, placements(data.oMi), *found[2:])
-        self.constants = Constants(
-            self.air.arrays,
-            factored(self.air.added_mass),
-            np.array([-self.model.gravity.linear[2]]),
-            tree_of(self.model),
-            unknown_of(self.model, (), ()),
-            np.zeros(0),
-        )
-        self.places, self._arrays = layout(self.constants, found)
+        self.air = RobotAir.of(robot.wing, air)
+        self.constants, self.places, self._arrays = layout(self.model, self.data, self.air)
 
     def start(self, moved: Motion) -> Array:
         """Return the air's state at the first sample, warmed up."""

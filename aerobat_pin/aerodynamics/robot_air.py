@@ -23,6 +23,7 @@ from aerobat_pin.aerodynamics.surfaces import add_surfaces
 from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.jit import kernel
+from aerobat_pin.sections import AirSection
 from aerobat_pin.wing import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
@@ -145,6 +146,18 @@ class RobotAir:
             downwash=np.vstack([line.downwash, line.centre_downwash]),
             numbers=np.array(numbers),
             tail=np.array([*place, np.cos(tilt), np.sin(tilt), *blade]),
+        )
+
+    @classmethod
+    def of(cls, wing: Wing, air: AirSection) -> RobotAir:
+        """Return the air that a scenario says, on a wing. Raises ShapeError."""
+        return cls(
+            wing,
+            strips=air.strips,
+            air_density=air.density,
+            model=air.model,
+            lift_limit=air.lift_limit,
+            added_mass=air.added_mass,
         )
 
     @property
