@@ -139,6 +139,8 @@ def test_what_a_log_cannot_give_is_refused_by_name(paper: Experiment) -> None:
     refused("no channel named motor_torque or joint_torque: torque = measured cannot be had", log.measured, "measured")
     refused("or crank_torque: torque = motor_only", log.measured, "motor_only")
     refused("torque = 'guessed': one of measured", log.measured, "guessed")
+    for torque in ("modelled", "motor_only"):
+        refused("no channel named crank_angle", paper.log.measured.drop_vars("crank_angle"), torque)
     late = log.measured.assign_coords(time=np.where(log.time > 1.0, log.time + 1.0, log.time))
     refused(r"1 s without a sample after t = 1 s.*cut the log there", late)
 
