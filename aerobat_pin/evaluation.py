@@ -101,7 +101,8 @@ def observer_metrics(estimate: Estimate, log: FlightLog) -> dict[str, Any]:
             }
     sizes = np.sqrt(np.mean(estimate.components**2, axis=0))
     metrics["components"] = [
-        {"name": name, "rms": size} for name, size in zip(found.components, sizes.tolist(), strict=True)
+        {"name": name, "rms": size, "unit": unit}
+        for name, size, unit in zip(found.components, sizes.tolist(), estimate.units, strict=True)
     ]
     metrics["gain"] = estimate.gain.tolist()
     metrics["rank"] = found.rank
