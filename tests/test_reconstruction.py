@@ -41,6 +41,7 @@ def stripped(log: FlightLog, every: int = 1) -> FlightLog:
         ["air.added_mass=0"],
         ["air.wind=[0.5, -1.0, 0.3]", "air.gust.amplitude=[0.0, 1.0, 1.0]", "air.gust.start=0.05"],
         ["air.lift_limit=1.2"],
+        ["air.strips=32"],
     ],
     ids=lambda settings: " ".join(settings) or "default",
 )
@@ -141,6 +142,8 @@ def test_what_a_log_cannot_give_is_refused_by_name(paper: Experiment) -> None:
     refused("torque = 'guessed': one of measured", log.measured, "guessed")
     for torque in ("modelled", "motor_only"):
         refused("no channel named crank_angle", paper.log.measured.drop_vars("crank_angle"), torque)
+    millimetres = log.measured.assign(pose=log.measured["pose"] * [1e3, 1e3, 1e3, 1, 1, 1, 1])
+    refused(r"the wings meet air at \d+ m/s at t = .*metres", millimetres)
     late = log.measured.assign_coords(time=np.where(log.time > 1.0, log.time + 1.0, log.time))
     refused(r"1 s without a sample after t = 1 s.*cut the log there", late)
 

@@ -170,6 +170,12 @@ class RobotAir:
         """Number of aerodynamic states: 3N, or none in the quasi-steady model."""
         return 3 * self.line.strips if self.model == "lifting_line" else 0
 
+    def airspeed(self, twists: Array) -> Array:
+        """Return the strips' airspeeds in their planes (n, N) [m/s] at the links' twists against the air (n, 5, 6)."""
+        linear, angular = np.split(twists[:, self.link], 2, axis=2)
+        velocity = linear + np.cross(angular, self.mid_chord)
+        return np.asarray(np.hypot(velocity[..., 0], velocity[..., 2]))
+
     def evaluate(self, twists: Array, state: Array) -> tuple[Array, Array, StripLoads]:
         """Compute loads and state rates, without added mass.
 
