@@ -110,7 +110,8 @@ def estimation(log: FlightLog, estimates: Estimates) -> Figure:
     """Estimated against actual unknown forces, noise and step zones boxed (the paper's Fig. 8)."""
     frames = next(iter(estimates.values())).frames
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    figure.suptitle("Unknown force at each wing, world axes: interval means")
+    where = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
+    figure.suptitle(f"Unknown force at each {where}, world axes: interval means")
     grid = figure.subplots(4, len(frames), sharex="row", squeeze=False)
     middle = 0.5 * (log.time[1:] + log.time[:-1])
     close_up = _close_up(log)
