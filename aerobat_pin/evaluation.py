@@ -87,6 +87,29 @@ def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
     return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
 
 
+@dataclass(frozen=True)
+class TrueEvent:
+    """What came and went: its name, the frames at which it pushed, from when to when [s], infinity where it stayed."""
+
+    name: str
+    frames: tuple[str, ...]
+    start: float
+    end: float
+
+
+def true_events(log: FlightLog) -> list[TrueEvent]:
+    """Return what came and went of the true forces, in order of time; what did so at several frames at once is one."""
+    if log.truth is None or "event" not in log.truth.dims:
+        return []
+    names, frames, starts, ends = (
+        log.truth[name].values for name in ("event", "event_point", "event_start", "event_end")
+    )
+    found: dict[tuple[float, float, str], list[str]] = {}
+    for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
+        found.setdefault((float(start), float(end), str(name)), []).append(str(frame))
+    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(found.items())]
+
+
 def observer_metrics(estimate: Estimate, log: FlightLog) -> dict[str, Any]:
     """Return an observer's entry of `metrics.json`; scores only where the log knows the truth."""
     found = estimate.identifiability

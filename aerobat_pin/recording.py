@@ -148,7 +148,7 @@ class Recording:
         self._forces.append(_Forces(label, colour, inner, start, chosen))
 
     def add_zone(self, start: float, end: float, label: str, colour: str) -> None:
-        """Mark a stretch of time [s], in which something happens."""
+        """Mark a stretch of time [s], in which something happens; it ends at infinity where it goes on."""
         self._zones.append(Zone(start, end, label, colour))
 
     def add_sheet(self, label: str, colour: str, points: Array, colours: Array, drift: Array, lasting: float) -> None:
@@ -184,12 +184,10 @@ class Recording:
             scene.segments("world/path", steps[~(inside[1:] & inside[:-1])] if self._zones else steps, style.PATH)
             keys.append(Key("line", style.PATH, "path of the body"))
         for i, zone in enumerate(self._zones):
-            inside = (self.time >= zone.start) & (self.time <= zone.end)
-            if self._free and inside.sum() > 1:
-                scene.line(f"world/zone/{i}/way", self._way[inside], zone.colour)
-                for name, place in (("onset", self._way[inside][0]), ("end", self._way[inside][-1])):
-                    scene.ball(f"world/zone/{i}/{name}", place, 0.03 * self.size, zone.colour)
-            keys.append(Key("line", zone.colour, f"{zone.label}, {zone.start:g} s to {zone.end:g} s"))
+            if self._free:
+                self._mark(scene, f"world/zone/{i}", zone)
+            until = f"{zone.start:g} s to {zone.end:g} s" if np.isfinite(zone.end) else f"from {zone.start:g} s on"
+            keys.append(Key("line", zone.colour, f"{zone.label}, {until}"))
         scale = self.newtons_per_centimetre
         for kind in self._forces:
             for name, force in kind.force.items():
@@ -237,6 +235,22 @@ class Recording:
         if window < 3:
             return self._way
         return np.asarray(savgol_filter(self._way, window, min(2, window - 1), axis=0))
+
+    def _mark(self, scene: Scene, node: str, zone: Zone) -> None:
+        """Draw a stretch of time on the way, with a ball where it begins and one where it ends, as far as is seen."""
+        first, last = np.clip([zone.start, zone.end], self.time[0], self.time[-1])
+        if first == last:
+            return
+        inside = self.time[(self.time > first) & (self.time < last)]
+        ends = {"onset": zone.start, "end": zone.end}
+        scene.line(f"{node}/way", self._at(np.concatenate([[first], inside, [last]])), zone.colour)
+        for name, time in ends.items():
+            if first <= time <= last:
+                scene.ball(f"{node}/{name}", self._at(np.array([time]))[0], 0.03 * self.size, zone.colour)
+
+    def _at(self, time: Array) -> Array:
+        """Return the way (k, 3) at times (k,), straight between the keyframes."""
+        return np.column_stack([np.interp(time, self.time, along) for along in self._way.T])
 
     def _ground(self, scene: Scene) -> float:
         """Draw a grid and return its spacing [m]."""

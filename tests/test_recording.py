@@ -89,6 +89,33 @@ def test_any_model_is_shown_where_it_is_with_its_force(robot: Any, browser: Any,
             assert np.all(np.abs(seen.mean(axis=0) / image.shape[:2] - 0.5) < 0.25)
 
 
+@needs_browser
+def test_every_stretch_is_marked_however_short_and_whether_it_ends(browser: Any, tmp_path: Path) -> None:
+    """Balls where the body is at onset and end, also between two keyframes; none where nothing ends or is not seen."""
+    model, parts, q = humanoid()
+    recording = record(model, parts, TIME, q)
+    stretches = {"blow": (0.201, 0.203), "step": (0.4, 0.6), "calm": (0.8, np.inf), "later": (2.0, 3.0)}
+    for label, (start, end) in stretches.items():
+        recording.add_zone(start, end, label, "#CC79A7")
+    (tmp_path / "page.html").write_text(recording.html())
+    with opened(browser, (tmp_path / "page.html").as_uri()) as page:
+        ready(page)
+        legend = page.inner_text("#legend")
+        for text in ("blow, 0.201 s to 0.203 s", "step, 0.4 s to 0.6 s", "calm, from 0.8 s on"):
+            assert text in legend
+        for i, (start, end) in enumerate(stretches.values()):
+            for name, time in (("onset", start), ("end", end)):
+                there = f"'{name}' in (viewer.scene_tree.find(['meshcat', 'world', 'zone', '{i}']).children)"
+                assert page.evaluate(there) == (time <= 1.0)
+                if time <= 1.0:
+                    height = node(page, "zone", str(i), name)["position"][2]
+                    assert height == pytest.approx(-5.0 * time**2, abs=1e-3)  # it falls 5 t^2
+        bar, *marks = (one.bounding_box() for one in page.locator("#zones, #zones b").all())
+        for mark, (start, end) in zip(marks[:3], stretches.values(), strict=False):
+            assert mark["x"] - bar["x"] == pytest.approx(start * bar["width"], abs=1.0)
+            assert mark["width"] == pytest.approx(max((min(end, 1.0) - start) * bar["width"], 3.0), abs=1.0)
+
+
 def test_the_arrows_scale_is_a_round_number() -> None:
     """1, 2 or 5 times a power of ten newtons a centimetre; the largest arrow is about half a robot long."""
     model, parts, q = manipulator()
