@@ -25,6 +25,7 @@ from aerobat_pin.player import Key, Zone, player_html
 from aerobat_pin.scene import FADED, HALO, Scene
 
 FRAMES_PER_SECOND = 120.0  # of the recorded time: 25 a flap at 4.75 Hz
+MOST_FRAMES = 7201  # a minute, 34 MB of a page; fewer a second would show another motion than there was
 FOLLOWED = 0.5  # [s]: what the camera follows of a free base is its way, smoothed by as much
 CAMERA = (0.7, -1.1, 0.55)  # from where it looks, in sizes of the robot
 BOUNDLESS = 1e3  # [m]: planes are larger
@@ -66,7 +67,8 @@ class Recording:
             of parts that no joint moves.
 
     Attributes:
-        index: (m,) rows of `time` and `q` that are keyframes, about 120 a second.
+        index: (m,) rows of `time` and `q` that are keyframes, about 120 a second; no more than a minute of them, and
+            then the page says so.
         size: of the robot, half its bounding box's diagonal; of a fixed one, of all that it reaches [m].
 
     Raises:
@@ -93,7 +95,7 @@ class Recording:
             raise ShapeError("q holds NaN or infinity")
         wanted = np.arange(self._time[0], self._time[-1], 1.0 / FRAMES_PER_SECOND)
         rows = np.append(np.searchsorted(self._time, wanted - 1e-9), len(self._time) - 1)
-        self.index = rows[np.unique(self._time[rows], return_index=True)[1]]
+        self.index = rows[np.unique(self._time[rows], return_index=True)[1]][:MOST_FRAMES]
         if len(self.index) < 2:
             raise ShapeError("time: it does not pass")
         self._data = model.createData()
@@ -205,7 +207,10 @@ class Recording:
             keys.append(Key("bar", one.colour, one.label, FADED))
             sheet = (2 * (one.points.shape[1] - 1), one.lasting)
         commands = scene.commands(self.size * np.array(CAMERA))
-        return player_html(commands, self.title, keys, self._zones, self.time, rate, sheet)
+        whole, title = float(self._time[-1] - self._time[0]), self.title
+        if self.duration < whole:
+            title += f" (the first {self.duration:.3g} s of {whole:.3g} s)"
+        return player_html(commands, title, keys, self._zones, self.time, rate, sheet)
 
     def _place(self, move: Move | None) -> tuple[Array, Array, Array]:
         """Return placements (m, parts, 7) of the visible parts, and the box around them (m, 3), (m, 3)."""

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from browser import at, needs_browser, node, opened, pixels, ready
 
+from aerobat_pin import recording as recording_module
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
 from aerobat_pin.recording import Recording, record
 
@@ -137,6 +138,17 @@ def test_keyframes_are_no_denser_than_needed() -> None:
         assert (recording.time[0], recording.time[-1]) == (2.0, 5.0)
     repeated = Recording(model, parts, [0.0, 0.0, 0.5, 0.5, 1.0, 1.0], np.zeros((6, model.nq)))
     assert repeated.time.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_a_page_that_would_be_too_large_ends_early_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of a dense record; here a second, of three. A whole one says nothing of the kind."""
+    model, parts, _ = manipulator()
+    monkeypatch.setattr(recording_module, "MOST_FRAMES", 121)
+    for end, said in ((3.0, "arm (the first 1 s of 3 s)"), (1.0, "arm")):
+        time = np.linspace(0.0, end, round(1200 * end) + 1)
+        recording = Recording(model, parts, time, np.zeros((len(time), model.nq)), title="arm")
+        assert recording.duration == pytest.approx(1.0)
+        assert f"<title>{said}</title>" in recording.html()
 
 
 def test_nobody_elses_model_is_changed() -> None:
