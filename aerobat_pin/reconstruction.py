@@ -179,14 +179,14 @@ def _turned(start: Array, end: Array, share: Array) -> Array:
 def _linkage_between(crank: Array, robot: Aerobat, dt: Array, k: Integers, share: Array) -> Array:
     """Return angle, rate and acceleration (n, 3, 2) of shoulder and elbow at shares of the intervals k.
 
-    The crank follows the cubic through both ends' angles and rates.
+    The crank's angle follows the cubic through both ends' angles and rates. Its rate and acceleration change evenly:
+    those of the cubic make more of an angle's noise.
     """
     angle, rate, acceleration = crank
     length = dt[k]
     gap, a, b = angle[k + 1] - angle[k], rate[k] * length, rate[k + 1] * length
     second, third = 3.0 * gap - 2.0 * a - b, a + b - 2.0 * gap
     value = angle[k] + share * (a + share * (second + share * third))
-    slope = a + share * (2.0 * second + 3.0 * share * third)
-    slope = np.divide(slope, length, out=rate[k], where=length > 0.0)
+    slope = rate[k] + share * (rate[k + 1] - rate[k])
     bend = acceleration[k] + share * (acceleration[k + 1] - acceleration[k])
     return joint_table(robot.linkage.solve(value, slope, bend))
