@@ -21,7 +21,10 @@ from commands import call
 from matplotlib.image import imread
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
+from aerobat_pin.csv_log import write_csv
 from aerobat_pin.errors import BrowserError, FrameNotFoundError, LogError
+from aerobat_pin.experiment import Experiment
+from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.motion_table import recording_of
 from aerobat_pin.snapshots import snapshots
 
@@ -103,6 +106,18 @@ def test_a_run_and_its_log_alone_become_pages(
     assert call(monkeypatch, "play", str(paper_folder), "--html", str(run), "--force") == 0
 
 
+def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_it(
+    paper: Experiment, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A table notes no robot: `--morphology` says it, as for `aerobat estimate`, else it is the default one."""
+    short = paper.log.measured.isel(time=slice(201), interval=slice(200))
+    write_csv(FlightLog(short), tmp_path / "log.csv")
+    for words, name in (([], "aerobat"), (["--morphology", "aerobat_guard"], "aerobat_guard")):
+        page = tmp_path / f"{name}.html"
+        assert call(monkeypatch, "play", str(tmp_path / "log.csv"), "--html", str(page), *words) == 0
+        assert f"believed robot {name}</title>" in page.read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -113,6 +128,8 @@ def test_a_run_and_its_log_alone_become_pages(
         (["--from-csv", "a.csv", "--urdf", "b.urdf"], "cannot be read as CSV"),
         (["nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["nowhere.nc", "--rate", "0"], "--rate"),
+        (["nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
+        ([".", "--morphology", "aerobat_guard"], "--morphology says which robot is believed to have flown a log"),
     ],
 )
 def test_a_mistake_costs_one_message(
