@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aerobat_pin import style
-from aerobat_pin.aerodynamics.robot_air import RobotAir
+from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.arrays import Array
 from aerobat_pin.evaluation import world_velocity
 from aerobat_pin.flight_log import FlightLog
@@ -35,8 +35,8 @@ def aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
         low, high = axis.get_ylim()
         axis.set_ylim(low, high + 0.2 * (high - low))
     span = log.truth["strip"].values
-    width = RobotAir(robot.wing, strips=len(span)).line.width
-    loading = log.truth["strip_force_z"].values / width
+    line = LiftingLine(robot.wing.span, robot.wing.chord, strips=len(span))
+    loading = log.truth["strip_force_z"].values / line.width
     end = max(float(np.percentile(np.abs(loading), FOLD)), 1e-9)
     drawn = strips.pcolormesh(
         middle, 1e3 * span, loading.T, cmap=style.FIELD, vmin=-end, vmax=end, shading="nearest", rasterized=True

@@ -80,4 +80,4 @@ def _print_inputs(metrics: dict[str, Any]) -> None:
         typer.echo(f"{name:<14} {source}")
     for name, scores in metrics["observers"].items():
         for one in scores["components"]:
-            typer.echo(f"{name:<14} {one['name']:<24} rms {1e3 * one['rms']:9.2f} mN")
+            typer.echo(f"{name:<14} {one['name']:<24} rms {1e3 * one['rms']:9.2f} m{one['unit']}")

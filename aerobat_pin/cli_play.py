@@ -17,6 +17,9 @@ def play(
     source: Annotated[
         Path | None, typer.Argument(metavar="RUN|LOG", help="Folder of a run, or a recorded flight (.nc, .csv).")
     ] = None,
+    morphology: Annotated[
+        str | None, typer.Option(help="Believed robot of a log: shipped name or TOML file; else what the log notes.")
+    ] = None,
     html: Annotated[Path | None, typer.Option(help="Write the page to this file.")] = None,
     frames: Annotated[Path | None, typer.Option(help="Write PNG pictures to this folder, 30 a second.")] = None,
     rate: Annotated[
@@ -40,7 +43,9 @@ def play(
         raise LogError("play: a run or a log was expected, or --from-csv FILE with --urdf FILE")
     if html is not None:
         check_file(html, force=force)
-    recording = _recording(source, from_csv, urdf)
+    if morphology is not None and (source is None or source.is_dir()):
+        raise LogError("play: --morphology says which robot is believed to have flown a log; a log was expected")
+    recording = _recording(source, morphology, from_csv, urdf)
     rate = rate or (SLOW_MOTION if source is not None else 1.0)
     page = recording.html(rate)
     if html is not None:
@@ -59,11 +64,11 @@ def play(
         typer.echo("stopped")
 
 
-def _recording(source: Path | None, table: Path | None, urdf: Path | None) -> Recording:
+def _recording(source: Path | None, morphology: str | None, table: Path | None, urdf: Path | None) -> Recording:
     if source is not None:
         from aerobat_pin.played import flight_of
 
-        return flight_of(source)
+        return flight_of(source, morphology)
     from aerobat_pin.motion_table import recording_of
 
     assert table is not None

@@ -33,7 +33,7 @@ class _Bar:
 
 
 def print_table(metrics: dict[str, Any]) -> None:
-    """Print R2 per wing and axis, with the absolute error beside it."""
+    """Print R2 per point and axis, with the absolute error beside it."""
     seed = "" if metrics["seed"] is None else f", seed {metrics['seed']}"
     typer.echo(f"\n{metrics['scenario']}{seed}: {metrics['note']}; motor torque {metrics['torque']}")
     if any(
@@ -42,12 +42,12 @@ def print_table(metrics: dict[str, Any]) -> None:
         for value in scores.values()
     ):
         typer.echo(
-            f"{'observer':<12} {'wing':<6} {'axis':<4} {'R2':>9} {'R2 noise-free':>14} {'error rms':>10} {'lag':>9}"
+            f"{'observer':<12} {'point':<12} {'axis':<4} {'R2':>9} {'R2 noise-free':>14} {'error rms':>10} {'lag':>9}"
         )
     for name, scores in metrics["observers"].items():
         for pattern in scores["unseen"]:
             typer.echo(f"{name}: rank {scores['rank']}; cannot be seen at all: {pattern}")
-        for wing, axes in scores.items():
+        for point, axes in scores.items():
             if not isinstance(axes, dict) or "Fx" not in axes:
                 continue
             for axis, one in axes.items():
@@ -56,4 +56,4 @@ def print_table(metrics: dict[str, Any]) -> None:
                 )
                 delay = f"{1e3 * one['lag_s']:.2f} ms" if one["lag_s"] is not None else "-"
                 error = f"{1e3 * one['rmse']:.2f} mN"
-                typer.echo(f"{name:<12} {wing:<6} {axis:<4} {r2:>9} {clean:>14} {error:>10} {delay:>9}")
+                typer.echo(f"{name:<12} {point:<12} {axis:<4} {r2:>9} {clean:>14} {error:>10} {delay:>9}")

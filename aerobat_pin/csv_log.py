@@ -8,6 +8,7 @@
 | `vx`, `vy`, `vz` | m/s | optional, all or none: velocity of the body COM in body axes |
 | `wx`, `wy`, `wz` | rad/s | optional, all or none: gyro, body axes |
 | `crank_angle` | rad | absolute t1, unwrapped or not; or instead of it the four joints |
+| `crank_rate` | rad/s | optional, beside the angle: of a tachometer, or of the angle once smoothed |
 | `left_shoulder`, ... | rad | joint angles; any of them may have `<joint>_rate` [rad/s] beside it |
 | `airspeed` | m/s | optional: of the air past the body, along its x axis from ahead |
 | `wind_x`, `wind_y`, `wind_z` | m/s | optional: of the air over ground, world axes |
@@ -46,7 +47,7 @@ UNITS = {
     **dict.fromkeys(POSE[:3], "m"),
     **dict.fromkeys(POSE[3:], "-"),
     **dict.fromkeys((*VELOCITY, *WIND, "airspeed"), "m/s"),
-    **dict.fromkeys((*GYRO, *RATES), "rad/s"),
+    **dict.fromkeys((*GYRO, "crank_rate", *RATES), "rad/s"),
     **dict.fromkeys(("crank_angle", *JOINTS), "rad"),
     **dict.fromkeys(("crank_torque", *TORQUES, *THRUST[3:]), "N m"),
     **dict.fromkeys(THRUST[:3], "N"),
@@ -57,6 +58,7 @@ WRITTEN: tuple[tuple[Sequence[str], Sequence[str], Sequence[str] | None], ...] =
     (POSE, ("q", "pose"), POSE_AXIS),
     ((*VELOCITY, *GYRO), ("v", "twist"), TWIST_AXIS),
     (("crank_angle",), ("crank_angle",), None),
+    (("crank_rate",), ("crank_rate",), None),
     (JOINTS, ("q", "joint_angle"), JOINTS),
     (RATES, ("v", "joint_rate"), JOINTS),
     (("airspeed",), ("airspeed",), None),
@@ -100,7 +102,11 @@ def read_csv(path: str | Path) -> FlightLog:
             coords[axis] = labels[axis]
             unit = ", ".join(dict.fromkeys(UNITS[name] for name in names))
             made[title] = channel(_stack(columns, names), ("time", axis), unit, meaning)
-    for name, meaning in (("crank_angle", "absolute crank angle t1"), ("airspeed", "airspeed along the body's x axis")):
+    for name, meaning in (
+        ("crank_angle", "absolute crank angle t1"),
+        ("crank_rate", "rate of the crank angle"),
+        ("airspeed", "airspeed along the body's x axis"),
+    ):
         if name in columns:
             values = np.unwrap(columns[name]) if name == "crank_angle" else columns[name]
             made[name] = channel(values, per_sample, UNITS[name], meaning)
@@ -205,6 +211,8 @@ def _check(columns: dict[str, Array], path: str | Path) -> None:
         if there and len(there) < len(group):
             absent = [name for name in group if name not in columns]
             raise LogError(f"log {path}: {', '.join(there)} without {', '.join(absent)}: all of them or none")
+    if "crank_rate" in columns and "crank_angle" not in columns:
+        raise LogError(f"log {path}: crank_rate without crank_angle: the linkage closes at an angle")
     if "crank_angle" not in columns and JOINTS[0] not in columns:
         raise LogError(f"log {path}: neither crank_angle nor the joints {', '.join(JOINTS)} are there")
     time = columns["time"]

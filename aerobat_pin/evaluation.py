@@ -87,6 +87,29 @@ def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
     return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
 
 
+@dataclass(frozen=True)
+class TrueEvent:
+    """What came and went: its name, the frames at which it pushed, from when to when [s], infinity where it stayed."""
+
+    name: str
+    frames: tuple[str, ...]
+    start: float
+    end: float
+
+
+def true_events(log: FlightLog) -> list[TrueEvent]:
+    """Return what came and went of the true forces, in order of time; what did so at several frames at once is one."""
+    if log.truth is None or "event" not in log.truth.dims:
+        return []
+    names, frames, starts, ends = (
+        log.truth[name].values for name in ("event", "event_point", "event_start", "event_end")
+    )
+    found: dict[tuple[float, float, str], list[str]] = {}
+    for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
+        found.setdefault((float(start), float(end), str(name)), []).append(str(frame))
+    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(found.items())]
+
+
 def observer_metrics(estimate: Estimate, log: FlightLog) -> dict[str, Any]:
     """Return an observer's entry of `metrics.json`; scores only where the log knows the truth."""
     found = estimate.identifiability
@@ -101,7 +124,8 @@ def observer_metrics(estimate: Estimate, log: FlightLog) -> dict[str, Any]:
             }
     sizes = np.sqrt(np.mean(estimate.components**2, axis=0))
     metrics["components"] = [
-        {"name": name, "rms": size} for name, size in zip(found.components, sizes.tolist(), strict=True)
+        {"name": name, "rms": size, "unit": unit}
+        for name, size, unit in zip(found.components, sizes.tolist(), estimate.units, strict=True)
     ]
     metrics["gain"] = estimate.gain.tolist()
     metrics["rank"] = found.rank

@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 
 from aerobat_pin import air_figures, linkage_sheet, style
 from aerobat_pin.arrays import Array
-from aerobat_pin.evaluation import euler_angles, point_label, true_force, world_velocity
+from aerobat_pin.evaluation import euler_angles, point_label, true_events, true_force, world_velocity
 from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import FORCE_POINTS, JOINTS, Aerobat
@@ -107,10 +107,11 @@ def stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
 
 
 def estimation(log: FlightLog, estimates: Estimates) -> Figure:
-    """Estimated against actual unknown forces, noise and step zones boxed (the paper's Fig. 8)."""
+    """Estimated against actual unknown forces, noise and events boxed (the paper's Fig. 8)."""
     frames = next(iter(estimates.values())).frames
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    figure.suptitle("Unknown force at each wing, world axes: interval means")
+    where = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
+    figure.suptitle(f"Unknown force at each {where}, world axes: interval means")
     grid = figure.subplots(4, len(frames), sharex="row", squeeze=False)
     middle = 0.5 * (log.time[1:] + log.time[:-1])
     close_up = _close_up(log)
@@ -120,9 +121,9 @@ def estimation(log: FlightLog, estimates: Estimates) -> Figure:
             _force_lines(axis, middle, log, estimates, column, frame, row)
             axis.set_ylabel(f"$F_{name}$ [N]")
             axis.set_xlim(log.time[0], log.time[-1])
-            if log.truth is not None and "step_zone" in log.truth.attrs:
-                start, end = log.truth.attrs["step_zone"]
-                _zone(axis, (start, end), style.STEP_ZONE)
+            for event in true_events(log):
+                if event.start < log.time[-1]:
+                    _zone(axis, (event.start, min(event.end, float(log.time[-1]))), style.STEP_ZONE)
             if name == "y":
                 _zone(axis, close_up, style.NOISE_ZONE)
         grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)

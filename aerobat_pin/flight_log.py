@@ -8,6 +8,7 @@
 | `interval` | between two samples, n of them; its coordinate is the start [s]. Forces are means over it |
 | `q_axis`, `v_axis` | configuration and velocity entries, named after their joints |
 | `point`, `axis` | frames of unknown forces; x, y, z |
+| `event` | what comes and goes of the unknown forces |
 | `strip`, `link`, `wrench_axis` | arc coordinate of the strips; links; force and moment |
 """
 
@@ -35,7 +36,8 @@ class FlightLog:
         measured: `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone; whatever else there is, see
             `motion` and `known_inputs`; known generalised forces or body wrenches `known_*`.
         truth: `force_W`, `force_noise_free_W` (interval, point, axis), `unknown` (interval, v_axis), what the air does
-            to robot, strips and links, and its state; None for a recorded flight.
+            to robot, strips and links, and its state, `event_start`, `event_end` (event) where something comes and
+            goes; None for a recorded flight.
     """
 
     measured: xr.Dataset

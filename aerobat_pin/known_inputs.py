@@ -43,7 +43,8 @@ class KnownInputs:
         tau: (m, nv) motor torque at the joints, interval means.
         known: name -> (m, nv) other known generalised forces, interval means.
         rows: which rows of the residual to believe.
-        source: channel -> where it comes from.
+        source: where each input comes from: `q`, `v`, `wind` and the known forces `measured` or `reconstructed`, the
+            wind perhaps `believed`; of `motor_torque`, what was taken for known of it.
     """
 
     time: Array
@@ -105,7 +106,7 @@ def _recorded_torque(log: FlightLog, robot: Aerobat, moved: Motion, torque: Torq
     elif "joint_torque" in measured:
         tau[:, at] = measured["joint_torque"].sel(joint=list(JOINTS)).values
     elif torque == "motor_only" and "crank_torque" in measured:
-        return spread(robot, _crank(moved), np.asarray(measured["crank_torque"].values, float))
+        return spread(robot, moved, np.asarray(measured["crank_torque"].values, float))
     else:
         names = "motor_torque or joint_torque" + (" or crank_torque" if torque == "motor_only" else "")
         raise LogError(
@@ -113,21 +114,17 @@ def _recorded_torque(log: FlightLog, robot: Aerobat, moved: Motion, torque: Torq
         )
     if torque == "motor_only":
         left_shoulder, left_elbow, right_shoulder, right_elbow = (tau[:, i] for i in at)
-        closure = robot.linkage.solve(_middle(_crank(moved)))
+        closure = robot.linkage.solve(_crank_halfway(moved)[0])
         crank = closure.crank_torque(left_shoulder, left_elbow) + closure.crank_torque(right_shoulder, right_elbow)
-        return spread(robot, _crank(moved), crank)
+        return spread(robot, moved, crank)
     return tau
 
 
-def _crank(moved: Motion) -> Array:
+def _crank_halfway(moved: Motion) -> Array:
+    """Return the crank's angle, rate and acceleration (3, m) half way through the intervals."""
     if moved.crank is None:
-        raise LogError("flight log: no channel named crank_angle: the torque at the crank says nothing without it")
-    angle: Array = moved.crank[0]
-    return angle
-
-
-def _middle(samples: Array) -> Array:
-    return np.asarray(0.5 * (samples[1:] + samples[:-1]))
+        raise LogError("flight log: no channel named crank_angle: a torque at the crank, or from its motion, needs it")
+    return np.asarray(0.5 * (moved.crank[:, 1:] + moved.crank[:, :-1]))
 
 
 def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
@@ -137,29 +134,32 @@ def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
         robot: the believed robot.
         moved: the recorded motion.
         force: (m, nv) sum of the known generalised forces, interval means.
+
+    Raises:
+        LogError: the crank is not recorded.
     """
     model, data = robot.model, robot.model.createData()
-    _crank(moved)
-    assert moved.crank is not None
-    angle, rate, acceleration = (_middle(one) for one in moved.crank)
-    closure = robot.linkage.solve(angle, rate, acceleration)
-    joints = robot.velocity(np.zeros((len(angle), BASE)), closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE:]
+    closure = robot.linkage.solve(*_crank_halfway(moved))
+    joints = robot.velocity(np.zeros((len(force), BASE)), closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE:]
     torque = np.zeros_like(force)
     q, v = moved.q, moved.v
-    for k in range(len(angle)):
+    for k in range(len(force)):
         halfway = pin.interpolate(model, q[k], q[k + 1], 0.5)
         nle = pin.nonLinearEffects(model, data, halfway, 0.5 * (v[k] + v[k + 1]))
         torque[k] = prescribed_joint_dynamics(pin.crba(model, data, halfway), nle, force[k], joints[k])[1]
     return torque
 
 
-def spread(robot: Aerobat, crank: Array, torque: Array) -> Array:
+def spread(robot: Aerobat, moved: Motion, torque: Array) -> Array:
     """Spread a torque at the crank (m,) over both wings' joints with the same power: (m, nv).
 
     Args:
         robot: the believed robot.
-        crank: (m + 1,) crank angle [rad].
+        moved: the recorded motion.
         torque: (m,) interval means [N m].
+
+    Raises:
+        LogError: the crank is not recorded.
     """
-    shoulder, elbow = robot.linkage.solve(_middle(crank)).joint_torques(0.5 * torque)
+    shoulder, elbow = robot.linkage.solve(_crank_halfway(moved)[0]).joint_torques(0.5 * torque)
     return robot.velocity(np.zeros((len(torque), BASE)), shoulder, elbow)

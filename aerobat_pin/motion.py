@@ -6,6 +6,7 @@
 | base twist | `v`, or `twist` | difference of placements: the mean of both neighbouring intervals |
 | joint angles | `q`, or `joint_angle` | the closed linkage at `crank_angle` |
 | joint rates | `v`, or `joint_rate` | the closed linkage at the crank's rate; else differences |
+| crank's rate | `crank_rate` | difference of `crank_angle`; its acceleration is that of the rate |
 | wind | `wind_W` | from `airspeed` along the body's x axis; else what is believed of it |
 """
 
@@ -64,7 +65,7 @@ def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
     crank = None
     if "crank_angle" in measured:
         angle = np.asarray(measured["crank_angle"].values, float)
-        rate = _slope(angle, time)
+        rate = np.asarray(measured["crank_rate"].values, float) if "crank_rate" in measured else _slope(angle, time)
         crank = np.stack([angle, rate, _slope(rate, time)])
     q, source["q"] = _configuration(log, robot, crank)
     v, source["v"] = _velocity(log, robot, q, crank)

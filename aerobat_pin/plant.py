@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.added_mass import factored
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.aerodynamics.strips import LOADS
 from aerobat_pin.aerodynamics.wind import wind_field
@@ -30,10 +29,9 @@ from aerobat_pin.disturbances import point_forces
 from aerobat_pin.dynamics import BASE
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.hold import hold_about
-from aerobat_pin.jit import check_views, motions, placements
 from aerobat_pin.linkage import Closure
 from aerobat_pin.plant_kernels import advance, evaluate
-from aerobat_pin.plant_layout import Constants, Found, layout, tree_of, unknown_of
+from aerobat_pin.plant_layout import layout
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario
 from aerobat_pin.warm_up import joint_table, warmed_up
@@ -108,33 +106,17 @@ class Plant:
         """Build air, hold and unknown forces, and lay out the kernel's arrays."""
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
-        self.data = data = model.createData()
-        self.air = RobotAir(
-            robot.wing,
-            strips=scenario.air.strips,
-            air_density=scenario.air.density,
-            model=scenario.air.model,
-            lift_limit=scenario.air.lift_limit,
-            added_mass=scenario.air.added_mass,
-        )
+        self.data = model.createData()
+        self.air = RobotAir.of(robot.wing, scenario.air)
         self.drive = crank_drive(robot, scenario) if drive is None else drive
         self.forces = point_forces(model, scenario)
         self.points = tuple(dict.fromkeys(force.frame for force in self.forces))
-        found = Found(data.M, data.nle, placements(data.liMi), motions(data.v), motions(data.a_gf))
-        check_views(model, data, placements(data.oMi), *found[2:])
         flight = scenario.flight
         rotation = pin.rpy.rpyToMatrix(*np.radians([flight.roll_deg, -flight.pitch_deg, flight.yaw_deg]))
         self.hold = hold_about(scenario, rotation)
-        self.constants = Constants(
-            self.air.arrays,
-            factored(self.air.added_mass),
-            np.array([-model.gravity.linear[2]]),
-            tree_of(model),
-            unknown_of(model, self.forces, self.points),
-            np.zeros(0) if self.hold is None else self.hold.packed,
+        self.constants, self._places, self._arrays = layout(
+            model, self.data, self.air, self.forces, self.points, self.hold
         )
-        # What every kernel call begins with: where constants, scratch and Pinocchio's results lie.
-        self._places, self._arrays = layout(self.constants, found)
         self.start = self._warmed_up(rotation)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -12,11 +12,24 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.added_mass import factored
+from aerobat_pin.aerodynamics.robot_air import RobotAir
 from aerobat_pin.aerodynamics.strips import LOADS, AirArrays
 from aerobat_pin.arrays import Array
 from aerobat_pin.disturbances import PointForce
 from aerobat_pin.frames import frame_id
-from aerobat_pin.jit import DOUBLE, Integers, addresses, array_at, integers_at, kernel
+from aerobat_pin.hold import AttitudeHold
+from aerobat_pin.jit import (
+    DOUBLE,
+    Integers,
+    addresses,
+    array_at,
+    check_views,
+    integers_at,
+    kernel,
+    motions,
+    placements,
+)
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.wing import LINKS
 
@@ -133,15 +146,44 @@ def pack(constants: Constants) -> tuple[Array, Integers]:
     return np.concatenate([np.ravel(x) for x in numbers]), np.concatenate([np.ravel(x) for x in integers])
 
 
-def layout(constants: Constants, found: Found) -> tuple[Integers, tuple[Array, Array]]:
-    """Return the array of integers that a kernel's call begins with, and the arrays that must outlive it."""
+def layout(
+    model: pin.Model,
+    data: pin.Data,
+    air: RobotAir,
+    forces: tuple[PointForce, ...] = (),
+    points: tuple[str, ...] = (),
+    hold: AttitudeHold | None = None,
+) -> tuple[Constants, Integers, tuple[Array, Array]]:
+    """Lay out a robot in its air.
+
+    Args:
+        model: of the robot.
+        data: where the kernels find Pinocchio's results; they live as long as it does.
+        air: on the robot.
+        forces: unknown ones that push.
+        points: frames at which they push.
+        hold: that holds the attitude.
+
+    Returns:
+        The constants; the array of integers that a kernel's call begins with; numbers and scratch, which must outlive
+        it.
+    """
+    found = Found(data.M, data.nle, placements(data.liMi), motions(data.v), motions(data.a_gf))
+    check_views(model, data, placements(data.oMi), *found[2:])
+    constants = Constants(
+        air.arrays,
+        factored(air.added_mass),
+        np.array([-model.gravity.linear[2]]),
+        tree_of(model),
+        unknown_of(model, forces, points),
+        np.zeros(0) if hold is None else hold.packed,
+    )
     numbers, integers = pack(constants)
-    joints, nv = len(found.liMi), len(found.nle)
-    count = len(constants.air.link)
+    count, nv = air.line.strips, int(model.nv)
     scratch = np.zeros(scratch_size(count, nv))
     places = addresses(numbers, scratch, *found)
-    sizes = (count, len(constants.unknown.table), len(constants.unknown.points), len(constants.hold), nv, joints)
-    return np.concatenate([places, sizes, integers]), (numbers, scratch)
+    sizes = (count, len(forces), len(points), len(constants.hold), nv, model.njoints)
+    return constants, np.concatenate([places, sizes, integers]), (numbers, scratch)
 
 
 @kernel

@@ -18,8 +18,13 @@ from aerobat_pin.simulation import believed_robot, load_robot
 PARTS = ("scenario.toml", "flight.nc", "estimate.nc")
 
 
-def flight_of(source: Path) -> Recording:
+def flight_of(source: Path, morphology: str | None = None) -> Recording:
     """Record a run's folder, or a flight (`.nc`, `.csv`) with what an observer finds in it.
+
+    Args:
+        source: folder or file.
+        morphology: of the robot that is believed to have flown a file, shipped name or TOML file; what the log notes,
+            else the default robot, when omitted.
 
     Raises:
         AerobatError: it is neither.
@@ -34,7 +39,7 @@ def flight_of(source: Path) -> Recording:
         estimates = xr.load_dataset(source / "estimate.nc", engine="h5netcdf")
         return replay(robot, log, scenario.air, estimates, flight_note(scenario, robot))
     log = read_log(source)
-    belief = belief_about(log, source.stem, None, [], [])
+    belief = belief_about(log, source.stem, morphology, [], [])
     robot = believed_robot(belief)
     _, found = estimate_log(log, robot, belief)
     return replay(robot, log, belief.believed_air, estimate_dataset(found), recorded_note(log, robot))

@@ -1,8 +1,9 @@
 """Sigma_Aero along a recorded motion: what a believed air does to a believed robot, as interval means.
 
-Samples may be coarser than the air's states bear: an interval is flown in equal steps no longer than `LONGEST_STEP`, on
-the geodesic between the samples' placements and the closed linkage at the crank's angle in between (or straight between
-the joint angles, where the crank is not recorded).
+Samples may be coarser than the air's states bear: an interval is flown in equal steps, on the geodesic between the
+samples' placements and the closed linkage at the crank's angle in between (or straight between the joint angles, where
+the crank is not recorded). How long a step may be follows from the fastest mode of the lifting line, whose rate grows
+with the airspeed and with the number of strips.
 """
 
 from __future__ import annotations
@@ -10,20 +11,23 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.added_mass import factored
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.arrays import Array
 from aerobat_pin.dynamics import BASE
 from aerobat_pin.errors import LogError
-from aerobat_pin.jit import Integers, check_views, motions, placements
+from aerobat_pin.frames import rotations
+from aerobat_pin.jit import Integers
 from aerobat_pin.motion import Motion
-from aerobat_pin.plant_layout import Constants, Found, layout, tree_of, unknown_of
+from aerobat_pin.plant_layout import layout
 from aerobat_pin.reconstruction_kernels import END, MIDDLE, START, blow
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.sections import AirSection
-from aerobat_pin.warm_up import joint_table, warmed_up
+from aerobat_pin.warm_up import held, joint_table, link_twists, warmed_up
 
-LONGEST_STEP = 1.5e-3  # [s]: a third of what Runge-Kutta bears at 16 strips and 6 m/s
+LONGEST_STEP = 1.5e-3  # [s]: longer ones miss a thousandth of the lift at 5 m/s and 6.7 Hz
+BORNE = 1.4  # rate of the fastest mode times a step: half of 2.785, where Runge-Kutta's fourth order turns unstable
+FASTEST = 100.0  # [m/s]: no wing meets faster air, but a log in millimetres does
+TURN = 60  # crank angles of a turn at which the warm-up's airspeeds are looked at
 LONGEST_WARM_UP = 3.0  # [s]: of a crank that hardly turns; the air remembers some ten chords of way
 LONGEST_GAP = 0.5  # [s]: nobody knows what the wings did meanwhile
 
@@ -41,7 +45,7 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
         `aerodynamic` and, where the air has added mass, `added_mass`: (m, nv).
 
     Raises:
-        LogError: a gap in time is too long to be flown through, or the believed air diverges.
+        LogError: a gap in time is too long to be flown through, or the motion too fast to be one.
     """
     dt = np.diff(moved.time)
     if np.max(dt) > LONGEST_GAP:
@@ -50,15 +54,7 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
             f"flight log: {dt[at]:.3g} s without a sample after t = {moved.time[at]:g} s: the air's past is lost; cut "
             "the log there"
         )
-    believed = _Believed(robot, air)
-    steps = np.maximum(np.ceil(dt / LONGEST_STEP - 1e-9), 1).astype(int)
-    aerodynamic, added = believed.fly(moved, steps)
-    if not (np.all(np.isfinite(aerodynamic)) and np.all(np.isfinite(added))):
-        at = int(np.argmin(np.all(np.isfinite(aerodynamic + added), axis=1)))
-        raise LogError(
-            f"flight log: the believed air diverges at t = {moved.time[at]:g} s: fewer air.strips, or a motion that "
-            "is less noisy, were expected"
-        )
+    aerodynamic, added = _Believed(robot, air).fly(moved)
     made = {"aerodynamic": aerodynamic}
     if air.added_mass > 0.0:
         made["added_mass"] = added
@@ -71,26 +67,33 @@ class _Believed:
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
         self.robot, self.section = robot, air
         self.model, self.data = robot.model, robot.model.createData()
-        data = self.data
-        self.air = RobotAir(
-            robot.wing,
-            strips=air.strips,
-            air_density=air.density,
-            model=air.model,
-            lift_limit=air.lift_limit,
-            added_mass=air.added_mass,
-        )
-        found = Found(data.M, data.nle, placements(data.liMi), motions(data.v), motions(data.a_gf))
-        check_views(self.model, data, placements(data.oMi), *found[2:])
-        self.constants = Constants(
-            self.air.arrays,
-            factored(self.air.added_mass),
-            np.array([-self.model.gravity.linear[2]]),
-            tree_of(self.model),
-            unknown_of(self.model, (), ()),
-            np.zeros(0),
-        )
-        self.places, self._arrays = layout(self.constants, found)
+        self.air = RobotAir.of(robot.wing, air)
+        self.constants, self.places, self._arrays = layout(self.model, self.data, self.air)
+        modes = np.linalg.eigvals(self.air.line.state_space(1.0).A) if self.air.state_size else np.zeros(1)
+        self.fastest = float(np.max(np.abs(modes)))  # [1/m]: rate of a mode per airspeed
+
+    def airspeed(self, q: Array, v: Array) -> Array:
+        """Return the fastest strip's (n,) [m/s] at configurations (n, nq) and velocities against the air (n, nv)."""
+        twists = link_twists(self.model, self.data, self.constants.tree, q, v)
+        return np.asarray(np.max(self.air.airspeed(twists), axis=1))
+
+    def longest_step(self, airspeed: Array) -> Array:
+        """Return how long a step (n,) [s] may be, by the fastest strip's airspeed (n,) [m/s]."""
+        return np.asarray(1.0 / np.maximum(1.0 / LONGEST_STEP, self.fastest * airspeed / BORNE))
+
+    def steps(self, moved: Motion) -> Integers:
+        """Return in how many steps each interval (m,) is flown."""
+        v = moved.v.copy()
+        v[:, :3] -= np.einsum("nji,nj->ni", rotations(moved.q), moved.wind[:, 0])
+        airspeed = self.airspeed(moved.q, v)
+        at = int(np.argmax(airspeed))
+        if airspeed[at] > FASTEST:
+            raise LogError(
+                f"flight log: the wings meet air at {airspeed[at]:.0f} m/s at t = {moved.time[at]:g} s: metres, "
+                "seconds and a motion that is less noisy were expected"
+            )
+        longest = self.longest_step(np.maximum(airspeed[1:], airspeed[:-1]))
+        return np.asarray(np.maximum(np.ceil(np.diff(moved.time) / longest - 1e-9), 1), dtype=np.intp)
 
     def start(self, moved: Motion) -> Array:
         """Return the air's state at the first sample, warmed up."""
@@ -99,21 +102,23 @@ class _Believed:
         if rate == 0.0 or cycles == 0 or not self.air.state_size:
             return np.zeros(self.air.state_size)
         assert moved.crank is not None
-        duration = min(cycles * 2.0 * np.pi / rate, LONGEST_WARM_UP)
-        count = int(np.ceil(duration / LONGEST_STEP))
-        back = (np.arange(2 * count + 1) * 0.5 / count - 1.0) * duration
-        closed = self.robot.linkage.solve(moved.crank[0, 0] + moved.crank[1, 0] * back, moved.crank[1, 0])
         R = pin.Quaternion(moved.q[0, 3:7]).matrix()
-        twist = moved.v[0, :BASE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
+        body = moved.q[0, :7], moved.v[0, :BASE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
+        angle, turning = moved.crank[:2, 0]
+        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, TURN), turning))
+        duration = min(cycles * 2.0 * np.pi / rate, LONGEST_WARM_UP)
+        longest = np.min(self.longest_step(self.airspeed(*held(self.robot, *body, turn))))
+        count = int(np.ceil(duration / longest))
+        back = (np.arange(2 * count + 1) * 0.5 / count - 1.0) * duration
+        motion = joint_table(self.robot.linkage.solve(angle + turning * back, turning))
         state: Array = np.zeros(self.air.state_size)
-        kernel = self.places, self.constants.tree
-        warmed_up(self.robot, self.data, kernel, moved.q[0, :7], twist, joint_table(closed), duration / count, state)
+        warmed_up(self.robot, self.data, (self.places, self.constants.tree), *body, motion, duration / count, state)
         return state
 
-    def fly(self, moved: Motion, steps: Integers) -> tuple[Array, Array]:
-        """Fly along in `steps` (m,) steps an interval; return the means (m, nv) of aerodynamic force and added mass."""
+    def fly(self, moved: Motion) -> tuple[Array, Array]:
+        """Fly along; return the means (m, nv) of aerodynamic force and added mass over the intervals."""
         model, data, places, steady = self.model, self.data, self.places, self.air.steady
-        nle = pin.nonLinearEffects
+        nle, steps = pin.nonLinearEffects, self.steps(moved)
         q, v, a, wind = _half_steps(moved, self.robot, steps)
         stages, none = np.zeros((6, self.air.state_size)), np.zeros((4, 0))
         stages[4] = stages[5] = self.start(moved)
@@ -174,14 +179,14 @@ def _turned(start: Array, end: Array, share: Array) -> Array:
 def _linkage_between(crank: Array, robot: Aerobat, dt: Array, k: Integers, share: Array) -> Array:
     """Return angle, rate and acceleration (n, 3, 2) of shoulder and elbow at shares of the intervals k.
 
-    The crank follows the cubic through both ends' angles and rates.
+    The crank's angle follows the cubic through both ends' angles and rates. Its rate and acceleration change evenly:
+    those of the cubic make more of an angle's noise.
     """
     angle, rate, acceleration = crank
     length = dt[k]
     gap, a, b = angle[k + 1] - angle[k], rate[k] * length, rate[k + 1] * length
     second, third = 3.0 * gap - 2.0 * a - b, a + b - 2.0 * gap
     value = angle[k] + share * (a + share * (second + share * third))
-    slope = a + share * (2.0 * second + 3.0 * share * third)
-    slope = np.divide(slope, length, out=rate[k], where=length > 0.0)
+    slope = rate[k] + share * (rate[k + 1] - rate[k])
     bend = acceleration[k] + share * (acceleration[k + 1] - acceleration[k])
     return joint_table(robot.linkage.solve(value, slope, bend))

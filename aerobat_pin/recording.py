@@ -25,6 +25,7 @@ from aerobat_pin.player import Key, Zone, player_html
 from aerobat_pin.scene import FADED, HALO, Scene
 
 FRAMES_PER_SECOND = 120.0  # of the recorded time: 25 a flap at 4.75 Hz
+MOST_FRAMES = 7201  # a minute, 34 MB of a page; fewer a second would show another motion than there was
 FOLLOWED = 0.5  # [s]: what the camera follows of a free base is its way, smoothed by as much
 CAMERA = (0.7, -1.1, 0.55)  # from where it looks, in sizes of the robot
 BOUNDLESS = 1e3  # [m]: planes are larger
@@ -66,7 +67,8 @@ class Recording:
             of parts that no joint moves.
 
     Attributes:
-        index: (m,) rows of `time` and `q` that are keyframes, about 120 a second.
+        index: (m,) rows of `time` and `q` that are keyframes, about 120 a second; no more than a minute of them, and
+            then the page says so.
         size: of the robot, half its bounding box's diagonal; of a fixed one, of all that it reaches [m].
 
     Raises:
@@ -93,7 +95,7 @@ class Recording:
             raise ShapeError("q holds NaN or infinity")
         wanted = np.arange(self._time[0], self._time[-1], 1.0 / FRAMES_PER_SECOND)
         rows = np.append(np.searchsorted(self._time, wanted - 1e-9), len(self._time) - 1)
-        self.index = rows[np.unique(self._time[rows], return_index=True)[1]]
+        self.index = rows[np.unique(self._time[rows], return_index=True)[1]][:MOST_FRAMES]
         if len(self.index) < 2:
             raise ShapeError("time: it does not pass")
         self._data = model.createData()
@@ -148,7 +150,7 @@ class Recording:
         self._forces.append(_Forces(label, colour, inner, start, chosen))
 
     def add_zone(self, start: float, end: float, label: str, colour: str) -> None:
-        """Mark a stretch of time [s], in which something happens."""
+        """Mark a stretch of time [s], in which something happens; it ends at infinity where it goes on."""
         self._zones.append(Zone(start, end, label, colour))
 
     def add_sheet(self, label: str, colour: str, points: Array, colours: Array, drift: Array, lasting: float) -> None:
@@ -184,12 +186,10 @@ class Recording:
             scene.segments("world/path", steps[~(inside[1:] & inside[:-1])] if self._zones else steps, style.PATH)
             keys.append(Key("line", style.PATH, "path of the body"))
         for i, zone in enumerate(self._zones):
-            inside = (self.time >= zone.start) & (self.time <= zone.end)
-            if self._free and inside.sum() > 1:
-                scene.line(f"world/zone/{i}/way", self._way[inside], zone.colour)
-                for name, place in (("onset", self._way[inside][0]), ("end", self._way[inside][-1])):
-                    scene.ball(f"world/zone/{i}/{name}", place, 0.03 * self.size, zone.colour)
-            keys.append(Key("line", zone.colour, f"{zone.label}, {zone.start:g} s to {zone.end:g} s"))
+            if self._free:
+                self._mark(scene, f"world/zone/{i}", zone)
+            until = f"{zone.start:g} s to {zone.end:g} s" if np.isfinite(zone.end) else f"from {zone.start:g} s on"
+            keys.append(Key("line", zone.colour, f"{zone.label}, {until}"))
         scale = self.newtons_per_centimetre
         for kind in self._forces:
             for name, force in kind.force.items():
@@ -207,7 +207,10 @@ class Recording:
             keys.append(Key("bar", one.colour, one.label, FADED))
             sheet = (2 * (one.points.shape[1] - 1), one.lasting)
         commands = scene.commands(self.size * np.array(CAMERA))
-        return player_html(commands, self.title, keys, self._zones, self.time, rate, sheet)
+        whole, title = float(self._time[-1] - self._time[0]), self.title
+        if self.duration < whole:
+            title += f" (the first {self.duration:.3g} s of {whole:.3g} s)"
+        return player_html(commands, title, keys, self._zones, self.time, rate, sheet)
 
     def _place(self, move: Move | None) -> tuple[Array, Array, Array]:
         """Return placements (m, parts, 7) of the visible parts, and the box around them (m, 3), (m, 3)."""
@@ -237,6 +240,22 @@ class Recording:
         if window < 3:
             return self._way
         return np.asarray(savgol_filter(self._way, window, min(2, window - 1), axis=0))
+
+    def _mark(self, scene: Scene, node: str, zone: Zone) -> None:
+        """Draw a stretch of time on the way, with a ball where it begins and one where it ends, as far as is seen."""
+        first, last = np.clip([zone.start, zone.end], self.time[0], self.time[-1])
+        if first == last:
+            return
+        inside = self.time[(self.time > first) & (self.time < last)]
+        ends = {"onset": zone.start, "end": zone.end}
+        scene.line(f"{node}/way", self._at(np.concatenate([[first], inside, [last]])), zone.colour)
+        for name, time in ends.items():
+            if first <= time <= last:
+                scene.ball(f"{node}/{name}", self._at(np.array([time]))[0], 0.03 * self.size, zone.colour)
+
+    def _at(self, time: Array) -> Array:
+        """Return the way (k, 3) at times (k,), straight between the keyframes."""
+        return np.column_stack([np.interp(time, self.time, along) for along in self._way.T])
 
     def _ground(self, scene: Scene) -> float:
         """Draw a grid and return its spacing [m]."""

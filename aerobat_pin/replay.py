@@ -11,7 +11,7 @@ from aerobat_pin.aerodynamics.wake import Wake, wake_of
 from aerobat_pin.aerodynamics.wind import drift
 from aerobat_pin.arrays import Array
 from aerobat_pin.bars import place_bars, visual_model_with_bars
-from aerobat_pin.evaluation import true_force
+from aerobat_pin.evaluation import point_label, true_events, true_force
 from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.motion import motion
 from aerobat_pin.recording import Recording
@@ -63,9 +63,9 @@ def replay(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr.Datase
         points = [str(name) for name in log.truth["point"].values]
         pushed = {name: true_force(log, name)[0] for name in points}
         recording.add_forces("true force", style.TRUTH, pushed, inner=True)
-        if "step_zone" in log.truth.attrs:
-            start, end = (float(one) for one in log.truth.attrs["step_zone"])
-            recording.add_zone(start, end, "step of the force", style.STEP_ZONE)
+        for event in true_events(log):
+            where = ", ".join(point_label(frame) for frame in event.frames)
+            recording.add_zone(event.start, event.end, f"{event.name} at {where}", style.STEP_ZONE)
         if air.model == "lifting_line" and log.truth.sizes["strip"] == air.strips:
             _add_wake(recording, wake_of(_keyframes(log, recording.index), robot, air))
     return recording

@@ -109,14 +109,14 @@ def _flight(experiment: Experiment) -> list[tuple[str, str]]:
 
 
 def _forces(observers: Mapping[str, Any]) -> str:
-    head = ("observer", "wing", "axis", "R2", "R2 noise-free", "error rms", "lag")
+    head = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag")
     rows = []
     for name, scores in observers.items():
-        for wing in (key for key, value in scores.items() if isinstance(value, dict) and "Fx" in value):
-            for axis, one in scores[wing].items():
+        for point in (key for key, value in scores.items() if isinstance(value, dict) and "Fx" in value):
+            for axis, one in scores[point].items():
                 numbers = [_number(one[key], "{:.5f}", "no signal") for key in ("r2", "r2_noise_free")]
                 lag = _number(one["lag_s"] and 1e3 * one["lag_s"], "{:.2f} ms", "-")
-                rows.append((name, wing, axis, *numbers, f"{1e3 * one['rmse']:.2f} mN", lag))
+                rows.append((name, point, axis, *numbers, f"{1e3 * one['rmse']:.2f} mN", lag))
     return _grid(head, rows, text=3) + (
         '<p class="soft">R2 against the true force with its noise, and against its noise-free part. The lag is the '
         "delay of the noise-free force that fits the estimate best.</p>"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import estimate_log
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, parse_scenario
@@ -50,9 +51,14 @@ def self_check(robot: Aerobat, belief: Scenario) -> list[Check]:
 
     Args:
         robot: the believed robot.
-        belief: whose robot, air and observers are checked, with all joint torques known.
+        belief: whose robot, air, gravity and observers are checked, with all joint torques known.
+
+    Raises:
+        ScenarioError: the robot weighs nothing.
     """
-    size = SHARE * robot.mass * 9.81
+    size = SHARE * robot.mass * belief.flight.gravity
+    if size == 0.0:
+        raise ScenarioError("flight.gravity = 0: the self-check pushes with a share of the weight; some was expected")
     duration = round(max(SHORTEST, RISES / belief.observers.gain), 3)
     checks = []
     for frame in belief.observers.frames:

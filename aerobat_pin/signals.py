@@ -9,6 +9,7 @@ integrator every other signal acts with its mean there, so that no impulse falls
 from __future__ import annotations
 
 import csv
+import math
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -39,8 +40,8 @@ class UnknownForce(Section):
         return 0.0
 
     @property
-    def zone(self) -> tuple[float, float] | None:
-        """From when to when something special happens [s], for a person to look at."""
+    def event(self) -> tuple[str, float, float] | None:
+        """What comes and goes, to be looked at: its name, from when and until when [s], infinity where it stays."""
         return None
 
     def impulse_until(self, time: Array) -> Array:
@@ -86,9 +87,9 @@ class PaperForce(UnknownForce):
         return self.amplitude
 
     @property
-    def zone(self) -> tuple[float, float] | None:
+    def event(self) -> tuple[str, float, float] | None:
         """The step."""
-        return (self.step_start, self.step_end) if self.step != 0.0 else None
+        return ("step", self.step_start, self.step_end) if self.step != 0.0 else None
 
     def impulse_until(self, time: Array) -> Array:
         """Integrate the step, which is held over ticks."""
@@ -107,9 +108,9 @@ class StepForce(UnknownForce):
     end: Number | None = Field(None, description="off from here [s]; never, when left out")
 
     @property
-    def zone(self) -> tuple[float, float] | None:
-        """The step, where it ends."""
-        return None if self.end is None else (self.start, self.end)
+    def event(self) -> tuple[str, float, float] | None:
+        """The step."""
+        return "step", self.start, self._off
 
     @model_validator(mode="after")
     def _ends_after_start(self) -> StepForce:
@@ -119,7 +120,11 @@ class StepForce(UnknownForce):
 
     def impulse_until(self, time: Array) -> Array:
         """Height times how long it is on."""
-        return np.asarray(self.height * np.clip(time, self.start, np.inf if self.end is None else self.end))
+        return np.asarray(self.height * np.clip(time, self.start, self._off))
+
+    @property
+    def _off(self) -> float:
+        return math.inf if self.end is None else self.end
 
 
 class ImpulseForce(UnknownForce):
@@ -132,9 +137,9 @@ class ImpulseForce(UnknownForce):
     shape: Literal["half_sine", "boxcar"] = Field("half_sine", description="how the force rises and falls, or is held")
 
     @property
-    def zone(self) -> tuple[float, float] | None:
+    def event(self) -> tuple[str, float, float] | None:
         """The push."""
-        return self.start, self.start + self.duration
+        return "impulse", self.start, self.start + self.duration
 
     def impulse_until(self, time: Array) -> Array:
         """The share of the push that is over."""
@@ -165,9 +170,9 @@ class OneCosineForce(UnknownForce):
     duration: Positive = Field(0.5, description="of the push [s]")
 
     @property
-    def zone(self) -> tuple[float, float] | None:
+    def event(self) -> tuple[str, float, float] | None:
         """The push."""
-        return self.start, self.start + self.duration
+        return "push", self.start, self.start + self.duration
 
     def impulse_until(self, time: Array) -> Array:
         """Integrate amplitude (1 - cos(2 pi share)) / 2."""

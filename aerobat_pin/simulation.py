@@ -142,9 +142,12 @@ def _flight_log(plant: Plant, time: Array, flown: Flown) -> FlightLog:
     )
     if flown.air.size:
         truth["air_state"] = channel(flown.air, ("time", "air_axis"), "m, m, m2/s", "zeta_1, zeta_2, circulation")
-    zones = [force.signal.zone for force in plant.forces if force.signal.zone is not None]
-    if zones:
-        truth.attrs["step_zone"] = list(zones[0])
+    events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
+    if events:
+        points, names, starts, ends = zip(*events, strict=True)
+        truth = truth.assign_coords(event=list(names), event_point=("event", list(points)))
+        truth["event_start"] = channel(starts, ("event",), "s", "when an unknown force comes")
+        truth["event_end"] = channel(ends, ("event",), "s", "when it goes; infinity where it stays")
     return FlightLog(measured, truth)
 
 

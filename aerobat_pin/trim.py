@@ -1,9 +1,10 @@
 """Trim: the flapping frequency, wing offset and start from which a symmetric flight repeats itself every flap.
 
-A periodic orbit of the whole plant, air included. Given the horizontal speed at the start of a flap, find frequency,
-`wing.offset_x`, pitch, vertical speed, pitch rate and the air's state such that one flap later speed, vertical speed,
-pitch, pitch rate, height and the air are what they were. Noise and steps of unknown forces are left out, their smooth
-part stays. The Floquet multipliers of the orbit tell how a small disturbance grows per flap.
+A periodic orbit of the whole plant, air included. Given the horizontal velocity over ground at the start of a flap,
+find frequency, `wing.offset_x`, pitch, vertical speed, pitch rate and the air's state such that one flap later speed,
+vertical speed, pitch, pitch rate, height and the air are what they were. The nose points where the robot flies, and the
+wind blows as it does. What passes is left out: gusts, and all of the unknown forces but what follows the elbow. The
+Floquet multipliers of the orbit tell how a small disturbance grows per flap.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
     """Find the periodic flight nearest to a scenario's start.
 
     Args:
-        scenario: robot, horizontal velocity, and first guesses of frequency, offset, pitch, vertical speed, pitch rate.
+        scenario: robot, wind, horizontal velocity over ground, and first guesses of frequency, offset, pitch, vertical
+            speed, pitch rate.
         progress: called with the residual after each evaluation of the orbit.
 
     Raises:
@@ -96,7 +98,7 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
     if not residual < CONVERGED:
         raise TrimError(
             f"no periodic flight found near {body[0]:.2f} Hz and offset {1e3 * guess:.0f} mm at "
-            f"{_speed(scenario):g} m/s: one flap misses its start by {residual:.2g}; "
+            f"{math.hypot(*flight.velocity[:2]):g} m/s: one flap misses its start by {residual:.2g}; "
             "try another frequency, offset or pitch"
         )
     plant, start = _plant(scenario, solved.x)
@@ -104,55 +106,48 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
     lopsided = max(abs(end.twist[i] - start.twist[i]) for i in (1, 3, 5))
     if not lopsided < 1e-6:
         raise TrimError(
-            "only a symmetric flight can be trimmed: the forces of this scenario push it sideways or turn it, "
+            "only a symmetric flight can be trimmed: forces or wind of this scenario push it sideways or turn it, "
             f"{lopsided:.2g} m/s or rad/s in one flap"
         )
-    found = _headed(plant.scenario, scenario)
+    found = _trimmed(scenario, solved.x)
     return Trim(found, residual, _multipliers(plant, start, end), 1.0 / found.crank.frequency)
 
 
-def _speed(scenario: Scenario) -> float:
-    """Return the horizontal speed at the start [m/s]."""
-    return math.hypot(*scenario.flight.velocity[:2])
+def _heading(scenario: Scenario) -> float:
+    """Return where the robot flies, from x toward y [rad]."""
+    return math.atan2(scenario.flight.velocity[1], scenario.flight.velocity[0])
 
 
-def _headed(found: Scenario, wanted: Scenario) -> Scenario:
-    """Turn a flight along x to the heading of another one's velocity, nose first; world-axes forces do not turn."""
-    heading = math.atan2(wanted.flight.velocity[1], wanted.flight.velocity[0])
-    speed, rise = _speed(found), found.flight.velocity[2]
-    flight = {
-        "velocity": (speed * math.cos(heading), speed * math.sin(heading), rise),
-        "yaw_deg": math.degrees(heading),
-    }
-    turned = found.flight.model_copy(update=flight)
-    return found.model_copy(update={"name": f"{found.name}_trimmed", "flight": turned})
-
-
-def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
-    """Build the plant and the start of its flap from scaled unknowns."""
+def _trimmed(scenario: Scenario, unknowns: Array) -> Scenario:
+    """Return the scenario with scaled unknowns put in, nose first."""
     frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * SCALE)
     if frequency <= 0.0:
         raise TrimError(f"crank.frequency = {frequency}: the search left the flapping flights")
     flight = scenario.flight.model_copy(
         update={
-            "velocity": (_speed(scenario), 0.0, rise),
+            "velocity": (*scenario.flight.velocity[:2], rise),
             "roll_deg": 0.0,
-            "yaw_deg": 0.0,
+            "yaw_deg": math.degrees(_heading(scenario)),
             "angular_velocity": (0.0, pitch_rate, 0.0),
             "pitch_deg": float(np.degrees(pitch)),
         }
     )
     changes = {**scenario.robot.changes, "wing": {**scenario.robot.changes.get("wing", {}), "offset_x": offset}}
-    trimmed = scenario.model_copy(
+    return scenario.model_copy(
         update={
+            "name": f"{scenario.name}_trimmed",
             "flight": flight,
             "crank": scenario.crank.model_copy(update={"frequency": frequency}),
             "robot": scenario.robot.model_copy(update={"changes": changes}),
         }
     )
-    still = trimmed.model_copy(update={"air": scenario.air.model_copy(update={"warm_up_cycles": 0})})
-    plant = Plant(load_robot(still), still)
-    plant.scenario = trimmed
+
+
+def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
+    """Build the plant and the start of its flap from scaled unknowns."""
+    steady = scenario.air.model_copy(update={"warm_up_cycles": 0, "gust": None})
+    flown = _trimmed(scenario, unknowns).model_copy(update={"air": steady})
+    plant = Plant(load_robot(flown), flown)
     return plant, State(plant.start.placement, plant.start.twist, unknowns[BODY:] * AIR_SCALE)
 
 
@@ -168,10 +163,11 @@ def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
     """Return by how much one flap misses its start: speed, vertical speed, pitch, pitch rate, height, air."""
     plant, start = _plant(scenario, unknowns)
     end = _flap(plant, start)
+    heading = np.array([math.cos(_heading(scenario)), math.sin(_heading(scenario)), 0.0])
     velocity = [pin.Quaternion(state.placement[3:]).matrix() @ state.twist[:3] for state in (start, end)]
     turned = pin.XYZQUATToSE3(start.placement).actInv(pin.XYZQUATToSE3(end.placement))
     body = [
-        velocity[1][0] - velocity[0][0],
+        heading @ (velocity[1] - velocity[0]),
         velocity[1][2] - velocity[0][2],
         pin.log3(turned.rotation)[1],
         end.twist[4] - start.twist[4],

@@ -36,16 +36,25 @@ def warmed_up(
         dt: step [s].
         state: (3N,) of the air; changed.
     """
-    table = np.empty((len(motion), len(LINKS), 6))
-    held = np.ones((len(motion), 1))
-    q = robot.configuration(held * placement, motion[:, 0, 0], motion[:, 0, 1])
-    v = robot.velocity(held * twist, motion[:, 1, 0], motion[:, 1, 1])
-    twists, (places, tree) = motions(data.v), kernel
-    order, model, forward = tree.table[:, 0], robot.model, pin.forwardKinematics
-    for i, (one_q, one_v) in enumerate(zip(list(q), list(v), strict=True)):
+    places, tree = kernel
+    warm_up(places, None, link_twists(robot.model, data, tree, *held(robot, placement, twist, motion)), dt, state)
+
+
+def held(robot: Aerobat, placement: Array, twist: Array, motion: Array) -> tuple[Array, Array]:
+    """Return q and v of a body that is held, placement (7,) and twist (6,), while joints (n, 3, 2) move."""
+    still = np.ones((len(motion), 1))
+    q = robot.configuration(still * placement, motion[:, 0, 0], motion[:, 0, 1])
+    return q, robot.velocity(still * twist, motion[:, 1, 0], motion[:, 1, 1])
+
+
+def link_twists(model: pin.Model, data: pin.Data, tree: Tree, q: Array, v: Array) -> Array:
+    """Return the twists of the links (n, 5, 6), at and in their own frames, along q (n, nq) and v (n, nv)."""
+    table = np.empty((len(q), len(LINKS), 6))
+    twists, order, forward = motions(data.v), tree.table[:, 0], pin.forwardKinematics
+    for one, one_q, one_v in zip(table, list(q), list(v), strict=True):
         forward(model, data, one_q, one_v)
-        table[i] = twists[order]
-    warm_up(places, None, table, dt, state)
+        one[:] = twists[order]
+    return table
 
 
 def joint_table(closure: Closure) -> Array:

@@ -10,19 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from commands import call
 
 from aerobat_pin import cli
 from aerobat_pin.flight_log import FlightLog
 
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return int(stop.value.code or 0)
 
 
 def test_a_run_writes_what_it_promises(

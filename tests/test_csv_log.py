@@ -51,7 +51,7 @@ def test_every_column_has_a_unit_and_can_be_read(tmp_path: Path) -> None:
     rows = np.column_stack([values.get(name, 0.1 * t) for name in names]).tolist()
     file = write(tmp_path / "all.csv", [f"{name} [{UNITS[name]}]" for name in names], rows)
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
-    channels = {"pose", "twist", "joint_angle", "joint_rate", "wind_W", "airspeed", "crank_angle"}
+    channels = {"pose", "twist", "joint_angle", "joint_rate", "wind_W", "airspeed", "crank_angle", "crank_rate"}
     channels |= {"crank_torque", "joint_torque", "known_thrusters"}
     assert set(read_csv(file).measured.data_vars) == channels
 
@@ -82,6 +82,7 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
         (HEADER, changed(2, 7, 0.5), r"row 3: the quaternion has length 0\.5: 1 was expected"),
         (HEADER, [*table(), [1.0, 2.0]], r"row 21: 2 values: 10 were expected"),
         (HEADER[:8], [row[:8] for row in table()], "neither crank_angle nor the joints"),
+        ([*HEADER[:8], *JOINTS, "crank_rate"], [[*row[:8], *[0.1] * 5] for row in table()], "without crank_angle"),
         (HEADER[1:], [row[1:] for row in table()], "no column named time"),
         ([*HEADER, "wx"], [[*row, 0.0] for row in table()], "wx without vx, vy, vz, wy, wz: all of them or none"),
         (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], "crank_angle turns at .* Hz: radians"),

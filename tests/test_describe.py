@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
 from typing import get_args
 
 import pytest
+from commands import call
 
-from aerobat_pin import cli
 from aerobat_pin.describe import WIDTH, describe_scenario, kind_of, unit_and_meaning
 from aerobat_pin.scenario import Scenario, load_scenario, sections_of
 from aerobat_pin.sections import Section
@@ -45,10 +44,7 @@ def test_the_text_names_every_key_of_every_section_under_its_table(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Printed by the command line, no line longer than the terminal."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", "describe", "scenario"])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert not stop.value.code
+    assert call(monkeypatch, "describe", "scenario") == 0
     text = capsys.readouterr().out
     assert text == describe_scenario()
     assert max(map(len, text.splitlines())) <= WIDTH

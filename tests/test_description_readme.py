@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import runpy
 import subprocess
 import sys
 import tomllib
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+import frames
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -150,7 +150,7 @@ def test_the_reference_configurations_are_named() -> None:
 
 def test_the_picture_shows_every_kind_of_frame() -> None:
     """Drawn anew from the model: the names of all links of weight and the left side's frames; committed small."""
-    page = runpy.run_path(str(PACKAGE.parent / "docs" / "frames.py"))["figure"]()
+    page = frames.figure()
     labels = {text.get_text().split("\n")[0] for axes in page.axes for text in axes.texts}
     model = load_aerobat().model
     bodies = {frame.name for frame in model.frames if frame.name.startswith(("base_link", "left_", "right_"))}

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import call
 
-from aerobat_pin import cli
 from aerobat_pin.csv_log import UNITS
 from aerobat_pin.estimation import belief_about
 from aerobat_pin.observers import OBSERVERS
@@ -81,11 +80,9 @@ def test_the_page_on_recorded_flights_does_what_it_says(
     monkeypatch.chdir(tmp_path)
     exec(compile(re.findall(r"```python\n(.*?)```", RECORDED, re.DOTALL)[0], "docs/recorded.md", "exec"), {})
     command = shlex.split(re.findall(r"```sh\n(.*?)```", RECORDED, re.DOTALL)[0].replace("\\\n", " "))
-    monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
+    code = call(monkeypatch, *command[1:])
     printed = capsys.readouterr().out
-    assert not stop.value.code, printed
+    assert code == 0, printed
     assert "self-check: sign, frame and unit are right" in printed
     assert "aerodynamic    reconstructed" in printed
     assert (tmp_path / "runs" / "hall-estimate" / "estimate.csv").exists()

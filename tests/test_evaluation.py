@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
 
-from aerobat_pin.evaluation import euler_angles, lag, r_squared, world_velocity
+from aerobat_pin.evaluation import TrueEvent, euler_angles, lag, r_squared, true_events, world_velocity
+from aerobat_pin.flight_log import FlightLog
+from aerobat_pin.scenario import load_scenario, parse_scenario
+from aerobat_pin.simulation import simulate
 
 
 def test_r_squared_is_one_for_the_truth_and_zero_for_its_mean() -> None:
@@ -65,3 +71,26 @@ def test_the_lag_compares_the_estimate_with_the_truth_rolled_sample_by_sample() 
     before, here, after = errors[5:8]
     assert int(np.argmin(errors)) == 6
     assert lag(estimate, truth, dt) == (5 + 0.5 * (before - after) / (before - 2.0 * here + after)) * dt
+
+
+def test_a_log_knows_everything_that_comes_and_goes(tmp_path: Path) -> None:
+    """Several forces, in order of time, through the file; two wings struck at once are one event, a sine is none."""
+    left, right, body = "left_force_point", "right_force_point", "base_link"
+    values = load_scenario("paper", ["simulation.duration=0.02"]).model_dump(exclude_none=True)
+    values["unknown_force"] = [
+        {"frame": body, "signal": "step", "start": 0.01},
+        {"frame": left, "signal": "impulse", "start": 0.004, "duration": 0.002},
+        {"frame": right, "signal": "impulse", "start": 0.004, "duration": 0.002},
+        {"frame": left, "signal": "one_cosine", "start": 0.5, "duration": 0.25},
+        {"frame": right, "signal": "sine"},
+    ]
+    simulate(parse_scenario(values, "several")).save(tmp_path / "flight.nc")
+    log = FlightLog.load(tmp_path / "flight.nc")
+    assert true_events(log) == [
+        TrueEvent("impulse", (left, right), 0.004, 0.006),
+        TrueEvent("step", (body,), 0.01, math.inf),
+        TrueEvent("push", (left,), 0.5, 0.75),
+    ]
+    assert true_events(FlightLog(log.measured)) == []
+    values["unknown_force"] = values["unknown_force"][-1:]
+    assert true_events(simulate(parse_scenario(values, "none"))) == []

@@ -105,6 +105,24 @@ def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
     assert "offset_x" in scenario_toml(found.scenario)
 
 
+def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
+    """Galilei: along y at 4 m/s into 1 m/s of wind is along x at 5 m/s in still air; a gust passes and changes nothing.
+
+    Nose first across the wind is no symmetric flight.
+    """
+    into = ["flight.velocity=[0.0, 4.0, 0.0]", "air.wind=[0.0, -1.0, 0.0]"]
+    gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.0, duration = 0.1}"
+    still, found = load_scenario("paper_open_loop"), trim(load_scenario("paper_open_loop", [*into, gust])).scenario
+    assert found.crank.frequency == pytest.approx(still.crank.frequency, rel=1e-6)
+    assert found.robot.changes["wing"]["offset_x"] == pytest.approx(still.robot.changes["wing"]["offset_x"], rel=1e-5)
+    assert found.flight.pitch_deg == pytest.approx(still.flight.pitch_deg, rel=1e-6)
+    assert found.flight.velocity == pytest.approx((0.0, 4.0, still.flight.velocity[2]), rel=1e-6)
+    assert found.flight.yaw_deg == 90.0
+    assert found.air.gust is not None
+    with pytest.raises(TrimError, match="forces or wind of this scenario push it sideways"):
+        trim(load_scenario("paper_open_loop", ["air.wind=[0.0, -1.0, 0.0]"]))
+
+
 def test_a_trim_that_cannot_be_found_says_so() -> None:
     """A crank that stands still has no flap; and at a meter a second nothing carries the robot."""
     with pytest.raises(TrimError, match="only a flapping flight"):

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import itertools
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import aerobat, call
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
 from matplotlib.text import Annotation
 
-from aerobat_pin import cli, linkage_sheet, style
+from aerobat_pin import linkage_sheet, style
 from aerobat_pin.linkage import KineticSculpture
 
 LINKAGE = KineticSculpture()
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run `aerobat linkage` in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", "linkage", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return int(stop.value.code or 0)
 
 
 def test_every_pin_bar_and_joint_angle_is_named_and_no_name_lies_on_another() -> None:
@@ -85,21 +76,21 @@ def test_the_command_draws_and_prints(
 ) -> None:
     """Into runs/linkage, into a folder, or into one file of the kind its name ends with."""
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch) == 0
+    assert call(monkeypatch, "linkage") == 0
     printed = capsys.readouterr().out
     assert "shoulder theta_s" in printed
     assert "transmission at J10" in printed
     assert "drawn to runs/linkage/aerobat.png, runs/linkage/aerobat.pdf" in printed
     assert imread(tmp_path / "runs" / "linkage" / "aerobat.png").shape[1] >= 1000
     (tmp_path / "mine").mkdir()
-    assert call(monkeypatch, "aerobat_light", "--out", "mine") == 0
-    assert call(monkeypatch, "--out", "mine/one.svg") == 0
-    assert call(monkeypatch, "--out", "mine/two.PDF") == 0
+    assert call(monkeypatch, "linkage", "aerobat_light", "--out", "mine") == 0
+    assert call(monkeypatch, "linkage", "--out", "mine/one.svg") == 0
+    assert call(monkeypatch, "linkage", "--out", "mine/two.PDF") == 0
     names = ["aerobat_light.pdf", "aerobat_light.png", "one.svg", "two.PDF"]
     assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == names
     assert (tmp_path / "mine" / "two.PDF").read_bytes().startswith(b"%PDF")
     before = (tmp_path / "mine" / "one.svg").read_bytes()
-    assert call(monkeypatch, "--out", "mine/one.svg", "--force") == 0
+    assert call(monkeypatch, "linkage", "--out", "mine/one.svg", "--force") == 0
     assert (tmp_path / "mine" / "one.svg").read_bytes() == before
 
 
@@ -129,7 +120,7 @@ def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
         (tmp_path / name).write_text("mine")
     (tmp_path / "stuck.toml").write_text('extends = "aerobat"\nname = "stuck"\n[linkage]\nL3b = 4e-3\n')
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert call(monkeypatch, *arguments) == 2
+    assert call(monkeypatch, "linkage", *arguments) == 2
     printed = capsys.readouterr()
     assert message in printed.err
     assert printed.out == ""
@@ -139,9 +130,7 @@ def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
 def test_the_command_line_warns_in_a_line_of_a_nearly_singular_linkage(tmp_path: Path) -> None:
     """Once, on standard error, without the place in our code; the picture is drawn all the same."""
     (tmp_path / "tight.toml").write_text('extends = "aerobat"\nname = "tight"\n[linkage]\nL5a = 9e-3\n')
-    command = [sys.executable, "-m", "aerobat_pin.cli", "linkage", "tight.toml", "--out", "tight.png"]
-    root = str(Path(cli.__file__).parent.parent)
-    done = subprocess.run(command, cwd=tmp_path, env={"PYTHONPATH": root}, capture_output=True, text=True, check=False)
+    done = aerobat("linkage", "tight.toml", "--out", "tight.png", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stderr.splitlines() if "nearly singular" in line]
     assert len(lines) == 1

@@ -15,7 +15,7 @@ from matplotlib.image import imread
 
 from aerobat_pin.evaluation import true_force
 from aerobat_pin.experiment import Experiment, run, write
-from aerobat_pin.figures import draw_all
+from aerobat_pin.figures import draw_all, estimation
 from aerobat_pin.gallery import draw
 from aerobat_pin.report import report_html
 from aerobat_pin.scenario import load_scenario
@@ -47,6 +47,15 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
     np.testing.assert_array_equal(right_fz.lines[1].get_ydata(), paper.estimates["momentum"].force[:, 1, 2])
     for name in ("position", "states", "stick_diagram", "estimation"):
         assert "79 % thruster-borne" in drawn[name].get_suptitle()
+    assert "Unknown force at each wing" in drawn["estimation"].get_suptitle()
+
+
+def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
+    """The title of the figure follows the frames at which the observers look."""
+    guard = run(load_scenario("guard", ["simulation.duration=0.1"]))
+    figure = estimation(guard.log, guard.estimates)
+    assert "Unknown force at each point" in figure.get_suptitle()
+    assert figure.axes[0].get_title() == "thruster_1"
 
 
 def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Path, tmp_path: Path) -> None:

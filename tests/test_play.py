@@ -17,25 +17,20 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import at, needs_browser, node, opened, ready
+from commands import call
 from matplotlib.image import imread
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
-from aerobat_pin import cli
+from aerobat_pin.csv_log import write_csv
 from aerobat_pin.errors import BrowserError, FrameNotFoundError, LogError
+from aerobat_pin.experiment import Experiment
+from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.motion_table import recording_of
 from aerobat_pin.snapshots import snapshots
 
 ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin xyz="0 0 0.5"/><geometry>
 <box size="0.1 0.1 1"/></geometry></visual></link><joint name="hinge" type="revolute"><parent link="base"/>
 <child link="bar"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run `aerobat play` in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", "play", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return int(stop.value.code or 0)
 
 
 def of_session(leader: int) -> list[str]:
@@ -100,15 +95,27 @@ def test_a_run_and_its_log_alone_become_pages(
 ) -> None:
     """The run's page is the run's own replay but for random names; a log is estimated on the way."""
     run, log = tmp_path / "run.html", tmp_path / "log.html"
-    assert call(monkeypatch, str(paper_folder), "--html", str(run)) == 0
+    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run)) == 0
     assert f"written to {run}" in capsys.readouterr().out
     assert len(run.read_text()) == pytest.approx(len((paper_folder / "replay.html").read_text()), rel=1e-3)
-    assert call(monkeypatch, str(paper_folder / "flight.nc"), "--html", str(log)) == 0
+    assert call(monkeypatch, "play", str(paper_folder / "flight.nc"), "--html", str(log)) == 0
     assert "recorded flight of 2 s" in log.read_text()
     assert "estimated force (momentum)" in log.read_text()
-    assert call(monkeypatch, str(paper_folder), "--html", str(run)) == 2
+    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run)) == 2
     assert "--force overwrites it" in capsys.readouterr().err
-    assert call(monkeypatch, str(paper_folder), "--html", str(run), "--force") == 0
+    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run), "--force") == 0
+
+
+def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_it(
+    paper: Experiment, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A table notes no robot: `--morphology` says it, as for `aerobat estimate`, else it is the default one."""
+    short = paper.log.measured.isel(time=slice(201), interval=slice(200))
+    write_csv(FlightLog(short), tmp_path / "log.csv")
+    for words, name in (([], "aerobat"), (["--morphology", "aerobat_guard"], "aerobat_guard")):
+        page = tmp_path / f"{name}.html"
+        assert call(monkeypatch, "play", str(tmp_path / "log.csv"), "--html", str(page), *words) == 0
+        assert f"believed robot {name}</title>" in page.read_text()
 
 
 @pytest.mark.parametrize(
@@ -121,6 +128,8 @@ def test_a_run_and_its_log_alone_become_pages(
         (["--from-csv", "a.csv", "--urdf", "b.urdf"], "cannot be read as CSV"),
         (["nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["nowhere.nc", "--rate", "0"], "--rate"),
+        (["nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
+        ([".", "--morphology", "aerobat_guard"], "--morphology says which robot is believed to have flown a log"),
     ],
 )
 def test_a_mistake_costs_one_message(
@@ -132,7 +141,7 @@ def test_a_mistake_costs_one_message(
 ) -> None:
     """Exit code 2, what is wrong, and no file."""
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, *arguments) == 2
+    assert call(monkeypatch, "play", *arguments) == 2
     error = capsys.readouterr().err
     assert message in error
     assert "Traceback" not in error
@@ -146,13 +155,13 @@ def test_pictures_are_taken_at_the_rate_asked_for(
     """Two seconds at ten times their speed are six pictures at 30 a second; old ones do not stay; no controls."""
     out = tmp_path / "frames"
     arguments = [str(paper_folder), "--frames", str(out), "--rate", "10"]
-    assert call(monkeypatch, *arguments) == 0
+    assert call(monkeypatch, "play", *arguments) == 0
     assert "6 pictures, 30 a second" in capsys.readouterr().out
-    assert call(monkeypatch, *arguments) == 2
+    assert call(monkeypatch, "play", *arguments) == 2
     assert "is not empty" in capsys.readouterr().err
     (out / "frame_00099.png").write_text("of an earlier run")
     (out / "notes.txt").write_text("mine")
-    assert call(monkeypatch, *arguments, "--force") == 0
+    assert call(monkeypatch, "play", *arguments, "--force") == 0
     names = [f"frame_{k:05d}.png" for k in range(6)]
     assert sorted(path.name for path in out.iterdir()) == [*names, "notes.txt"]
     images = [imread(out / name)[..., :3] for name in names]
@@ -205,7 +214,7 @@ def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     rows = np.column_stack([clock, angle, 10.0 + still, still, still])
     fixed, out = table(tmp_path, header, rows), tmp_path / "arm.html"
     urdf = str(tmp_path / "arm.urdf")
-    assert call(monkeypatch, "--from-csv", str(fixed), "--urdf", urdf, "--html", str(out)) == 0
+    assert call(monkeypatch, "play", "--from-csv", str(fixed), "--urdf", urdf, "--html", str(out)) == 0
     with opened(browser, out.as_uri()) as page:
         ready(page)
         assert page.evaluate("viewer.animator.mixer.timeScale") == 1.0

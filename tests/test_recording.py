@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from browser import at, needs_browser, node, opened, pixels, ready
 
+from aerobat_pin import recording as recording_module
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
 from aerobat_pin.recording import Recording, record
 
@@ -89,6 +90,33 @@ def test_any_model_is_shown_where_it_is_with_its_force(robot: Any, browser: Any,
             assert np.all(np.abs(seen.mean(axis=0) / image.shape[:2] - 0.5) < 0.25)
 
 
+@needs_browser
+def test_every_stretch_is_marked_however_short_and_whether_it_ends(browser: Any, tmp_path: Path) -> None:
+    """Balls where the body is at onset and end, also between two keyframes; none where nothing ends or is not seen."""
+    model, parts, q = humanoid()
+    recording = record(model, parts, TIME, q)
+    stretches = {"blow": (0.201, 0.203), "step": (0.4, 0.6), "calm": (0.8, np.inf), "later": (2.0, 3.0)}
+    for label, (start, end) in stretches.items():
+        recording.add_zone(start, end, label, "#CC79A7")
+    (tmp_path / "page.html").write_text(recording.html())
+    with opened(browser, (tmp_path / "page.html").as_uri()) as page:
+        ready(page)
+        legend = page.inner_text("#legend")
+        for text in ("blow, 0.201 s to 0.203 s", "step, 0.4 s to 0.6 s", "calm, from 0.8 s on"):
+            assert text in legend
+        for i, (start, end) in enumerate(stretches.values()):
+            for name, time in (("onset", start), ("end", end)):
+                there = f"'{name}' in (viewer.scene_tree.find(['meshcat', 'world', 'zone', '{i}']).children)"
+                assert page.evaluate(there) == (time <= 1.0)
+                if time <= 1.0:
+                    height = node(page, "zone", str(i), name)["position"][2]
+                    assert height == pytest.approx(-5.0 * time**2, abs=1e-3)  # it falls 5 t^2
+        bar, *marks = (one.bounding_box() for one in page.locator("#zones, #zones b").all())
+        for mark, (start, end) in zip(marks[:3], stretches.values(), strict=False):
+            assert mark["x"] - bar["x"] == pytest.approx(start * bar["width"], abs=1.0)
+            assert mark["width"] == pytest.approx(max((min(end, 1.0) - start) * bar["width"], 3.0), abs=1.0)
+
+
 def test_the_arrows_scale_is_a_round_number() -> None:
     """1, 2 or 5 times a power of ten newtons a centimetre; the largest arrow is about half a robot long."""
     model, parts, q = manipulator()
@@ -110,6 +138,17 @@ def test_keyframes_are_no_denser_than_needed() -> None:
         assert (recording.time[0], recording.time[-1]) == (2.0, 5.0)
     repeated = Recording(model, parts, [0.0, 0.0, 0.5, 0.5, 1.0, 1.0], np.zeros((6, model.nq)))
     assert repeated.time.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_a_page_that_would_be_too_large_ends_early_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of a dense record; here a second, of three. A whole one says nothing of the kind."""
+    model, parts, _ = manipulator()
+    monkeypatch.setattr(recording_module, "MOST_FRAMES", 121)
+    for end, said in ((3.0, "arm (the first 1 s of 3 s)"), (1.0, "arm")):
+        time = np.linspace(0.0, end, round(1200 * end) + 1)
+        recording = Recording(model, parts, time, np.zeros((len(time), model.nq)), title="arm")
+        assert recording.duration == pytest.approx(1.0)
+        assert f"<title>{said}</title>" in recording.html()
 
 
 def test_nobody_elses_model_is_changed() -> None:

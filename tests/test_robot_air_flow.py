@@ -31,6 +31,13 @@ def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:
     assert mirrored.lead == pytest.approx(-strips.lead, rel=1e-12)
 
 
+def test_the_airspeeds_of_many_instants_are_those_of_each() -> None:
+    """Against the loads of one instant after the other."""
+    twists = np.random.default_rng(14).normal(size=(7, 5, 6))
+    single = [AIR.evaluate(one, np.zeros(AIR.state_size))[2].airspeed for one in twists]
+    np.testing.assert_allclose(AIR.airspeed(twists), single, rtol=1e-12)
+
+
 @pytest.mark.parametrize("options", [{}, {"lift_limit": 1.5}, {"model": "quasi_steady"}])
 def test_no_load_jumps_as_the_flow_turns_all_the_way_round(options: dict[str, Any]) -> None:
     """Loads at 20,000 incidences around the circle: a step of 0.3 mrad changes none by more than it changes elsewhere.

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -14,17 +12,12 @@ import mujoco
 import pinocchio as pin
 import pytest
 import yourdfpy
+from commands import aerobat
 
 from aerobat_description import URDF_PATH
 from aerobat_pin.robot import load_aerobat
 
 MINE = 'extends = "aerobat_guard"\nname = "mine"\n[scale]\nspan = 1.1\n[body]\nmass = 0.09\n'
-
-
-def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the command line in a process of its own."""
-    command = [sys.executable, "-m", "aerobat_pin.cli", *words]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture

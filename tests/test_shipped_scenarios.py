@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import call
 
-from aerobat_pin import cli
 from aerobat_pin.csv_log import read_csv, write_csv
 from aerobat_pin.estimation import belief_about, estimate_log
 from aerobat_pin.evaluation import point_label, r_squared, true_force
@@ -37,9 +36,7 @@ def test_every_scenario_is_listed_with_a_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`aerobat list`: name and description, which fits on a line."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", "list"])
-    with pytest.raises(SystemExit):
-        cli.main()
+    assert call(monkeypatch, "list") == 0
     printed = capsys.readouterr().out
     for name, description in SHIPPED.items():
         assert f"  {name:<20} {description}\n" in printed

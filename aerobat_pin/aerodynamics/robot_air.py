@@ -23,6 +23,7 @@ from aerobat_pin.aerodynamics.surfaces import add_surfaces
 from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.jit import kernel
+from aerobat_pin.sections import AirSection
 from aerobat_pin.wing import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
@@ -147,6 +148,18 @@ class RobotAir:
             tail=np.array([*place, np.cos(tilt), np.sin(tilt), *blade]),
         )
 
+    @classmethod
+    def of(cls, wing: Wing, air: AirSection) -> RobotAir:
+        """Return the air that a scenario says, on a wing. Raises ShapeError."""
+        return cls(
+            wing,
+            strips=air.strips,
+            air_density=air.density,
+            model=air.model,
+            lift_limit=air.lift_limit,
+            added_mass=air.added_mass,
+        )
+
     @property
     def steady(self) -> bool | None:
         """True for the quasi-steady model, None for the lifting line: what `air_loads` asks for."""
@@ -156,6 +169,12 @@ class RobotAir:
     def state_size(self) -> int:
         """Number of aerodynamic states: 3N, or none in the quasi-steady model."""
         return 3 * self.line.strips if self.model == "lifting_line" else 0
+
+    def airspeed(self, twists: Array) -> Array:
+        """Return the strips' airspeeds in their planes (n, N) [m/s] at the links' twists against the air (n, 5, 6)."""
+        linear, angular = np.split(twists[:, self.link], 2, axis=2)
+        velocity = linear + np.cross(angular, self.mid_chord)
+        return np.asarray(np.hypot(velocity[..., 0], velocity[..., 2]))
 
     def evaluate(self, twists: Array, state: Array) -> tuple[Array, Array, StripLoads]:
         """Compute loads and state rates, without added mass.

@@ -92,7 +92,7 @@ def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
     if log.truth is None:
         raise LogError("the wake needs the bound circulation: this log has no group 'truth', only a simulation has")
     bound, incidence = (np.asarray(log.truth[name].values, float) for name in ("circulation", "incidence"))
-    placed = RobotAir(robot.wing, strips=air.strips)
+    placed = RobotAir.of(robot.wing, air)
     if bound.shape[1] != air.strips:
         raise LogError(f"the log has {bound.shape[1]} strips, air.strips = {air.strips}")
     # What trails is the rear edge, or the front one where the flow comes from behind.

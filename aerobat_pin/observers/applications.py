@@ -47,6 +47,11 @@ class Application:
         return tuple(f"{self.frame}.{name}{mark}" for name in names)
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each component, `N` or `N m`."""
+        return tuple("N m" if np.any(one[3:]) else "N" for one in self.directions)
+
+    @property
     def directions(self) -> Array:
         """(k, 6) force and moment directions of the components, in `axes`."""
         if self.direction is not None:
@@ -74,6 +79,7 @@ class Applications:
     Attributes:
         frames: (n,) names of the frames.
         components: (c,) labels of the components.
+        units: (c,) `N` or `N m` of each.
         table: (c, 11) joint, place x, y, z in its frame, directions (6), whether these turn with the joint's frame.
         support: (c, nv) 1 where a velocity moves the frame.
         scale: (c,) 1 for forces; for moments what is a moment of 1 N at `MOMENT_ARM` [m].
@@ -87,6 +93,7 @@ class Applications:
         if len(set(self.frames)) != len(self.frames):
             raise ObserverError(f"force frames {list(self.frames)}: different names were expected")
         self.components = tuple(label for one in self.given for label in one.labels)
+        self.units = tuple(unit for one in self.given for unit in one.units)
         rows, support = [], []
         for one in self.given:
             frame = model.frames[frame_id(model, one.frame)]
@@ -116,8 +123,3 @@ class Applications:
             frame = pin.computeFrameJacobian(model, data, np.asarray(q, float), frame_id(model, one.frame), axes)
             blocks.append(one.directions @ frame)
         return np.concatenate(blocks)
-
-    @property
-    def are_world_forces(self) -> bool:
-        """Whether the components are n forces in world axes, three each."""
-        return all(one.kind == "force" and one.axes == "world" and one.direction is None for one in self.given)

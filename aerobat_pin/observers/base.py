@@ -66,7 +66,8 @@ class Estimate:
         rows: which rows of the residual it believed, or the name of a tie.
         frames: names of the n frames at which something acts.
         time: (m + 1,) sample times [s].
-        components: (m, c) [N or N m]; their labels are `identifiability.components`.
+        components: (m, c); their labels are `identifiability.components`.
+        units: (c,) `N` or `N m` of each component.
         residual: (m, nv) estimated generalised force.
         identifiability: what could be known at all.
         standard_deviation: (m, c) of the components, where the observer knows its own.
@@ -78,9 +79,15 @@ class Estimate:
     frames: tuple[str, ...]
     time: Array
     components: Array
+    units: tuple[str, ...]
     residual: Array
     identifiability: Identifiability
     standard_deviation: Array | None = None
+
+    @property
+    def are_world_forces(self) -> bool:
+        """Whether the components are n forces in world axes, three each."""
+        return all(label[-3:] in (".Fx", ".Fy", ".Fz") for label in self.identifiability.components)
 
     @property
     def force(self) -> Array:
@@ -89,7 +96,7 @@ class Estimate:
         Raises:
             ObserverError: something else than forces in world axes acts; look at `component`.
         """
-        if any(name[-3:] not in (".Fx", ".Fy", ".Fz") for name in self.identifiability.components):
+        if not self.are_world_forces:
             raise ObserverError("not all components are forces in world axes: read them by `component`")
         return self.components.reshape(len(self.components), -1, 3)
 
@@ -294,6 +301,7 @@ class Observer:
             frames=self.applications.frames,
             time=time,
             components=out[:, self._nv : end],
+            units=self.applications.units,
             residual=out[:, : self._nv],
             identifiability=judge(self.applications, memory[:, 3 : 3 + end - self._nv], memory[:, 2], self.believed),
         )
