@@ -271,13 +271,8 @@ def filter_all(memory: Array, time: Array, u: Array, errors: Array, flat: Array,
     filter_, kept = unpack(flat), steps.shape[0] > 0
     for k in range(u.shape[0]):
         dt = time[k + 1] - time[k]
-        if dt == 0.0:  # a repeated stamp changes nothing
-            if k > 0:
-                copy_values(out[k - 1], out[k])
-            else:
-                out[k] = 0.0
-            for row in range(memory.shape[1]):
-                copy_values(memory[k, row], memory[k + 1, row])
+        if dt == 0.0:
+            kernels.repeat(memory, out, k)
             continue
         for a in range(errors.shape[0]):
             copy_values(errors[a, k], filter_.errors[a])

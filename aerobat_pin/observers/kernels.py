@@ -171,6 +171,17 @@ def collect(flat: Array, place: Integers) -> None:
     proceed(place)
 
 
+@inner
+def repeat(memory: Array, out: Array, k: int) -> None:
+    """Let a repeated stamp change nothing: interval k has the result of the one before, and ends as it began."""
+    if k > 0:
+        copy_values(out[k - 1], out[k])
+    else:
+        out[k] = 0.0
+    for row in range(memory.shape[1]):
+        copy_values(memory[k, row], memory[k + 1, row])
+
+
 @kernel
 def observe_all(memory: Array, time: Array, u: Array, flat: Array, out: Array) -> int:
     """`observe` every interval of a record into out (m, nv + c); return the first that is not finite, or -1."""
@@ -178,13 +189,8 @@ def observe_all(memory: Array, time: Array, u: Array, flat: Array, out: Array) -
     store.filtered[:, :] = 0.0
     for k in range(u.shape[0]):
         dt = time[k + 1] - time[k]
-        if dt == 0.0:  # a repeated stamp changes nothing
-            if k > 0:
-                copy_values(out[k - 1], out[k])
-            else:
-                out[k] = 0.0
-            for row in range(memory.shape[1]):
-                copy_values(memory[k, row], memory[k + 1, row])
+        if dt == 0.0:
+            repeat(memory, out, k)
         elif not observe(memory[k], memory[k + 1], u[k], dt, store, out[k]):
             return k
     return -1

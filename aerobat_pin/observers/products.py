@@ -79,7 +79,7 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
 
 
 @intrinsic
-def _tiles(_, c, c_row, a, a_row, a_column, b, b_row, m, k, n, scale):  # type: ignore[no-untyped-def]  # noqa: ANN
+def _tiles(_, c, c_row, a, a_row, a_column, b, b_row, m, k, n, scale):  # type: ignore[no-untyped-def]
     """Put the instructions into a kernel."""
     return types.void(*[types.intp] * 10, types.float64), _emit_tiles
 
