@@ -144,6 +144,19 @@ def test_what_base_rows_cannot_tell_has_the_standard_deviation_of_not_knowing() 
     assert seeing.max() < 0.5
 
 
+def test_a_covariance_stays_symmetric() -> None:
+    """Where all torques but their power are unknown, entries differ by eight orders; rounding must not pile up."""
+    model, robot_q = ROBOT.model, ROBOT.q0
+    observer = KalmanObserver(model, FORCE_POINTS, force_walk=0.7, rows="base+power")
+    speeds = np.random.default_rng(0).normal(size=(400, model.nv)) * sensors(model)
+    observer.reset(robot_q, speeds[0])
+    for k, v in enumerate(speeds[1:]):
+        observer.update(1e-3 * (k + 1), robot_q, v, np.zeros(model.nv))
+    P = observer._filter.P
+    np.testing.assert_array_equal(P, P.T)
+    assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > 0.0
+
+
 def test_an_unseen_pattern_grows_ever_less_certain() -> None:
     """A walk that nothing corrects grows with the square root of time, by `force_walk` or by the one of the gain."""
     for settings in ({"force_walk": 20.0, "prior": 0.1}, {"gain": 100.0}):

@@ -31,7 +31,7 @@ from aerobat_pin.observers.kalman_store import (
     unpack_step,
 )
 from aerobat_pin.observers.kernels import TOO_LARGE
-from aerobat_pin.observers.products import add_product, add_row_product, factorise
+from aerobat_pin.observers.products import add_product, add_row_product, factorise, mirror
 from aerobat_pin.observers.record import proceed, sample
 from aerobat_pin.observers.rows import BASE
 
@@ -176,6 +176,7 @@ def correct(x: Array, P: Array, step: Step) -> None:
     T = rows[:, nv : nv + n]
     add_row_product(x, rows[:, nv + 2 * n], T, 1.0)
     add_product(P, T.T, T, -1.0)
+    mirror(P, n)
 
 
 @kernel

@@ -133,6 +133,15 @@ def _factorise(rows: Array) -> None:
             row[j] *= inverse
 
 
+@inner
+def mirror(A: Array, columns: int) -> None:
+    """Copy what is above the diagonal of A (n, n) below it, in its first columns: else rounding would grow."""
+    for i in range(A.shape[0]):
+        row = A[i]
+        for j in range(min(i, columns)):
+            row[j] = A[j, i]
+
+
 def _add_product_slowly(C: Array, A: Array, B: Array, scale: float) -> None:
     C += scale * (A @ B)
 

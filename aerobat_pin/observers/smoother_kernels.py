@@ -17,7 +17,7 @@ from aerobat_pin.arrays import Array
 from aerobat_pin.jit import copy_values, kernel
 from aerobat_pin.observers.kalman_kernels import report
 from aerobat_pin.observers.kalman_store import Step, unpack, unpack_step
-from aerobat_pin.observers.products import add_product, add_row_product
+from aerobat_pin.observers.products import add_product, add_row_product, mirror
 
 
 @kernel
@@ -78,10 +78,7 @@ def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Ar
         copy_values(work[i], N[i])
     add_product(N[:nv], work, K, -1.0)
     add_product(N[:nv], whitening[:, :nv].T, whitening, 1.0)
-    for i in range(n):  # both triangles are the same, or rounding would grow
-        row = N[i]
-        for j in range(min(i, nv)):
-            row[j] = N[j, i]
+    mirror(N, nv)
 
 
 @kernel
