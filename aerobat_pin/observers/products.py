@@ -22,7 +22,6 @@ from aerobat_pin.jit import DOUBLE, inner
 
 TILES = ((4, (16, 8, 4, 2, 1)), (2, (16, 8, 4, 2, 1)), (1, (32, 16, 8, 4, 2, 1)))  # rows, then columns to choose from
 WORD, REAL = ir.IntType(64), ir.DoubleType()
-FLAGS = ("contract",)  # a product and its sum may be rounded together
 
 
 def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -47,6 +46,8 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
     def tile(i: Any, rows: int, j: Any, columns: int) -> None:
         kind = REAL if columns == 1 else ir.VectorType(REAL, columns)
         zero = ir.Constant(kind, 0.0 if columns == 1 else [0.0] * columns)
+        name = "llvm.fma.f64" if columns == 1 else f"llvm.fma.v{columns}f64"  # rounds once, whatever calls it
+        fused = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
         offset = builder.mul(j, WORD(DOUBLE))
         sums = [cgutils.alloca_once(builder, kind) for _ in range(rows)]  # registers, once compiled
         for one in sums:
@@ -55,12 +56,11 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
             row, along = read(place(b, loop.index, b_row, offset, kind)), builder.mul(loop.index, a_column)
             for r, one in enumerate(sums):
                 factor = repeated(read(place(a, builder.add(i, WORD(r)), a_row, along, REAL)), columns)
-                more = builder.fmul(factor, row, flags=FLAGS)
-                builder.store(builder.fadd(builder.load(one), more, flags=FLAGS), one)
+                builder.store(builder.call(fused, [factor, row, builder.load(one)]), one)
         for r, one in enumerate(sums):
             target = place(c, builder.add(i, WORD(r)), c_row, offset, kind)
-            more = builder.fmul(repeated(scale, columns), builder.load(one), flags=FLAGS)
-            builder.store(builder.fadd(read(target), more, flags=FLAGS), target).align = DOUBLE
+            summed = builder.call(fused, [repeated(scale, columns), builder.load(one), read(target)])
+            builder.store(summed, target).align = DOUBLE
 
     def spans(count: Any, sizes: Sequence[int]) -> Iterator[tuple[Any, Any]]:
         """Yield from where to where each size reaches: as far as it fits, and the next one from there."""
