@@ -282,7 +282,7 @@ def test_a_cluster_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["morphology", "gain_noise", "model_error", "sample_rate"])
+@pytest.mark.parametrize("name", ["morphology", "gain_noise", "model_error", "sample_rate", "sensor_noise"])
 def test_a_shipped_sweep_is_listed_and_every_run_of_it_is_a_scenario(name: str) -> None:
     """With a description; all runs parse."""
     assert shipped_sweeps()[name]
