@@ -13,7 +13,9 @@ import xarray as xr
 from commands import call
 
 from aerobat_pin import cli
+from aerobat_pin.experiment import run, write_metrics
 from aerobat_pin.flight_log import FlightLog
+from aerobat_pin.scenario import load_scenario
 
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
 
@@ -53,6 +55,18 @@ def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.M
     assert call(monkeypatch, "run", "paper", "--out", str(first), "--no-report", *SHORT) == 0
     assert call(monkeypatch, "run", str(first / "scenario.toml"), "--out", str(second), "--no-report") == 0
     assert (first / "metrics.json").read_bytes() == (second / "metrics.json").read_bytes()
+
+
+def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> None:
+    """To the last bit, with noisy forces and sensors: two fresh processes, and this one, twice."""
+    program, written = [sys.executable, "-m", "aerobat_pin.cli", "run", "noisy_sensors", "--no-report", *SHORT], []
+    for name in ("first", "second"):
+        subprocess.run([*program, "--out", str(tmp_path / name)], check=True, capture_output=True)
+        written.append((tmp_path / name / "metrics.json").read_bytes())
+    for _ in range(2):
+        write_metrics(run(load_scenario("noisy_sensors", SHORT[1::2])).metrics, tmp_path)
+        written.append((tmp_path / "metrics.json").read_bytes())
+    assert len(set(written)) == 1
 
 
 def test_only_the_observers_asked_for_are_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -36,16 +36,15 @@ def recorded(paper: Experiment, tmp_path: Path) -> Path:
 
 
 def test_a_simulated_log_gives_again_what_its_run_gave(paper: Experiment, tmp_path: Path) -> None:
-    """Belief from the log's own notes; the same forces to rounding, scored against the truth that is there."""
+    """Belief from the log's own notes; the same forces to the last bit, scored against the truth that is there."""
     paper.log.save(tmp_path / "flight.nc")
     done = aerobat("estimate", "flight.nc", "--set", "observers.gain=2000", "--out", "found", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     found = xr.load_dataset(tmp_path / "found" / "estimate.nc", engine="h5netcdf")
     for name, estimate in paper.estimates.items():
-        np.testing.assert_allclose(found["force_W"].sel(observer=name).values, estimate.force, rtol=0.0, atol=1e-12)
+        np.testing.assert_array_equal(found["force_W"].sel(observer=name).values, estimate.force)
     metrics = json.loads((tmp_path / "found" / "metrics.json").read_text())
-    for axis, scores in paper.metrics["observers"]["momentum"]["left"].items():
-        assert metrics["observers"]["momentum"]["left"][axis] == pytest.approx(scores, rel=1e-9)
+    assert metrics["observers"] == paper.metrics["observers"]
     names = {path.relative_to(tmp_path / "found").as_posix() for path in (tmp_path / "found").rglob("*.*")}
     figures = {"figures/estimation.png", "figures/estimation.pdf"}
     assert names == {"belief.toml", "estimate.nc", "estimate.csv", "metrics.json", *figures}

@@ -160,6 +160,39 @@ def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path) -> 
         assert_equal(interpreted[name], expected, 1e-9 if sensitive else 1e-12)
 
 
+AFTER = """
+import hashlib
+import sys
+import numba
+import numpy as np
+import pinocchio as pin
+from aerobat_pin.observers import ForceLevelObserver, kernels
+from aerobat_pin.robot import FORCE_POINTS, load_aerobat
+
+model, rng = load_aerobat().model, np.random.default_rng(1)
+q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uniform(-0.5, 0.5, (50, model.nv))])
+v, tau = rng.uniform(-1.0, 1.0, (50, model.nv)), rng.uniform(-1.0, 1.0, (49, model.nv))
+observer = ForceLevelObserver(model, FORCE_POINTS, 400.0)
+if sys.argv[1] == "compiled":
+    ours = kernels.collect, kernels.observe_all
+    kernels.collect, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
+    observer.run(np.arange(50) * 1e-3, q, v, tau)
+    kernels.collect, kernels.observe_all = ours
+print(hashlib.sha256(observer.run(np.arange(50) * 1e-3, q, v, tau).force.tobytes()).hexdigest())
+"""
+
+
+@compiled_only
+def test_what_was_compiled_before_changes_no_digit() -> None:
+    """Other callers of the same kernels come first, and their copies of them are then everybody's: design note 4."""
+    command = [sys.executable, "-c", AFTER]
+    found = [
+        subprocess.run([*command, before], capture_output=True, text=True, check=True).stdout
+        for before in ("nothing", "compiled")
+    ]
+    assert found[0] == found[1]
+
+
 def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
     """A file that is not listed could change without outdating the kernels that its own are compiled into."""
     with_kernels = {

@@ -16,6 +16,7 @@ from aerobat_pin import cli
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiment import run
 from aerobat_pin.sweep import load_sweep, run_sweep, shipped_sweeps
+from aerobat_pin.sweep.results import TAKEN
 
 SHORT = """
 name = "short"
@@ -36,6 +37,14 @@ one = {"observers.names" = ["momentum"], "unknown_force.*.noise" = 0.02}
 BROKEN = """
 [ranges]
 "robot.changes.linkage.L3b" = [0.002, 6.71e-3]
+"""
+FACTORS = """
+[factors.noise]
+values = [0.5, 2.0]
+[factors.noise.of]
+"sensors.gyro.noise" = 0.01
+"observers.kalman.sensor_noise" = [0.02, 0.01, 0.05]
+"unknown_force.*.noise" = 0.03
 """
 DRAWS = """
 [draws]
@@ -91,6 +100,8 @@ def test_the_grid_holds_the_numbers_of_the_single_runs_under_their_labels(tmp_pa
         assert np.isnan(here["r2"].sel(observer="force_level")).all() == (labels["who"] == "one")
         np.testing.assert_array_equal(here["position_end"], metrics["flight"]["position_end"])
         assert float(here["motor_power_mean"]) == metrics["flight"]["motor_power_mean"]
+    own = {str(name) for name in grid.variables} - {one.name for one in sweep.dimensions}
+    assert own <= TAKEN, "another name that no dimension may have"
 
 
 def test_a_run_that_fails_is_in_the_tables_with_its_reason(tmp_path: Path) -> None:
@@ -106,6 +117,20 @@ def test_a_run_that_fails_is_in_the_tables_with_its_reason(tmp_path: Path) -> No
     assert "cannot close at J4" in rows[0]["failed"]
     assert rows[0]["momentum.left.Fx.rmse"] == ""
     assert float(rows[3]["momentum.left.Fx.rmse"]) == float(grid["rmse"].values[1, 1, 0, 0, 0])
+
+
+def test_a_factor_scales_several_keys_from_their_references(tmp_path: Path) -> None:
+    """One number, the coordinate; a number, a list and every item of a list of tables follow it."""
+    sweep = load_sweep(written(tmp_path, SHORT + FACTORS))
+    for number, index in enumerate(sweep.indices):
+        factor, scenario = sweep.labels(index)["noise"], sweep.scenarios[number]
+        assert factor in (0.5, 2.0)
+        assert scenario.sensors.fitted["gyro"].noise == (factor * 0.01,)
+        assert scenario.observers.settings("kalman")["sensor_noise"] == (factor * 0.02, factor * 0.01, factor * 0.05)
+        assert [force.noise for force in scenario.unknown_force] == [factor * 0.03] * 2
+    noise = run_sweep(sweep, tmp_path / "out")["noise"]
+    np.testing.assert_array_equal(noise, [0.5, 2.0])
+    assert "sensors.gyro.noise = 0.01, observers.kalman.sensor_noise = [0.02" in noise.attrs["long_name"]
 
 
 def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(tmp_path: Path) -> None:
@@ -138,6 +163,20 @@ def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(
         ('[ranges]\n"flight.gravity.x" = [1.0]', "'flight.gravity' is a value, not a table"),
         ('[ranges]\n"simulation.seed" = [1, 2]', "counted up by `seeds`"),
         ("[ranges]\nseed = [1]", "'seed' is the name of two dimensions"),
+        (
+            '[ranges]\n"observers.gain" = [1, 2]\n[variants.a]\nb = {"observers.gain" = 3}',
+            "'observers.gain' is varied by two dimensions",
+        ),
+        ("[variants.observer]\na = {}", "'observer' is a name in the results"),
+        ("[factors.noise]\nvalues = [1]", "missing key 'factors.noise.of'"),
+        ("[factors.noise]\nvalue = [1]\nof = {x = 1}", "'factors.noise.value'; did you mean 'values'?"),
+        ('[factors.noise]\nvalues = ["a"]\nof = {"air.density" = 1}', "factors.noise.values.0 = 'a': "),
+        ("[factors.noise]\nvalues = {from = 1, too = 2, count = 3}\nof = {x = 1}", "'factors.noise.values.too'"),
+        (
+            '[factors.noise]\nvalues = [1, 1]\nof = {"air.density" = 1}',
+            "factors.noise.values = [1.0, 1.0]: each value once",
+        ),
+        ('[factors.noise]\nvalues = [1]\nof = {"air.density" = "b"}', "factors.noise.of.air.density = 'b': "),
         ('[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = "unifrm"}', "'uniform'"),
         (
             '[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = "uniform", low = 2, high = 1}',
@@ -243,7 +282,7 @@ def test_a_cluster_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["morphology", "gain_noise", "model_error", "sample_rate"])
+@pytest.mark.parametrize("name", ["morphology", "gain_noise", "model_error", "sample_rate", "sensor_noise"])
 def test_a_shipped_sweep_is_listed_and_every_run_of_it_is_a_scenario(name: str) -> None:
     """With a description; all runs parse."""
     assert shipped_sweeps()[name]

@@ -4,6 +4,7 @@
 |---|---|
 | `base`, `[set]` | the scenario that every run starts from, with dotted keys set in it |
 | `[ranges]` | a dimension for each dotted key: a list of values, or `{from, to, count, spacing}` |
+| `[factors.NAME]` | a dimension NAME of `values`, each a factor `of` several keys' reference values |
 | `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
 | `[draws]` | the dimension `draw`: `count` random draws of the keys in `[draws.values]` |
 | `seeds` | the dimension `seed`: this many, counted up from the base scenario's |
@@ -27,6 +28,7 @@ from aerobat_pin.errors import SweepError
 from aerobat_pin.sections import Number, Positive, Whole
 
 SEED, DRAW = "seed", "draw"
+KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # of values, which pydantic puts into its places
 
 
 class _Table(BaseModel):
@@ -96,12 +98,29 @@ class Draws(_Table):
 
 
 def _kind(value: Any) -> str:
-    return "span" if isinstance(value, dict | Span) else "list"
+    return "span" if isinstance(value, dict | Span) else "list" if isinstance(value, list) else "number"
 
 
-Values = Annotated[
-    Annotated[list[Any], Field(min_length=1), Tag("list")] | Annotated[Span, Tag("span")], Discriminator(_kind)
-]
+Listed = Annotated[list[Any], Field(min_length=1), Tag("list")]
+Numbers = Annotated[list[Number], Field(min_length=1), Tag("list")]
+Spanned = Annotated[Span, Tag("span")]
+Single = Annotated[Number, Tag("number")]
+
+
+class Factors(_Table):
+    """Several keys that grow in proportion, each from a reference of its own."""
+
+    values: Annotated[Numbers | Spanned, Discriminator(_kind)] = Field(description="the factors")
+    of: dict[str, Annotated[Single | Numbers, Discriminator(_kind)]] = Field(
+        min_length=1, description="dotted key -> what a factor of 1 makes it: a number, or a list of them"
+    )
+
+    def settings(self, factor: float) -> dict[str, Any]:
+        """Return what a factor sets."""
+        return {
+            key: [factor * one for one in reference] if isinstance(reference, list) else factor * reference
+            for key, reference in self.of.items()
+        }
 
 
 class SweepFile(_Table):
@@ -112,20 +131,23 @@ class SweepFile(_Table):
     base: str = Field(description="shipped scenario, or TOML file beside this one")
     seeds: Whole = Field(1, ge=1, description="number of seeds, counted up from the base scenario's")
     set: dict[str, Any] = Field(default_factory=dict)
-    ranges: dict[str, Values] = Field(default_factory=dict)
+    ranges: dict[str, Annotated[Listed | Spanned, Discriminator(_kind)]] = Field(default_factory=dict)
+    factors: dict[str, Factors] = Field(default_factory=dict)
     variants: dict[str, Annotated[dict[str, dict[str, Any]], Field(min_length=1)]] = Field(default_factory=dict)
     draws: Draws | None = None
 
     @model_validator(mode="after")
     def _distinct(self) -> SweepFile:
-        names = [*self.ranges, *self.variants, DRAW, SEED]
-        for name in {name for name in names if names.count(name) > 1}:
+        names = [*self.ranges, *self.factors, *self.variants, DRAW, SEED]
+        for name in (name for name in names if names.count(name) > 1):
             raise ValueError(f"'{name}' is the name of two dimensions")
-        for key in (*self.ranges, *(self.draws.values if self.draws else {})):
-            if key == "simulation.seed":
-                raise ValueError("simulation.seed is counted up by `seeds`; give their number there")
-            if self.draws and key in self.draws.values and key in self.ranges:
-                raise ValueError(f"'{key}' is both in ranges and in draws")
+        varied = [*self.ranges, *(self.draws.values if self.draws else {})]
+        varied += [key for one in self.factors.values() for key in one.of]
+        varied += [key for sets in self.variants.values() for key in {key for one in sets.values() for key in one}]
+        if "simulation.seed" in varied:
+            raise ValueError("simulation.seed is counted up by `seeds`; give their number there")
+        for key in (key for key in varied if varied.count(key) > 1):
+            raise ValueError(f"'{key}' is varied by two dimensions; one was expected")
         return self
 
 
@@ -170,10 +192,7 @@ def _text(source: str) -> str:
 
 def _told(error: dict[str, Any]) -> str:
     loc = [str(part) for part in error["loc"]]
-    for table, depth in (("ranges", 2), ("draws", 3)):  # where pydantic names the kind of value it took it for
-        if loc[:1] == [table] and len(loc) > depth:
-            del loc[depth]
-    where = ".".join(loc)
+    where = ".".join([*loc[:2], *(part for part in loc[2:] if part not in KINDS)])
     if error["type"] == "extra_forbidden":
         known = [field.alias or name for name, field in _table(error["loc"]).model_fields.items()]
         close = difflib.get_close_matches(loc[-1], known, n=1)
@@ -187,8 +206,10 @@ def _told(error: dict[str, Any]) -> str:
 
 def _table(loc: tuple[Any, ...]) -> type[_Table]:
     """Return the table that a place in a sweep file is in."""
-    if loc[0] == "ranges" and len(loc) > 2:
+    if "span" in loc[2:]:
         return Span
+    if loc[0] == "factors" and len(loc) > 2:
+        return Factors
     if loc[0] == "draws" and len(loc) > 1:
         return Draws if len(loc) == 2 else Normal if loc[3] == "normal" else Uniform
     return SweepFile

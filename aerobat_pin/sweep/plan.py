@@ -13,8 +13,9 @@ import numpy as np
 
 from aerobat_pin.errors import SweepError
 from aerobat_pin.scenario import Scenario, load_scenario, parse_scenario
-from aerobat_pin.sweep.file import DRAW, SEED, Draws, Span, SweepFile, read_sweep
+from aerobat_pin.sweep.file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
 from aerobat_pin.sweep.keys import assign
+from aerobat_pin.sweep.results import TAKEN
 
 MOST_RUNS = 100_000
 
@@ -90,11 +91,14 @@ def load_sweep(source: str | Path) -> Sweep:
         assign(values, key, value)
     base = parse_scenario(values, f"of sweep {file.name}")
     dimensions = [_range_dimension(key, chosen) for key, chosen in file.ranges.items()]
+    dimensions += [_factor_dimension(name, factors) for name, factors in file.factors.items()]
     dimensions += [Dimension(name, tuple(sets), tuple(sets.values())) for name, sets in file.variants.items()]
     if file.draws is not None:
         dimensions.append(_draw_dimension(file.draws))
     seeds = tuple(base.simulation.seed + k for k in range(file.seeds))
     dimensions.append(Dimension(SEED, seeds, tuple({"simulation.seed": seed} for seed in seeds)))
+    for name in (one.name for one in dimensions if one.name in TAKEN):
+        raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
     sweep = Sweep(file, base, tuple(dimensions))
     count = int(np.prod(sweep.shape))
     if count > MOST_RUNS:
@@ -108,9 +112,19 @@ def _range_dimension(key: str, chosen: list[Any] | Span) -> Dimension:
     values = chosen.values if isinstance(chosen, Span) else chosen
     plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
     labels = tuple(values) if plain else tuple(v if isinstance(v, str) else json.dumps(v) for v in values)
-    if len(set(labels)) < len(labels):
-        raise SweepError(f"ranges.{key} = {values}: each value once was expected")
-    return Dimension(key, labels, tuple({key: value} for value in values))
+    return _distinct(f"ranges.{key}", Dimension(key, labels, tuple({key: value} for value in values)))
+
+
+def _factor_dimension(name: str, factors: Factors) -> Dimension:
+    values = tuple(factors.values.values if isinstance(factors.values, Span) else factors.values)
+    settings = tuple(factors.settings(value) for value in values)
+    return _distinct(f"factors.{name}.values", Dimension(name, values, settings))
+
+
+def _distinct(where: str, made: Dimension) -> Dimension:
+    if len(set(made.labels)) < len(made.labels):
+        raise SweepError(f"{where} = {list(made.labels)}: each value once was expected")
+    return made
 
 
 def _draw_dimension(draws: Draws) -> Dimension:

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -14,7 +14,9 @@ import xarray as xr
 from aerobat_pin.evaluation import AXES
 from aerobat_pin.experiment import versions
 from aerobat_pin.sweep.file import DRAW
-from aerobat_pin.sweep.plan import Sweep
+
+if TYPE_CHECKING:
+    from aerobat_pin.sweep.plan import Sweep
 
 SCORES = {
     "r2": ("1", "R2 against the true force with its noise"),
@@ -31,9 +33,14 @@ FLIGHT_UNITS = {
     "pitch_range": "rad",
     "yaw_range": "rad",
     "incidence_range": "rad",
+    "thrusters_lift_over_weight": "1",
+    "aerodynamic_lift_over_weight": "1",
     "motor_power_mean": "W",
 }
 LISTS: dict[int, tuple[str, list[str]]] = {2: ("bound", ["lowest", "highest"]), 3: ("axis", ["x", "y", "z"])}
+TAKEN = frozenset(
+    {"run", "failed", "warnings", "observer", "point", "axis", "bound", *SCORES, *JUDGED, *FLIGHT_UNITS}
+)  # names that no dimension of a sweep may have
 
 
 def grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
@@ -70,7 +77,7 @@ def grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
             flight.setdefault(key, np.full((*sweep.shape, *size), np.nan))[at] = value
     made = xr.Dataset(attrs=_attributes(sweep))
     for one in sweep.dimensions:
-        made.coords[one.name] = list(one.labels)
+        made.coords[one.name] = (one.name, list(one.labels), _told_of(sweep, one.name))
         if one.name == DRAW:
             for key in one.settings[0]:
                 made.coords[key] = (DRAW, [row[key] for row in one.settings])
@@ -120,6 +127,14 @@ def _scored(outcome: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str,
         for point, scores in found.items():
             if isinstance(scores, dict) and AXES[0] in scores:
                 yield name, point, scores
+
+
+def _told_of(sweep: Sweep, name: str) -> dict[str, str]:
+    """Return what a factor is a factor of; other dimensions are named after what they set."""
+    factors = sweep.file.factors.get(name)
+    if factors is None:
+        return {}
+    return {"units": "1", "long_name": "factor of " + ", ".join(f"{key} = {one}" for key, one in factors.of.items())}
 
 
 def _number(value: float | None) -> float:

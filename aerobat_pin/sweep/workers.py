@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
+import warnings
 from collections.abc import Iterator, Mapping
-from functools import cache
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from typing import Any
 
 from aerobat_pin.errors import WorkersLostError
 from aerobat_pin.experiment import versions
@@ -38,10 +42,17 @@ def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
     while left:
         before = len(left)
         try:
-            pool = Parallel(n_jobs=min(jobs, before), return_as="generator_unordered", batch_size=1)
-            for number, outcome in pool(delayed(_numbered)(*item) for item in tuple(left.items())):
-                left.pop(number)
-                yield number, outcome
+            pool = Parallel(
+                n_jobs=min(jobs, before),
+                return_as="generator_unordered",
+                batch_size=1,
+                initializer=_end_with,
+                initargs=(os.getpid(),),
+            )
+            with _started(pool, [delayed(_numbered)(*item) for item in left.items()]) as outcomes:
+                for number, outcome in outcomes:
+                    left.pop(number)
+                    yield number, outcome
         except TerminatedWorkerError as error:
             if len(left) == before:
                 raise WorkersLostError(
@@ -95,15 +106,33 @@ def _check_versions(found: Mapping[str, object], address: str) -> None:
             )
 
 
+@contextmanager
+def _started(pool: Any, tasks: list[Any]) -> Iterator[Outcomes]:
+    """Give the outcomes of tasks as they come, and close what is left of them.
+
+    Ctrl-C goes from a terminal to all processes, but only this one can answer it: the others start deaf to it. Joblib's
+    advice, at an interruption, to ask for less is not passed on.
+    """
+    resource_tracker.ensure_running()  # which would start later otherwise, and unblock signals
+    before, outcomes = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), None  # new processes inherit it
+    try:
+        outcomes = pool(tasks)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield outcomes
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if outcomes is not None:
+                outcomes.close()
+
+
 def _numbered(number: int, scenario: Scenario) -> tuple[int, str]:
-    _end_with_the_parent()
     return number, outcome_of(scenario)
 
 
-@cache
-def _end_with_the_parent() -> None:
-    """Watch the process that waits for the outcomes: when it is killed, nobody else would end this one."""
-    parent = os.getppid()
+def _end_with(parent: int) -> None:
+    """Watch, in a worker, the process that waits for the outcomes: when it is killed, nobody else ends this one."""
 
     def watch() -> None:
         while os.getppid() == parent:
