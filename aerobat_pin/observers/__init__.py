@@ -1,9 +1,10 @@
 """Observers of external forces on any `pinocchio.Model`. They see samples and known inputs, and know nothing of air."""
 
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.base import DEFAULT_GAIN, Estimate, Observer, Sample
+from aerobat_pin.observers.base import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.bias import Bias, bias_of
 from aerobat_pin.observers.design import Prediction, SensorNoise, gain_for_deviation, gain_for_lag, predict
+from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.events import CusumDetector, Event, LevelDetector, calibrate_cusum, calibrate_level
 from aerobat_pin.observers.force_level import ForceLevelObserver
 from aerobat_pin.observers.identifiability import Identifiability

@@ -14,7 +14,8 @@ from aerobat_pin.arrays import Array, checked
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import kalman_kernels as kernels
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.base import DEFAULT_GAIN, Estimate, Observer, Sample
+from aerobat_pin.observers.base import DEFAULT_GAIN, Observer
+from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman_store import (
     ELAPSED,
     HEAD_START,
