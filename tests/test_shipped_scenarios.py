@@ -97,13 +97,13 @@ def test_a_blow_on_a_wing_is_found_on_that_wing_with_its_impulse_and_its_moment(
 
 
 def test_sensors_that_one_can_buy_find_two_axes_of_three() -> None:
-    """Of the force on either wing Fy and Fz, better with the smoother; of Fx, a tenth of it, nothing."""
+    """Of the force on either wing Fy and Fz, much better with the smoother; of Fx, a tenth of it, less than half."""
     assert "imperfect sensors: position, attitude" in flown("noisy_sensors").metrics["note"]
     for wing in ("left", "right"):
         quick, smooth = (r2("noisy_sensors", observer, wing) for observer in ("force_level", "smoother"))
         assert quick[1:].min() > 0.7
-        assert smooth[1:].min() > 0.92
-        assert max(quick[0], smooth[0]) < 0.0
+        assert smooth[1:].min() > 0.96
+        assert quick[0] < 0.0 < smooth[0] < 0.5
 
 
 def test_a_wrong_model_costs_what_a_right_one_does_not() -> None:
@@ -145,7 +145,7 @@ def test_a_flight_that_went_through_a_table_is_estimated_as_the_flight_itself(tm
     log = read_csv(tmp_path / "hall.csv")
     assert log.truth is None
     settings = ["robot.changes.wing.offset_x=-0.060", "observers.gain=100"]
-    settings += ["observers.smoother.sensor_noise=[0.005, 0.003, 0.02]"]
+    settings += ["observers.smoother.sensor_noise=[0.05, 0.05, 0.3]", "observers.smoother.force_walk=0.3"]
     belief = belief_about(log, "hall", "aerobat_guard", ["smoother"], settings)
     inputs, found = estimate_log(log, believed_robot(belief), belief)
     assert inputs.source["q"] == inputs.source["v"] == inputs.source["thrusters"] == "measured"

@@ -18,12 +18,12 @@ from aerobat_pin.observers.base import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman_store import (
     ELAPSED,
+    FOLLOWED,
     HEAD_START,
     MISFIT,
     NEWER,
     POWER,
     PULSATION,
-    WALK_PER_SAMPLE,
     Filter,
     new_filter,
     unpack,
@@ -33,7 +33,6 @@ from aerobat_pin.observers.rows import BASE, Rows, Tie
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # [m/s], [rad/s], [rad/s] per sample: linear, gyro, joints
 SETTLED = 1.75  # pulsation over gain: a second-order Butterworth filter has risen by 1 - 1/e at 1.753 / pulsation
 EARLIER = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
-UNSEEN = 1.0e-6  # of the largest information on a pattern of forces: what is seen less counts as seen so much
 
 
 class KalmanSample(Sample):
@@ -136,6 +135,7 @@ class KalmanObserver(Observer):
         filter_.settings[POWER] = rows == "base+power"
         if frequency is not None:
             filter_.settings[PULSATION] = 2.0 * np.pi * _positive("frequency", frequency)
+        filter_.scale[:] = scale
         self._walks = blocks * len(scale)
         filter_.variance[self._walks :] = np.square(errors)
         filter_.rate[self._walks :] = 1.0 / _positive("error_time", error_time)
@@ -190,7 +190,7 @@ class KalmanObserver(Observer):
         """Return the projector (nv, nv) on generalised forces that the rows believed do not show, or (0, 0)."""
         shown = self.believed.map(np.zeros(self._nv))
         basis, sizes, _ = np.linalg.svd(shown)
-        hidden = basis[:, int(np.sum(sizes > UNSEEN * sizes[0])) :]
+        hidden = basis[:, int(np.sum(sizes > kernels.UNSEEN * sizes[0])) :]
         return hidden @ hidden.T if hidden.shape[1] else np.zeros((0, 0))
 
     def _sample(self, out: Array) -> Sample:
@@ -208,23 +208,14 @@ class KalmanObserver(Observer):
         filter_.settings[[NEWER, ELAPSED]] = 0.0
         if self._prior is None:
             pulsation = SETTLED * float(self.gain)
-            filter_.walk[:] = pulsation**4 * self._blindness(sample)
             filter_.settings[HEAD_START] = EARLIER / pulsation
-            filter_.settings[WALK_PER_SAMPLE] = 1.0
+            filter_.settings[FOLLOWED] = pulsation**4
         else:
             spread[: self._walks] = self._prior
         filter_.x[:] = 0.0
         filter_.x[:nv] = sample[0]
         filter_.P[:] = np.diag(np.concatenate([np.zeros(nv), spread]))
         filter_.P[:nv, :nv] = blurred.T @ blurred
-
-    def _blindness(self, sample: Array) -> Array:
-        """Return (c, c): covariance of the components' impulses [N s, N m s] as one sample's sensors tell them."""
-        shown, scale = self.believed.map(sample[2]), self.applications.scale
-        blurred, J = sample[3 + len(scale) :] @ shown, scale[:, None] * (sample[3 : 3 + len(scale)] @ shown)
-        information = J @ np.linalg.pinv(blurred.T @ blurred, hermitian=True) @ J.T
-        values, vectors = np.linalg.eigh(information)
-        return np.asarray(scale[:, None] * (vectors / np.maximum(values, UNSEEN * values[-1]) @ vectors.T) * scale)
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         return self._filtered(time, q, v, u, known, np.empty((0, len(self._filter.step))))

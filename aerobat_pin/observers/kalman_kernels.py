@@ -18,13 +18,13 @@ from aerobat_pin.jit import Integers, copy_values, kernel
 from aerobat_pin.observers import kernels, store
 from aerobat_pin.observers.kalman_store import (
     ELAPSED,
+    FOLLOWED,
     HEAD_START,
     MASS,
     MISFIT,
     NEWER,
     POWER,
     PULSATION,
-    WALK_PER_SAMPLE,
     Filter,
     Step,
     unpack,
@@ -35,6 +35,7 @@ from aerobat_pin.observers.products import add_product, add_row_product, factori
 from aerobat_pin.observers.record import proceed, sample
 from aerobat_pin.observers.rows import BASE
 
+UNSEEN = 1.0e-6  # of the information on all patterns of forces: what is seen less counts as seen so much
 UNKNOWN_TORQUE = 1.0e8  # variance of an unknown torque's impulse over that of its row's sensors
 
 
@@ -106,7 +107,9 @@ def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) 
     settings, P, shear, rows = filter_.settings, filter_.P, step.shear, step.rows
     nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
     nv = n - nz
-    grown = dt * (dt if settings[WALK_PER_SAMPLE] > 0.0 else 1.0) + dt * settings[HEAD_START]
+    if settings[FOLLOWED] > 0.0:
+        follow(before, after, filter_, rows)
+    grown = dt * (dt if settings[FOLLOWED] > 0.0 else 1.0) + dt * settings[HEAD_START]
     settings[HEAD_START] = 0.0
     for a in range(nz):
         decay = step.decay[a]
@@ -133,7 +136,7 @@ def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) 
             filter_.doubt[i] = square + decay * (filter_.doubt[i] - square)
             P[i, i] += settings[MISFIT] * settings[MISFIT] * dt * filter_.doubt[i]
     if filter_.hidden.shape[0] > 0:
-        forget_torques(before, after, filter_)
+        forget_torques(before, after, filter_, P)
     for i in range(nv):
         unit = rows[i, nv + n :]
         copy_values(P[i], rows[i, :nv])
@@ -146,9 +149,44 @@ def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) 
 
 
 @kernel
-def forget_torques(before: Array, after: Array, filter_: Filter) -> None:
-    """Let unknown torques act on P: any in `hidden` rows; where the joints' power is known, any that leave it so."""
-    P, hidden, noise, c = filter_.P, filter_.hidden, filter_.noise, filter_.walk.shape[0]
+def follow(before: Array, after: Array, filter_: Filter, rows: Array) -> None:
+    """Set the walk by the gain: the covariance of the components' impulses as one sample's sensors tell them.
+
+    That is (J R^-1 J^T)^-1, so that every pattern rises alike wherever the wings are just now; what is seen less than
+    `UNSEEN` of all counts as seen so much. `rows` (nv, ...) is scratch.
+    """
+    c, seen, scale = filter_.walk.shape[0], filter_.seen, filter_.scale
+    nv, blurred = rows.shape[0], after[3 + c :]
+    sensed = rows[:, : nv + c]
+    sensed[:, :] = 0.0
+    add_product(sensed[:, :nv], blurred.T, blurred, 1.0)
+    if filter_.hidden.shape[0] > 0:
+        forget_torques(before, after, filter_, sensed)
+    for a in range(c):
+        one, other = before[3 + a], after[3 + a]
+        for i in range(nv):
+            sensed[i, nv + a] = 0.5 * scale[a] * (one[i] + other[i])
+    factorise(sensed)
+    seen[:, :] = 0.0
+    add_product(seen[:, :c], sensed[:, nv:].T, sensed[:, nv:], 1.0)
+    total = 0.0
+    for a in range(c):
+        total += seen[a, a]
+    for a in range(c):
+        seen[a, a] += UNSEEN * total
+        seen[a, c + a] = 1.0
+    factorise(seen)
+    filter_.walk[:, :] = 0.0
+    add_product(filter_.walk, seen[:, c:].T, seen[:, c:], filter_.settings[FOLLOWED])
+    for a in range(c):
+        for b in range(c):
+            filter_.walk[a, b] *= scale[a] * scale[b]
+
+
+@kernel
+def forget_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
+    """Add to P (nv, nv) unknown torques: in `hidden` rows; where the joints' power is known, those that leave it so."""
+    hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
     nv, size, speed = noise.shape[0], 0.0, 0.0
     for k in range(nv):
         for i in range(nv):

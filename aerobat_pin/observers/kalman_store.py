@@ -9,22 +9,22 @@ import numpy as np
 from aerobat_pin.arrays import Array
 from aerobat_pin.jit import DOUBLE, array_at, kernel
 
-NEWER, WALK_PER_SAMPLE, HEAD_START, PULSATION, MASS, MISFIT, POWER, ELAPSED = range(8)  # of the settings
+NEWER, FOLLOWED, HEAD_START, PULSATION, MASS, MISFIT, POWER, ELAPSED = range(8)  # of the settings
 SETTINGS = 8
 
 
 class Filter(NamedTuple):
     """What a filter keeps between calls, as one flat array behind an observer's own store.
 
-    `settings` (8,): which memory is the newer; whether the walk's variance grows with dt^2 instead of dt; by how much
-    it leads at the first interval [s]; the harmonics' pulsation [rad/s], 0 for none; whether the last coefficient is
-    an error of the mass; the misfit [sqrt(s)]; whether the joints' power is known where their torques are not; time
-    since the start [s]. `noise` (nv,): the sensors' standard deviations. `rate`, `variance` (nz,): of coefficients
-    that decay, 0 for those that walk. `walk` (c, c) of the components. `hidden` (nv, nv): projector on generalised
-    forces of which nothing is known, or empty. `errors` (ne, nv): known forces whose size is in doubt, in this
-    interval. `doubt` (nv,): running mean square of what may be wrong with them. `x` (n,), `P` (n, n): the estimate and
-    its covariance. `memory` (2, 3 + c + nv, nv): samples, as in `kernels`, followed by B^T. `step`: the latest `Step`,
-    flat.
+    `settings` (8,): which memory is the newer; the power of a gain that sets the walk, 0 for a walk that is given; by
+    how much it leads at the first interval [s]; the harmonics' pulsation [rad/s], 0 for none; whether the last
+    coefficient is an error of the mass; the misfit [sqrt(s)]; whether the joints' power is known where their torques
+    are not; time since the start [s]. `noise` (nv,): the sensors' standard deviations. `rate`, `variance` (nz,): of
+    coefficients that decay, 0 for those that walk. `walk` (c, c) of the components. `scale` (c,): their units. `seen`
+    (c, 2 c): scratch. `hidden` (nv, nv): projector on generalised forces of which nothing is known, or empty. `errors`
+    (ne, nv): known forces whose size is in doubt, in this interval. `doubt` (nv,): running mean square of what may be
+    wrong with them. `x` (n,), `P` (n, n): the estimate and its covariance. `memory` (2, 3 + c + nv, nv): samples, as in
+    `kernels`, followed by B^T. `step`: the latest `Step`, flat.
     """
 
     settings: Array
@@ -32,6 +32,8 @@ class Filter(NamedTuple):
     rate: Array
     variance: Array
     walk: Array
+    scale: Array
+    seen: Array
     hidden: Array
     errors: Array
     doubt: Array
@@ -80,7 +82,20 @@ def new_filter(store: Array, noise: Array, hidden: Array, c: int, blocks: int, e
     nv, nz = len(noise), blocks * c + errors + mass
     n = nv + nz
     step = nz * n + nz + nv + nv * columns(nv, nz) + blocks + blocks * c + blocks * c * n
-    size = SETTINGS + nv + 2 * nz + c * c + hidden.size + errors * nv + nv + n + n * n + 2 * (3 + c + nv) * nv + step
+    size = (
+        SETTINGS
+        + nv
+        + 2 * nz
+        + 3 * c * c
+        + c
+        + hidden.size
+        + errors * nv
+        + nv
+        + n
+        + n * n
+        + 2 * (3 + c + nv) * nv
+        + step
+    )
     flat = np.concatenate([store, np.zeros(size), [nv, c, errors, nz, len(hidden), len(store)]])
     filter_ = unpack(flat)
     filter_.settings[MASS] = mass
@@ -100,7 +115,9 @@ def unpack(flat: Array) -> Filter:
     a = head + DOUBLE * SETTINGS
     b = a + DOUBLE * nv
     d = b + DOUBLE * 2 * nz
-    e = d + DOUBLE * c * c
+    m = d + DOUBLE * c * c
+    p = m + DOUBLE * c
+    e = p + DOUBLE * 2 * c * c
     f = e + DOUBLE * unseen * unseen
     g = f + DOUBLE * ne * nv
     h = g + DOUBLE * nv
@@ -113,6 +130,8 @@ def unpack(flat: Array) -> Filter:
         array_at(b, (nz,)),
         array_at(b + DOUBLE * nz, (nz,)),
         array_at(d, (c, c)),
+        array_at(m, (c,)),
+        array_at(p, (c, 2 * c)),
         array_at(e, (unseen, unseen)),
         array_at(f, (ne, nv)),
         array_at(g, (nv,)),
