@@ -186,6 +186,26 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
     np.testing.assert_allclose(loose.force, 0.0, atol=1e-9)
 
 
+def test_a_quaternion_that_is_none_is_refused() -> None:
+    """Zero or twice as long, Pinocchio would take it for some attitude; a float32 one is good enough."""
+    model = pin.buildSampleModelHumanoid()
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    observer = MomentumObserver(model)
+    observer.reset(q.astype(np.float32), v)
+    for length in (0.0, 2.0):
+        wrong = q.copy()
+        wrong[3:7] *= length
+        with pytest.raises(ShapeError, match=rf"q\[3:7\] of sample 0 has length {length:g}: 1 was expected"):
+            observer.reset(wrong, v)
+        with pytest.raises(ShapeError, match=rf"q\[3:7\] of sample 1 has length {length:g}"):
+            observer.run([0.0, 1.0], np.array([q, wrong]), np.zeros((2, model.nv)), np.zeros((1, model.nv)))
+    loose = pin.JointModelRUBZ()
+    turning = pin.Model()
+    turning.addJoint(0, loose, pin.SE3.Identity(), "wheel")
+    with pytest.raises(ShapeError, match=r"q\[0:2\] of sample 0"):
+        MomentumObserver(turning).reset(np.zeros(2), np.zeros(1))
+
+
 def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuses() -> None:
     """The generalised residual needs no point of application; a force does."""
     model, frame = arm()

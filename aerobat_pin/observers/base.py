@@ -29,6 +29,10 @@ from aerobat_pin.observers.rows import Believed, Rows, Tie
 from aerobat_pin.observers.store import new_store
 
 DEFAULT_GAIN = 1000.0  # [1/s]
+# How many of a joint's last coordinates are a direction: a quaternion, or a cosine and a sine.
+DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
+    ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
+)
 
 
 class Observer:
@@ -99,9 +103,10 @@ class Observer:
         """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
 
         Raises:
-            ShapeError: an array does not fit the model or is not finite.
+            ShapeError: an array does not fit the model or is not finite, or a quaternion is not of length one.
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
+        self._check_directions(q[None])
         # Compiled for streams alone, and from here on for arrays of doubles alone: others raise.
         lock(self._update, self._store.copy(), v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
@@ -116,7 +121,7 @@ class Observer:
 
         Args:
             time: of the sample [s]; steps may vary, and a repeated stamp changes nothing.
-            q: (nq,) configuration at that time.
+            q: (nq,) configuration at that time; its quaternions have length one, which only `reset` and `run` look at.
             v: (nv,) velocity at that time.
             tau: (nv,) measured joint torque, mean over the interval.
             known: name -> (nv,) other known generalised forces, means over the interval.
@@ -168,7 +173,7 @@ class Observer:
             known: name -> (m, nv) other known generalised forces, interval means.
 
         Raises:
-            ObserverError, ShapeError: as in `update`.
+            ObserverError, ShapeError: as in `update` and `reset`.
         """
         time = np.ascontiguousarray(time, float)
         count = len(time) - 1
@@ -176,6 +181,7 @@ class Observer:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
         nq, nv = int(self.model.nq), int(self.model.nv)
         q, v = _record(q, count + 1, nq, "q"), _record(v, count + 1, nv, "v")
+        self._check_directions(q)
         u = _record(tau, count, nv, "tau")
         for name, force in (known or {}).items():
             u = u + _record(force, count, nv, name)
@@ -241,6 +247,16 @@ class Observer:
         for name, force in known.items():
             u = u + checked(force, self._nv, name)
         return checked(q, self.model.nq, "q"), checked(v, self._nv, "v"), u
+
+    def _check_directions(self, q: Array) -> None:
+        """Raise ShapeError where a quaternion, or a cosine with its sine, in q (m, nq) is not of length one."""
+        for joint in self.model.joints:
+            size = DIRECTIONS.get(joint.shortname(), 0)
+            end = joint.idx_q + joint.nq
+            length = np.linalg.norm(q[:, end - size : end], axis=1)
+            if size and not np.all(np.abs(length - 1.0) < 1e-3):
+                row = int(np.argmax(np.abs(length - 1.0)))
+                raise ShapeError(f"q[{end - size}:{end}] of sample {row} has length {length[row]:.3g}: 1 was expected")
 
     def _refuse_time(self, time: float) -> None:
         if np.isnan(self._time):
