@@ -101,6 +101,12 @@ def turn(bars: LinkageLengths) -> tuple[Pose, ...]:
     return tuple(close(bars, angle) for angle in TURN)
 
 
+def reach(bars: LinkageLengths) -> dict[str, tuple[float, float]]:
+    """Return the lowest and the highest shoulder and elbow angle [rad] of a turn. Raises ClosureError as `turn`."""
+    angles = {"shoulder": [pose.theta_s for pose in turn(bars)], "elbow": [pose.theta_e for pose in turn(bars)]}
+    return {joint: (min(values), max(values)) for joint, values in angles.items()}
+
+
 def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
     """Return lengths [m] that, changed one at a time, let the crank turn; `dyad` names the pin that does not close."""
     found = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}

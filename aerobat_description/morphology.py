@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.closure import ClosureError, elbow, remedies, turn
-from aerobat_description.reading import MorphologyError, build, dotted, merge, require
+from aerobat_description.closure import ClosureError, elbow, reach, remedies
+from aerobat_description.following import laid_over
+from aerobat_description.reading import MorphologyError, build, dotted, require
 from aerobat_description.scaling import Scale
 from aerobat_description.sections import (
     Aerodynamics,
@@ -60,12 +61,13 @@ class Morphology:
 
         Args:
             morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
-            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`.
+            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`. What they do not state
+                follows a changed linkage: see `laid_over`.
 
         Raises:
             MorphologyError: no such morphology, or one that fails a check.
         """
-        return cls.from_mapping(merge(_read(str(morphology)), changes or {}))
+        return cls.from_mapping(laid_over(_read(str(morphology)), changes or {}))
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Morphology:
@@ -86,7 +88,7 @@ class Morphology:
         Raises:
             MorphologyError: a change that no robot can have.
         """
-        return self.from_mapping(merge(asdict(self), changes))
+        return self.from_mapping(laid_over(asdict(self), changes))
 
     def check(self, where: str) -> None:
         """Raise unless the name can name files, left and right mirror each other, the crank turns, and masses fit."""
@@ -118,14 +120,18 @@ class Morphology:
         require(inside, f"{panel}.com", com, "the centre of mass lies within the panel's outline")
 
     def _check_turning(self) -> None:
-        """Raise unless the crank can turn, naming the lengths that would do."""
+        """Raise unless the crank can turn, naming the lengths that would do, and the joints' limits allow it."""
         try:
-            turn(self.linkage)
+            reached = reach(self.linkage)
         except ClosureError as error:
             lengths = remedies(self.linkage, error.dyad)
             would = [f"{key} = {value:.6g} (now {getattr(self.linkage, key):g})" for key, value in lengths.items()]
             advice = f"; any of these would do: {', '.join(would)}" if would else ""
             raise MorphologyError(f"morphology: linkage: the crank cannot turn: {error}{advice}") from error
+        for joint, (low, high) in reached.items():
+            limits = getattr(self.joints, f"{joint}_limits")
+            rule = f"the linkage reaches {math.floor(1e3 * low) / 1e3:.3f} to {math.ceil(1e3 * high) / 1e3:.3f} rad"
+            require(limits[0] <= low and high <= limits[1], f"joints.{joint}_limits", limits, rule)
 
     def _outline(self, panel: str) -> tuple[Vector, Vector, Vector]:
         names = ("stations", "leading_edge", "trailing_edge")
@@ -186,4 +192,4 @@ def _read(morphology: str) -> dict[str, Any]:
         return values
     if parent not in MORPHOLOGIES or parent == values.get("name"):
         raise MorphologyError(f"morphology file {path}: extends = {parent!r}: name another shipped morphology")
-    return merge(_read(parent), values)
+    return laid_over(_read(parent), values)
