@@ -17,6 +17,7 @@ from typing import Any
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
 from aerobat_description.closure import ClosureError, elbow, reach, remedies
 from aerobat_description.following import laid_over
+from aerobat_description.names import check_frames, check_name
 from aerobat_description.reading import MorphologyError, build, dotted, require
 from aerobat_description.scaling import Scale
 from aerobat_description.sections import (
@@ -92,14 +93,12 @@ class Morphology:
 
     def check(self, where: str) -> None:
         """Raise unless the name can name files, left and right mirror each other, the crank turns, and masses fit."""
-        plain = bool(self.name) and all(letter.isalnum() or letter in "_-" for letter in self.name)
-        require(plain, dotted(where, "name"), repr(self.name), "letters, digits, _ and - only")
+        check_name(self.name, dotted(where, "name"))
         require(not any(self.body.com), "body.com", self.body.com, "base_link has its origin at the centre of mass")
         mirrored = self.body.inertia[3] == self.body.inertia[5] == 0.0
         rule = "left and right mirror each other: xy and yz must be 0"
         require(mirrored, "body.inertia", self.body.inertia, rule)
-        names = [one.name for one in self.thrusters]
-        require(len(set(names)) == len(names), "thrusters", names, "each needs a name of its own")
+        check_frames([one.name for one in self.thrusters], "thrusters")
         self._check_turning()
         for panel, length in (("proximal", self.elbow[1]), ("distal", self.wing.distal_stations[-1])):
             self._check_panel(panel, length)

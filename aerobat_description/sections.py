@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+from aerobat_description.names import check_name
 from aerobat_description.reading import positive, require
 
 Vector = tuple[float, ...]
@@ -215,7 +216,8 @@ class Thruster:
     torque: float = 0.0
 
     def check(self, where: str) -> None:
-        """Raise unless the direction is a unit vector and the thrust positive."""
+        """Raise unless the name can name a frame, the direction is a unit vector and the thrust positive."""
+        check_name(self.name, f"{where}.name")
         unit = abs(sum(x * x for x in self.direction) - 1.0) < 1e-9
         require(unit, f"{where}.direction", self.direction, "a unit vector was expected")
         positive(self, where, "thrust")
