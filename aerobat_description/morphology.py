@@ -35,6 +35,8 @@ from aerobat_description.sections import (
     WingShape,
 )
 
+STRETCH = 0.05  # by which the proximal panel may miss the elbow, onto which it is stretched: as drawn it does by 2.5 %
+
 
 @dataclass(frozen=True)
 class Morphology:
@@ -100,6 +102,11 @@ class Morphology:
         require(mirrored, "body.inertia", self.body.inertia, rule)
         check_frames([one.name for one in self.thrusters], "thrusters")
         self._check_turning()
+        bone, stations = math.hypot(*self.elbow), self.wing.proximal_stations
+        rule = f"the last one is at the elbow, {bone:.4g} m from the shoulder, to {100 * STRETCH:g} %"
+        require(abs(stations[-1] / bone - 1.0) <= STRETCH, "wing.proximal_stations", stations, rule)
+        rule = f"it is not larger than the span, {self.span:.3f} m"
+        require(abs(self.wing.offset_x) <= self.span, "wing.offset_x", self.wing.offset_x, rule)
         for panel, length in (("proximal", self.elbow[1]), ("distal", self.wing.distal_stations[-1])):
             self._check_panel(panel, length)
         half_span = 0.5 * self.span

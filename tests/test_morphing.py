@@ -232,7 +232,15 @@ def test_a_linkage_that_cannot_turn_is_refused_with_what_would_do(key: str, valu
             {"distal": {"com": [0.0, -0.05, 0.0]}},
             r"distal\.com = .*: the centre of mass lies within the panel",
         ),
-        ({"wing": {"distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101]}}, r"distal_leading_edge.*has no area"),
+        (
+            {
+                "wing": {
+                    "proximal_trailing_edge": [-0.1, 0.0765],
+                    "distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101],
+                }
+            },
+            r"distal_leading_edge.*has no area",
+        ),
         ({"thrusters": 3}, r"thrusters = 3: a list of tables"),
         ({"thrusters": [{"name": "a"}]}, r"missing key 'thrusters\[0\]\.position'"),
     ],
