@@ -196,6 +196,9 @@ def _read(morphology: str) -> dict[str, Any]:
     parent = values.pop("extends", None)
     if parent is None:
         return values
+    where = f"morphology file {path}"
     if parent not in MORPHOLOGIES or parent == values.get("name"):
-        raise MorphologyError(f"morphology file {path}: extends = {parent!r}: name another shipped morphology")
+        raise MorphologyError(f"{where}: extends = {parent!r}: name another shipped morphology")
+    if "name" not in values:
+        raise MorphologyError(f"{where}: missing key 'name': a robot that extends '{parent}' has a name of its own")
     return laid_over(_read(parent), values)
