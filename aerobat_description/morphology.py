@@ -94,7 +94,7 @@ class Morphology:
         return self.from_mapping(laid_over(asdict(self), changes))
 
     def check(self, where: str) -> None:
-        """Raise unless the name can name files, left and right mirror each other, the crank turns, and masses fit."""
+        """Raise unless names are plain, left and right alike, and linkage, limits, planform and masses fit."""
         check_name(self.name, dotted(where, "name"))
         require(not any(self.body.com), "body.com", self.body.com, "base_link has its origin at the centre of mass")
         mirrored = self.body.inertia[3] == self.body.inertia[5] == 0.0
