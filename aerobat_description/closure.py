@@ -12,10 +12,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 from aerobat_description.sections import LinkageLengths
 
 TURN = tuple(math.radians(0.5 * i) for i in range(720))
+EDGE = 1e-8  # [m] between a length that turns and one that does not, where the search for one ends
 # What one may change where a dyad cannot close: the robot's adjustable lengths, then the dyad's own bars.
 ADJUSTABLE = ("L3b", "L5a", "L5b")
 BARS_OF = {"J4": ("L1", "L2a"), "J7": ("L4",), "J10": ("L6", "L7b")}
@@ -101,6 +103,12 @@ def turn(bars: LinkageLengths) -> tuple[Pose, ...]:
     return tuple(close(bars, angle) for angle in TURN)
 
 
+def reach(bars: LinkageLengths) -> dict[str, tuple[float, float]]:
+    """Return the lowest and the highest shoulder and elbow angle [rad] of a turn. Raises ClosureError as `turn`."""
+    angles = {"shoulder": [pose.theta_s for pose in turn(bars)], "elbow": [pose.theta_e for pose in turn(bars)]}
+    return {joint: (min(values), max(values)) for joint, values in angles.items()}
+
+
 def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
     """Return lengths [m] that, changed one at a time, let the crank turn; `dyad` names the pin that does not close."""
     found = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}
@@ -109,12 +117,17 @@ def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
 
 def can_turn(bars: LinkageLengths) -> bool:
     """Say whether the crank can turn through a full circle."""
-    try:
-        for angle in TURN:
+    return _stuck_at(bars) is None
+
+
+def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
+    """Return a crank angle [rad] at which the linkage cannot close, or None; `first` is tried before the others."""
+    for angle in (first, *TURN):
+        try:
             close(bars, angle)
-    except ClosureError:
-        return False
-    return True
+        except ClosureError:
+            return angle
+    return None
 
 
 def nearest_length(bars: LinkageLengths, key: str) -> float | None:
@@ -127,16 +140,26 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
         key: the bar to change, such as `"L3b"`.
     """
     own = getattr(bars, key)
-    found = []
+    stuck = 0.0  # where it was last: most lengths are refused at the first look
+
+    def turns(length: float) -> bool:
+        nonlocal stuck
+        changed: dict[str, Any] = {key: length}
+        angle = _stuck_at(replace(bars, **changed), stuck)
+        stuck = stuck if angle is None else angle
+        return angle is None
+
+    found: list[float] = []
     for step in (1.02, 1.0 / 1.02):
         outside = own
         for _ in range(81):
+            if found and abs(outside - own) > abs(found[0] - own):
+                break
             inside = outside * step
-            if can_turn(replace(bars, **{key: inside})):
-                for _ in range(30):  # the edge of what turns lies between
+            if turns(inside):
+                while abs(inside - outside) > EDGE:  # the edge of what turns lies between
                     middle = 0.5 * (inside + outside)
-                    turns = can_turn(replace(bars, **{key: middle}))
-                    inside, outside = (middle, outside) if turns else (inside, middle)
+                    inside, outside = (middle, outside) if turns(middle) else (inside, middle)
                 away = math.ceil if step > 1.0 else math.floor
                 found.append(away(1e6 * inside) * 1e-6)
                 break

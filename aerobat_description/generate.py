@@ -8,6 +8,7 @@ without a single dependency, and every number is printed so that reading it back
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -82,10 +83,11 @@ def srdf(morphology: Morphology) -> str:
         ET.SubElement(state, "joint", name="root_joint", value="0 0 0 0 0 0 1")
         for joint, angle in zip(joints, angles * 2, strict=True):
             ET.SubElement(state, "joint", name=joint, value=f"{angle + 0.0:.9f}")
-    links = ["base_link", *(f"{side}_{panel}" for side, _ in SIDES for panel in ("proximal", "distal"))]
-    for i, first in enumerate(links):
-        for second in links[i + 1 :]:
-            ET.SubElement(robot, "disable_collisions", link1=first, link2=second, reason="Never")
+    wings = [(f"{side}_proximal", f"{side}_distal") for side, _ in SIDES]
+    joined = {pair for wing in wings for pair in itertools.pairwise(("base_link", *wing))}
+    for pair in itertools.combinations(("base_link", *itertools.chain(*wings)), 2):
+        reason = "Adjacent" if pair in joined else "Never"
+        ET.SubElement(robot, "disable_collisions", link1=pair[0], link2=pair[1], reason=reason)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 

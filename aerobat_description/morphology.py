@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.closure import ClosureError, elbow, remedies, turn
-from aerobat_description.reading import MorphologyError, build, dotted, merge, require
+from aerobat_description.closure import ClosureError, elbow, reach, remedies
+from aerobat_description.following import laid_over
+from aerobat_description.names import check_frames, check_name
+from aerobat_description.reading import MorphologyError, build, dotted, require
 from aerobat_description.scaling import Scale
 from aerobat_description.sections import (
     Aerodynamics,
@@ -32,6 +34,8 @@ from aerobat_description.sections import (
     Vector,
     WingShape,
 )
+
+STRETCH = 0.05  # by which the proximal panel may miss the elbow, onto which it is stretched: as drawn it does by 2.5 %
 
 
 @dataclass(frozen=True)
@@ -60,12 +64,13 @@ class Morphology:
 
         Args:
             morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
-            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`.
+            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`. What they do not state
+                follows a changed linkage: see `laid_over`.
 
         Raises:
             MorphologyError: no such morphology, or one that fails a check.
         """
-        return cls.from_mapping(merge(_read(str(morphology)), changes or {}))
+        return cls.from_mapping(laid_over(_read(str(morphology)), changes or {}))
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Morphology:
@@ -86,19 +91,22 @@ class Morphology:
         Raises:
             MorphologyError: a change that no robot can have.
         """
-        return self.from_mapping(merge(asdict(self), changes))
+        return self.from_mapping(laid_over(asdict(self), changes))
 
     def check(self, where: str) -> None:
-        """Raise unless the name can name files, left and right mirror each other, the crank turns, and masses fit."""
-        plain = bool(self.name) and all(letter.isalnum() or letter in "_-" for letter in self.name)
-        require(plain, dotted(where, "name"), repr(self.name), "letters, digits, _ and - only")
+        """Raise unless names are plain, left and right alike, and linkage, limits, planform and masses fit."""
+        check_name(self.name, dotted(where, "name"))
         require(not any(self.body.com), "body.com", self.body.com, "base_link has its origin at the centre of mass")
         mirrored = self.body.inertia[3] == self.body.inertia[5] == 0.0
         rule = "left and right mirror each other: xy and yz must be 0"
         require(mirrored, "body.inertia", self.body.inertia, rule)
-        names = [one.name for one in self.thrusters]
-        require(len(set(names)) == len(names), "thrusters", names, "each needs a name of its own")
+        check_frames([one.name for one in self.thrusters], "thrusters")
         self._check_turning()
+        bone, stations = math.hypot(*self.elbow), self.wing.proximal_stations
+        rule = f"the last one is at the elbow, {bone:.4g} m from the shoulder, to {100 * STRETCH:g} %"
+        require(abs(stations[-1] / bone - 1.0) <= STRETCH, "wing.proximal_stations", stations, rule)
+        rule = f"it is not larger than the span, {self.span:.3f} m"
+        require(abs(self.wing.offset_x) <= self.span, "wing.offset_x", self.wing.offset_x, rule)
         for panel, length in (("proximal", self.elbow[1]), ("distal", self.wing.distal_stations[-1])):
             self._check_panel(panel, length)
         half_span = 0.5 * self.span
@@ -118,14 +126,18 @@ class Morphology:
         require(inside, f"{panel}.com", com, "the centre of mass lies within the panel's outline")
 
     def _check_turning(self) -> None:
-        """Raise unless the crank can turn, naming the lengths that would do."""
+        """Raise unless the crank can turn, naming the lengths that would do, and the joints' limits allow it."""
         try:
-            turn(self.linkage)
+            reached = reach(self.linkage)
         except ClosureError as error:
             lengths = remedies(self.linkage, error.dyad)
             would = [f"{key} = {value:.6g} (now {getattr(self.linkage, key):g})" for key, value in lengths.items()]
             advice = f"; any of these would do: {', '.join(would)}" if would else ""
             raise MorphologyError(f"morphology: linkage: the crank cannot turn: {error}{advice}") from error
+        for joint, (low, high) in reached.items():
+            limits = getattr(self.joints, f"{joint}_limits")
+            rule = f"the linkage reaches {math.floor(1e3 * low) / 1e3:.3f} to {math.ceil(1e3 * high) / 1e3:.3f} rad"
+            require(limits[0] <= low and high <= limits[1], f"joints.{joint}_limits", limits, rule)
 
     def _outline(self, panel: str) -> tuple[Vector, Vector, Vector]:
         names = ("stations", "leading_edge", "trailing_edge")
@@ -184,6 +196,9 @@ def _read(morphology: str) -> dict[str, Any]:
     parent = values.pop("extends", None)
     if parent is None:
         return values
+    where = f"morphology file {path}"
     if parent not in MORPHOLOGIES or parent == values.get("name"):
-        raise MorphologyError(f"morphology file {path}: extends = {parent!r}: name another shipped morphology")
-    return merge(_read(parent), values)
+        raise MorphologyError(f"{where}: extends = {parent!r}: name another shipped morphology")
+    if "name" not in values:
+        raise MorphologyError(f"{where}: missing key 'name': a robot that extends '{parent}' has a name of its own")
+    return laid_over(_read(parent), values)

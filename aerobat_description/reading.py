@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any, get_args, get_type_hints
 
+LARGEST = 1e30  # its powers are doubles still, and it is a float of a mesh
+
 
 class MorphologyError(ValueError):
     """A morphology that cannot be read, or that no robot can have. The message names key, value and rule."""
@@ -77,8 +79,8 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
         require(isinstance(value, str), where, repr(value), "a string was expected")
         return value
     numbers = value if isinstance(value, list | tuple) else [value]
-    good = all(isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e300 for x in numbers)
-    require(good, where, value, "finite numbers were expected")
+    good = all(isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < LARGEST for x in numbers)
+    require(good, where, value, f"finite numbers were expected, below {LARGEST:g}")
     if kind is float:
         require(not isinstance(value, list | tuple), where, value, "one number was expected")
         return float(numbers[0])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+from aerobat_description.names import check_name
 from aerobat_description.reading import positive, require
 
 Vector = tuple[float, ...]
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
+MEETING = 1e-6  # [m] between ends that meet
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class WingShape:
     force_point: Triple | None = None
 
     def check(self, where: str) -> None:
-        """Raise unless stations increase and the leading edge stays ahead of the trailing edge."""
+        """Raise unless stations increase and the leading edge stays ahead of the trailing edge, and the parts meet."""
         for panel in ("proximal", "distal"):
             stations, leading, trailing = (
                 getattr(self, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge")
@@ -111,6 +113,25 @@ class WingShape:
             rule = "it lies ahead of the trailing edge, or the planform crosses itself"
             require(ahead, f"{where}.{panel}_leading_edge", leading, rule)
         positive(self, where, "minimum_chord")
+        self._check_fit(where)
+
+    def _check_fit(self, where: str) -> None:
+        """Raise unless the panels meet at the elbow, and minimum chord and force point fit them."""
+        edges = []
+        for edge in ("leading_edge", "trailing_edge"):
+            inner, outer = getattr(self, f"proximal_{edge}"), getattr(self, f"distal_{edge}")
+            rule = f"it starts where the proximal one ends, at {inner[-1]:g} m"
+            require(abs(outer[0] - inner[-1]) <= MEETING, f"{where}.distal_{edge}", outer, rule)
+            edges.append((*inner, *outer))
+        largest = max(le - te for le, te in zip(*edges, strict=True))
+        rule = f"the wing's largest chord is {largest:g} m"
+        require(self.minimum_chord <= largest, f"{where}.minimum_chord", self.minimum_chord, rule)
+        if self.force_point is not None:
+            x, y, z = self.force_point
+            tip, back, front = self.distal_stations[-1], min(self.distal_trailing_edge), max(self.distal_leading_edge)
+            rule = f"on the distal panel x is {back:g} to {front:g} m and y 0 to {tip:g} m; z is within half of that"
+            on = back <= x <= front and 0.0 <= y <= tip and abs(z) <= 0.5 * tip
+            require(on, f"{where}.force_point", self.force_point, rule)
 
 
 @dataclass(frozen=True)
@@ -195,9 +216,11 @@ class Guard:
     tube: float
 
     def check(self, where: str) -> None:
-        """Raise unless the ring has a size."""
+        """Raise unless the ring has a size and a hole."""
         require(min(self.radius) > 0.0, f"{where}.radius", self.radius, "both half axes are positive")
         positive(self, where, "tube")
+        rule = f"it is smaller than the ring's half axes, {min(self.radius):g} m at least"
+        require(self.tube < min(self.radius), f"{where}.tube", self.tube, rule)
 
 
 @dataclass(frozen=True)
@@ -215,7 +238,8 @@ class Thruster:
     torque: float = 0.0
 
     def check(self, where: str) -> None:
-        """Raise unless the direction is a unit vector and the thrust positive."""
+        """Raise unless the name can name a frame, the direction is a unit vector and the thrust positive."""
+        check_name(self.name, f"{where}.name")
         unit = abs(sum(x * x for x in self.direction) - 1.0) < 1e-9
         require(unit, f"{where}.direction", self.direction, "a unit vector was expected")
         positive(self, where, "thrust")

@@ -63,6 +63,8 @@ class Aerobat:
     def with_changes(self, changes: Mapping[str, Any]) -> Aerobat:
         """Return a consistent new robot under the same gravity, without touching the disk.
 
+        Where the linkage changes, joint limits and proximal stations that are not changed too follow it.
+
         Args:
             changes: nested values laid over the morphology, such as
                 `{"linkage": {"L3b": 6.8e-3}, "wing": {"offset_x": 0.0}, "scale": {"span": 1.1}, "tail": None}`.

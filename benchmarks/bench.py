@@ -13,6 +13,7 @@ the lowest and the highest round beside it. Nothing fails here: benchmarks infor
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import platform
@@ -21,6 +22,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -32,6 +34,7 @@ from measure import Call, Figure, Part, figure, interleaved
 from sweeping import sweep_figures
 
 from aerobat_pin.disturbances import held_parts
+from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.known_inputs import known_inputs
 from aerobat_pin.observers import ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
 from aerobat_pin.plant import Plant
@@ -198,14 +201,28 @@ def absolute_figures(rounds: int) -> Iterator[Figure]:
     """What a caller waits for, in this process, with everything compiled and imported."""
     scenario = load_scenario("paper")
     robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    lengths = itertools.count(6.6e-3, 1e-7)  # of a bar, each once: a linkage that was seen before is remembered
+
+    def change() -> None:
+        made = robot.with_changes({"linkage": {"L3b": next(lengths)}, "scale": {"span": 1.05, "chord": 0.95}})
+        assert made.visual_model.ngeoms > made.collision_model.ngeoms
+
+    def refuse() -> None:
+        with suppress(MorphologyFileError):
+            robot.with_changes({"linkage": {"L3b": 4e-3}})
+
     times = interleaved(
         max(3, rounds // 2),
         simulate=(lambda: simulate(scenario), 1),
         load=(load_aerobat, 1),
+        change=(change, 1),
+        refuse=(refuse, 1),
         plant=(lambda: Plant(robot, scenario), 1),
     )
     yield figure("simulate the paper's 2 s, warm", 1e3 * times["simulate"], "ms", 80.0)
     yield figure("load_aerobat()", 1e3 * times["load"], "ms")
+    yield figure("robot.with_changes(...), with its geometry", 1e3 * times["change"], "ms", 50.0)
+    yield figure("a linkage that cannot turn refused, with what would do", 1e3 * times["refuse"], "ms")
     yield figure("Plant(robot, scenario), air warmed up", 1e3 * times["plant"], "ms")
 
 

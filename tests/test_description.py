@@ -147,6 +147,7 @@ def test_meshes_are_closed_face_outward_and_measure_metres(file: str) -> None:
         ("[distal]\ncom = [0.1, 0.2]", r"distal\.com = \[0\.1, 0\.2\]: a list of 3 numbers"),
         ("[body]\ninertia = [1e-4, 1e-4, 1e-4]", r"body\.inertia = .*: a list of 6 numbers"),
         ("[body]\nmass = 1" + 400 * "0", r"body\.mass = 10+: finite numbers"),
+        ("[linkage]\nL2a = 1e200", r"linkage\.L2a = 1e\+200: finite numbers were expected, below 1e\+30"),
         ("[linkage]\nP5 = [0.02]", r"linkage\.P5 = .*: a list of 2 numbers"),
         ("[linkage]\nL4 = -0.036", r"linkage\.L4 = -0\.036: it must be positive"),
         ("[joints]\nelbow_limits = [0.7, -1.6]", r"joints\.elbow_limits = .*: the lower limit comes first"),
@@ -169,7 +170,8 @@ def test_meshes_are_closed_face_outward_and_measure_metres(file: str) -> None:
 def test_a_morphology_that_cannot_be_is_refused_by_key_value_and_rule(tmp_path: Path, text: str, message: str) -> None:
     """The same message from the reader, and as this project's own error from `load_aerobat`."""
     file = tmp_path / "odd.toml"
-    file.write_text(f'extends = "aerobat"\n{text}\n')
+    name = "" if text.startswith("name") else 'name = "odd"'
+    file.write_text(f'extends = "aerobat"\n{name}\n{text}\n')
     with pytest.raises(MorphologyError, match=message):
         Morphology.load(file)
     with pytest.raises(MorphologyFileError, match=message) as caught:
@@ -193,7 +195,15 @@ def test_a_morphology_that_is_not_there_is_refused(tmp_path: Path) -> None:
     """Unknown names list the shipped ones; a file must be complete, or extend a shipped morphology."""
     with pytest.raises(MorphologyFileError, match="'aerobot': shipped are aerobat, aerobat_guard, aerobat_light"):
         load_aerobat("aerobot")
-    for text, message in (('name = "mine"', "missing key 'description'"), ('extends = "mine"', "extends = 'mine'")):
+    for text, message in (
+        ('name = "mine"', "missing key 'description'"),
+        ('extends = "mine"', "extends = 'mine'"),
+        (
+            'extends = "aerobat"',
+            r"mine\.toml: missing key 'name': a robot that extends 'aerobat' has a name of its own",
+        ),
+        ('extends = "aerobat"\nname = "aerobat"', "extends = 'aerobat': name another shipped morphology"),
+    ):
         (tmp_path / "mine.toml").write_text(text)
         with pytest.raises(MorphologyError, match=message):
             Morphology.load(tmp_path / "mine.toml")
@@ -218,3 +228,31 @@ def test_a_loaded_robot_shows_its_parts_and_takes_changes(name: str) -> None:
         assert place == pytest.approx([0.0075, sign * 20.6732e-3, 7.5244e-3], abs=5e-8)
         assert new_place == pytest.approx([-0.06, *place[1:]], abs=1e-18)
     assert moved.mass == robot.mass
+
+
+@ROBOTS
+def test_the_srdf_says_of_every_pair_why_it_need_not_be_looked_at(name: str) -> None:
+    """Adjacent: those that a turning joint joins. Never: boxes that keep apart over a turn, by Pinocchio."""
+    joints = ET.parse(URDF[name]).findall("joint[@type='revolute']")
+    joined = {frozenset((one.find("parent").get("link"), one.find("child").get("link"))) for one in joints}
+    pairs = [
+        (frozenset((one.get("link1"), one.get("link2"))), one.get("reason"))
+        for one in ET.parse(PACKAGE / "srdf" / f"{name}.srdf").findall("disable_collisions")
+    ]
+    assert len(pairs) == len(dict(pairs)) == 10
+    assert {pair for pair, reason in pairs if reason == "Adjacent"} == joined
+    robot = load_aerobat(name)
+    boxes = robot.collision_model.copy()
+    boxes.addAllCollisionPairs()
+    data, work = robot.model.createData(), boxes.createData()
+    cycle = robot.linkage.solve(np.radians(np.arange(0.0, 360.0, 2.0)))
+    met = set()
+    for q in robot.configuration(np.tile(pin.neutral(robot.model)[:7], (180, 1)), cycle.theta_s, cycle.theta_e):
+        pin.computeCollisions(robot.model, data, boxes, work, q, False)
+        for pair, result in zip(boxes.collisionPairs, work.collisionResults, strict=True):
+            if result.isCollision():
+                names = (boxes.geometryObjects[k].name for k in (pair.first, pair.second))
+                met.add(frozenset(one.removesuffix("_0") for one in names))
+    assert met
+    assert met.isdisjoint(pair for pair, reason in pairs if reason == "Never")
+    assert {reason for _, reason in pairs} == {"Adjacent", "Never"}

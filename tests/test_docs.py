@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from commands import call
 
+from aerobat_pin.bars import bar_placements, visual_model_with_bars
 from aerobat_pin.csv_log import UNITS
 from aerobat_pin.estimation import belief_about
 from aerobat_pin.observers import OBSERVERS
@@ -50,6 +51,19 @@ def test_the_observers_page_predicts_the_noise_it_shows(page: dict[str, Any]) ->
     """The free run of the page against its own prediction, 10 %."""
     predicted = page["predict"](page["observer"], page["q"], 1e-3, page["noise"]).deviation
     np.testing.assert_allclose(np.std(page["estimate"].components[:5000], axis=0), predicted, rtol=0.1)
+
+
+def test_the_robots_page_places_the_bars_at_the_crank_angle_it_says() -> None:
+    """Its code runs; each bar stands where `bar_placements` puts it at 0.5 rad, not where it was made."""
+    names: dict[str, Any] = {}
+    [block] = re.findall(r"```python\n(.*?)```", (DOCS / "robot.md").read_text(), re.DOTALL)
+    exec(compile(block, "docs/robot.md", "exec"), names)
+    robot, picture = names["robot"], names["picture"]
+    placed, made = bar_placements(robot, 0.5), visual_model_with_bars(robot)
+    assert len(placed) == 10
+    for name, placement in placed.items():
+        assert picture.geometryObjects[picture.getGeometryId(name)].placement == placement
+        assert made.geometryObjects[made.getGeometryId(name)].placement != placement
 
 
 @pytest.mark.parametrize("name", OBSERVERS)

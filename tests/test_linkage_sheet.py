@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,37 @@ def test_the_pose_is_the_linkages_own_over_faint_ones_of_a_whole_turn() -> None:
     turn = LINKAGE.solve(np.radians(shoulder.get_xdata()))
     assert np.radians(shoulder.get_ydata()) == pytest.approx(turn.theta_s)
     assert np.radians(elbow.get_ydata()) == pytest.approx(turn.theta_e)
+
+
+def in_the_middle(point: tuple[float, float], line: np.ndarray) -> bool:
+    """Say whether a point [mm] is the middle of a stretch of a line (n, 2) [mm]."""
+    return bool(np.min(np.linalg.norm(0.5 * (line[1:] + line[:-1]) - point, axis=1), initial=np.inf) < 1e-6)
+
+
+def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
+    """On a linkage whose bars all differ: the line with a side whose middle has the name, and all its corners.
+
+    Sides are those of the morphology's lengths: L2 has its pins at (0, 0), (L2b, L2c) and (L2a, 0), and so on.
+    """
+    bars = replace(LINKAGE.lengths, L4=36.5e-3, L6=35.5e-3)
+    bend = complex(bars.L3a + bars.L3c * np.sin(bars.alpha3), bars.L3c * np.cos(bars.alpha3))
+    rocker = np.exp(-1j * bars.alpha3) * complex(-bars.L3b, bars.L3c)
+    corners = {
+        "L1": (0j, bars.L1),
+        "L2": (0j, complex(bars.L2b, bars.L2c), bars.L2a),
+        "L3": (rocker, 0j, bend),
+        "L4": (0j, bars.L4),
+        "L5": (complex(-bars.L5a, bars.L5b), 0j, complex(bars.L5c, bars.L5d)),
+        "L6": (0j, bars.L6),
+        "L7": (0j, complex(bars.L7b, bars.L7c)),
+    }
+    mechanism = linkage_sheet.draw(KineticSculpture(bars)).axes[0]
+    labels = {text.get_text(): text for axis in (mechanism, *mechanism.child_axes) for text in axis.texts}
+    for name, points in corners.items():
+        sides = sorted(1e3 * abs(a - b) for a, b in itertools.combinations(points, 2))
+        (drawn,) = (line for line in mechanism.lines if in_the_middle(labels[name].xy, line.get_xydata()))
+        ends = np.unique(np.round(drawn.get_xydata(), 9), axis=0)
+        assert sorted(np.linalg.norm(a - b) for a, b in itertools.combinations(ends, 2)) == pytest.approx(sides), name
 
 
 def test_the_same_linkage_gives_the_same_files() -> None:

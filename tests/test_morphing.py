@@ -90,6 +90,57 @@ def test_a_change_reaches_every_model_and_the_disk_is_not_touched(monkeypatch: p
     assert at_once.text == made.text
 
 
+@pytest.mark.parametrize(
+    ("bar", "factors"),
+    # The lengths the laboratory sets, and a longer humerus.
+    [("L3b", (0.876, 3.0)), ("L5a", (0.876, 1.26, 1.648)), ("L5b", (0.876, 1.166)), ("L3a", (0.95, 1.1))],
+)
+@pytest.mark.filterwarnings("ignore::aerobat_pin.errors.NearSingularWarning")
+def test_limits_hold_whatever_a_changed_linkage_reaches(bar: str, factors: tuple[float, ...], tmp_path: Path) -> None:
+    """Turn and reference configurations of Pinocchio's models keep within Pinocchio's limits, with a tenth to spare.
+
+    A change in memory, one at loading, and a file that extends a robot make the same robot.
+    """
+    robot = load_aerobat()
+    for factor in factors:
+        length = factor * getattr(robot.morphology.linkage, bar)
+        made = robot.with_changes({"linkage": {bar: length}})
+        (tmp_path / "mine.toml").write_text(f'extends = "aerobat"\nname = "mine"\n[linkage]\n{bar} = {length!r}\n')
+        for other in (load_aerobat("aerobat", {"linkage": {bar: length}}), load_aerobat(tmp_path / "mine.toml")):
+            assert other.morphology.joints == made.morphology.joints
+        cycle = made.linkage.solve(np.radians(np.arange(0.0, 360.0, 0.5)))
+        joints = list(made.idx_q)
+        low, high = made.model.lowerPositionLimit[joints], made.model.upperPositionLimit[joints]
+        angles = np.column_stack([cycle.theta_s, cycle.theta_e] * 2)
+        assert np.all((low <= angles.min(axis=0) - 0.1 + 1e-9) & (angles.max(axis=0) + 0.1 - 1e-9 <= high))
+        assert np.all(
+            (low <= robot.model.lowerPositionLimit[joints]) & (robot.model.upperPositionLimit[joints] <= high)
+        )
+        for item in made.model.referenceConfigurations:
+            assert np.all((low <= item.data()[joints]) & (item.data()[joints] <= high)), item.key()
+
+
+@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
+def test_stated_limits_that_the_linkage_leaves_are_refused_and_just_outside_they_are_kept(joint: str) -> None:
+    """By `KineticSculpture`; limits that a change states with its linkage are judged, not mended."""
+    robot = load_aerobat()
+    changes: dict[str, Any] = {"linkage": {"L5a": 1.3 * robot.morphology.linkage.L5a}}
+    for linkage in ({}, changes):
+        cycle = robot.with_changes(linkage).linkage.solve(np.radians(np.arange(0.0, 360.0, 0.5)))
+        angle = {"shoulder": cycle.theta_s, "elbow": cycle.theta_e}[joint]
+        low, high = float(angle.min()), float(angle.max())
+        for limits in ((low + 1e-6, 3.0), (-3.0, high - 1e-6)):
+            with pytest.raises(MorphologyFileError) as caught:
+                robot.with_changes({**linkage, "joints": {f"{joint}_limits": limits}})
+            key, rule = str(caught.value).split(": the linkage reaches ")
+            assert key == f"morphology: joints.{joint}_limits = {limits}"
+            said = [float(word) for word in rule.split() if word not in ("to", "rad")]
+            assert said == pytest.approx([low - 5e-4, high + 5e-4], abs=5e-4)  # rounded outward: they can be typed
+        kept = (low - 1e-6, high + 1e-6)
+        made = robot.with_changes({**linkage, "joints": {f"{joint}_limits": kept}}).morphology
+        assert getattr(made.joints, f"{joint}_limits") == kept
+
+
 @ROBOTS
 def test_the_free_base_has_finite_limits_and_draws_configurations(name: str) -> None:
     """Pinocchio leaves a free-flyer at +-1.8e308, from which nothing can be drawn."""
@@ -181,7 +232,15 @@ def test_a_linkage_that_cannot_turn_is_refused_with_what_would_do(key: str, valu
             {"distal": {"com": [0.0, -0.05, 0.0]}},
             r"distal\.com = .*: the centre of mass lies within the panel",
         ),
-        ({"wing": {"distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101]}}, r"distal_leading_edge.*has no area"),
+        (
+            {
+                "wing": {
+                    "proximal_trailing_edge": [-0.1, 0.0765],
+                    "distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101],
+                }
+            },
+            r"distal_leading_edge.*has no area",
+        ),
         ({"thrusters": 3}, r"thrusters = 3: a list of tables"),
         ({"thrusters": [{"name": "a"}]}, r"missing key 'thrusters\[0\]\.position'"),
     ],

@@ -1,0 +1,28 @@
+"""Names of links and joints: a robot has each only once, or tools refuse it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from aerobat_description.reading import require
+
+# Links and joints of every robot, and what Pinocchio calls the world and the joint of the free base.
+FRAMES = ("force_point", "linkage_J1", "linkage_J8")
+WING = ("proximal", "distal", "shoulder", "elbow", *FRAMES, *(f"{frame}_fixed" for frame in FRAMES))
+TAKEN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
+
+
+def check_name(name: str, key: str) -> None:
+    """Raise MorphologyError unless a name can name files, links and joints."""
+    plain = bool(name) and all(letter.isalnum() or letter in "_-" for letter in name)
+    require(plain, key, repr(name), "letters, digits, _ and - only")
+
+
+def check_frames(names: Sequence[str], table: str) -> None:
+    """Raise MorphologyError unless frames of these names, each with its fixed joint, can be added to a robot."""
+    taken = set(TAKEN)
+    for i, name in enumerate(names):
+        own = {name, f"{name}_fixed"}
+        rule = "another link, joint or frame has this name or that of its joint; each needs a name of its own"
+        require(not own & taken, f"{table}[{i}].name", repr(name), rule)
+        taken |= own
