@@ -54,8 +54,14 @@ or one strip at rest, is no exception.
 | mirrored wing and motion; power | mirrored wrenches; force times velocity and moment times rate | 1e-6; 1e-9 |
 """
 
-WHY_SIXTEEN = """16 strips are the default: what a flapping wing or a planform with kinks loses by them is little beside what the line itself
-leaves out, and twice as many would allow a quarter of the step.
+WHY_SIXTEEN = """A strip rides on one link, that of its station (`Wing.attach`). With 16 strips a single one carries each proximal panel, and
+which strip falls beside a joint changes with their number: the robot's error is no smooth function of it, changes sign,
+and is no smaller with 20 than with 16. More strips are not the remedy. Sharing a strip that straddles a joint between its
+two links by their overlap is, and is future work: [design note 6](design/0006-added-mass.md).
+
+16 strips stay the default. What a rectangle or the planform's kinks lose by them is little, what the joints cost is less than
+what strips leave out ([below](#what-a-steady-flapper-leaves-behind)), a belief with the same strips shares it, and twice
+as many would allow a quarter of the step.
 """
 
 SECTION_LAW = """`RobotAir` flies this line with another section law, by choice. `fly` drives the line with w, the velocity across the plate,
