@@ -20,7 +20,7 @@ Written by `make docs`: the numbers under a figure come from the run that drew i
 Dimitriadis (2018) and Sihite et al. (2022, [arXiv 2207.12353](https://arxiv.org/abs/2207.12353)). It takes any planform and
 knows no robot. The equations stand at the top of
 [`lifting_line.py`](../aerobat_pin/aerodynamics/lifting_line.py); nothing in them divides by the airspeed, so a wing at rest,
-or one strip at rest, is no exception.
+or one strip at rest, is no exception. The last two parts put it on the robot.
 
 | you want | call |
 |---|---|

@@ -76,7 +76,7 @@ def shed() -> Rung:
         for flap in (0.0, 10.0, 30.0)
         for ours, trail in [rectangle_wake(Stroke(4.0, np.radians(5.0), 5.0, flap=np.radians(flap)), time, 101)]
     ]
-    finer, trail = flap_robot(40, STEPS // 10)
+    finer, trail = flap_robot(160, STEPS)
     pairs = [(1e3 * impulse_lift(of), 1e3 * lifts[:, 2].mean()) for lifts, of in ((force, wake), (finer, trail))]
     caption = (
         f"The robot on a prescribed motion, {AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz, 16 strips. Above, what stays behind over a "
@@ -85,7 +85,7 @@ def shed() -> Rung:
         "they were folded, blue where they lifted, orange where they pushed down.\n\n"
         "The sheet's vertical impulse grows by rho Gamma times the area that the trailing edges sweep, and this should be the mean "
         f"lift. It is, for the rectangle of above at 5 deg: {', '.join(shares)} of flapping. For the robot's strips it is "
-        f"{pairs[0][0]:.0f} of {pairs[0][1]:.0f} mN, {100.0 * pairs[0][0] / pairs[0][1]:.0f} %, and with 40 strips {pairs[1][0]:.0f} of {pairs[1][1]:.0f} mN, {100.0 * pairs[1][0] / pairs[1][1]:.0f} %. "
-        "The strips' law is not that of a vortex sheet at large angles, and with 16 strips the joints cost what the study above says."
+        f"{pairs[0][0]:.0f} of {pairs[0][1]:.0f} mN, {100.0 * pairs[0][0] / pairs[0][1]:.0f} %, and with 160 strips {pairs[1][0]:.0f} of {pairs[1][1]:.0f} mN, {100.0 * pairs[1][0] / pairs[1][1]:.0f} %. "
+        "At such angles the strips' law is not that of a vortex sheet, and with 16 strips the joints cost what the study above says."
     )
     return Rung("shed", "What a steady flapper leaves behind", figure, caption)

@@ -93,13 +93,14 @@ def test_the_wake_of_a_flapping_rectangle_takes_the_impulse_of_its_lift(flap: fl
 
 
 def test_the_wake_of_the_flapping_robot_takes_the_impulse_of_its_lift() -> None:
-    """Prescribed level flight: 89 % of what 16 strips lift, 95 % with 40, whose joints lie nearer where they are."""
-    for strips, share in ((16, 0.89), (40, 0.95)):
-        force, wake = flap_robot(strips, STEPS // 10)
+    """Prescribed level flight: 89 % of what 16 strips lift, 93 % with 80, whose mean lift is 3 % less."""
+    for strips, share, steps in ((16, 0.89, STEPS // 10), (80, 0.93, STEPS // 4)):
+        force, wake = flap_robot(strips, steps)
         assert impulse_lift(wake) / force[:, 2].mean() == pytest.approx(share, abs=0.01)
-        # Two halves that turn against each other, each of one sign: the slope of a mean circulation with one hill.
-        trailing, half = wake.mean_trailing(0.0, 1.0 / FREQUENCY), (strips + 1) // 2
-        assert np.all(trailing[:half] > 0.0)
+        # Tips and halves turn against each other; a half leaves as much as is bound at the root.
+        trailing, half = wake.mean_trailing(0.0, 1.0 / FREQUENCY), strips // 2
+        assert trailing[0] > 0.0
+        assert trailing[:half].sum() == pytest.approx(wake.bound.mean(axis=0).max(), rel=0.02)
         np.testing.assert_allclose(trailing, -trailing[::-1], atol=1e-9)
     assert wake.position[-1, 0, 0] - wake.position[0, 0, 0] == pytest.approx(AIRSPEED / FREQUENCY, rel=0.01)
 
