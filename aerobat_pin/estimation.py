@@ -12,7 +12,7 @@ from aerobat_pin.errors import LogError, ScenarioError
 from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs
 from aerobat_pin.observers import OBSERVERS, Estimate
-from aerobat_pin.robot import Aerobat
+from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
 
 
@@ -54,6 +54,30 @@ def belief_about(
     if "gravity" in noted:
         values["flight"] = {"gravity": float(noted["gravity"])}
     return parse_scenario(with_settings(_without_none(values), settings), f"belief about {name}")
+
+
+def who_is_believed(belief: Scenario, log: FlightLog | None, settings: Iterable[str]) -> str:
+    """Say in a line which robot is believed, how heavy it is, and who said so.
+
+    Args:
+        belief: as `belief_about` gives it.
+        log: the flight, which may note its robot.
+        settings: `dotted.key=value` texts that the belief was made with.
+
+    Raises:
+        MorphologyFileError: there is no such robot.
+    """
+    chosen = belief.believed_robot
+    shape = load_morphology(chosen.morphology, chosen.changes)
+    changed = " with changes" if chosen.changes else ""
+    told = f"believed: {shape.name}{changed}, {1e3 * shape.mass:.1f} g"
+    keys = {setting.partition("=")[0].strip() for setting in settings}
+    if keys & {"robot", "robot.morphology"}:
+        return f"{told}, as --set says"
+    noted = None if log is None else log.measured.attrs.get("morphology")
+    if "morphology" not in belief.robot.model_fields_set:
+        return f"{told}, as nobody said otherwise: --morphology"
+    return f"{told}, as the log notes" if chosen.morphology == noted else f"{told}, as --morphology says"
 
 
 def estimate_log(

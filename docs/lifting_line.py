@@ -6,6 +6,8 @@ from pathlib import Path
 
 import ladder
 import matplotlib as mpl
+import on_the_robot
+import shed
 import strips
 
 from aerobat_pin import style
@@ -18,7 +20,7 @@ Written by `make docs`: the numbers under a figure come from the run that drew i
 Dimitriadis (2018) and Sihite et al. (2022, [arXiv 2207.12353](https://arxiv.org/abs/2207.12353)). It takes any planform and
 knows no robot. The equations stand at the top of
 [`lifting_line.py`](../aerobat_pin/aerodynamics/lifting_line.py); nothing in them divides by the airspeed, so a wing at rest,
-or one strip at rest, is no exception.
+or one strip at rest, is no exception. The last two parts put it on the robot.
 
 | you want | call |
 |---|---|
@@ -46,12 +48,30 @@ or one strip at rest, is no exception.
 | steady rectangular wing, CL and CDi, 16 strips | Glauert (1926) | 1e-3 |
 | impulsive start, aspect ratio 4 | unsteady vortex lattice | 11, 5, 2, 0.5, 0.5 % at s = 0.25, 1, 2, 5, 10 |
 | flapping rectangle, lift; thrust | PteraSoftware 5.1.0, 192 panels | 2 %; 12 % |
+| on the robot: steady plate, two dimensions, normal force; drag | the attached plate's; its closed form | 1e-8; 1e-6 |
+| on the robot: small incidence | the line's own equations | incidence^2 |
+| on the robot: flapping rectangle, lift; thrust | PteraSoftware 5.1.0, 192 panels | 8 %; 28 % less |
+| shed wake: vertical impulse of a steady wing's; of the flapping rectangle's; of the flapping robot's | mean lift | 1 %; 5 %; 12 % |
 | air at rest, hover, one strip at rest, 90 deg, flow from behind | finite, no warning | |
 | mirrored wing and motion; power | mirrored wrenches; force times velocity and moment times rate | 1e-6; 1e-9 |
 """
 
-WHY_SIXTEEN = """16 strips are the default: what a flapping wing or a planform with kinks loses by them is little beside what the line itself
-leaves out, and twice as many would allow a quarter of the step.
+WHY_SIXTEEN = """A strip rides on one link, that of its station (`Wing.attach`). With 16 strips a single one carries each proximal panel, and
+which strip falls beside a joint changes with their number: the robot's error is no smooth function of it, changes sign,
+and is no smaller with 20 than with 16. More strips are not the remedy. Sharing a strip that straddles a joint between its
+two links by their overlap is, and is future work: [design note 6](design/0006-added-mass.md).
+
+16 strips stay the default. What a rectangle or the planform's kinks lose by them is little; what the joints cost is less than
+what the section law leaves out ([below](#on-the-robot)), and a belief with the same strips shares it; the reference flights
+were trimmed with them; and twice as many would allow a quarter of the step.
+"""
+
+SECTION_LAW = """`RobotAir` flies this line with another section law, by choice. `fly` drives the line with w, the velocity across the plate,
+and pulls with all of the suction: potential flow, without drag. The robot's strips drive it with w |u| / U and scale suction by
+c (3 - c^2) / 2, c = u / U ([`strips.py`](../aerobat_pin/aerodynamics/strips.py)). The normal force of a steady wing is then the attached one at any incidence,
+exactly, and suction falls with the square of the cosine and more. At small incidence the two are one, up to its square. In
+ordinary flapping wing tips pass 40 to 60 degrees, where full suction is not believable: this law lies between attached and
+stalled flow. The price is thrust. [Design note 6](design/0006-added-mass.md) says what flights would be with w itself.
 """
 
 LIMITS = """## Limits
@@ -72,9 +92,20 @@ def write(docs: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(style.RC):
         rungs, grid, stable = [draw() for draw in ladder.RUNGS], strips.grid(), strips.stable_step()
-        for rung in (*rungs, grid, stable):
+        law, wake = on_the_robot.law(), shed.shed()
+        for rung in (*rungs, grid, stable, law, wake):
             rung.figure.savefig(folder / f"{rung.name}.png", metadata={"Software": None})
-    sections = [INTRODUCTION, *map(section, rungs), section(grid), WHY_SIXTEEN, section(stable), LIMITS]
+    sections = [
+        INTRODUCTION,
+        *map(section, rungs),
+        section(grid),
+        WHY_SIXTEEN,
+        section(stable),
+        section(law),
+        SECTION_LAW,
+        section(wake),
+        LIMITS,
+    ]
     (docs / "lifting_line.md").write_text("\n".join(sections), encoding="utf-8")
 
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import ladder
+import lifting_line
 import numpy as np
+import on_the_robot
 import pytest
+import strips
 from commands import call
 
 from aerobat_pin.bars import bar_placements, visual_model_with_bars
@@ -19,6 +24,7 @@ from aerobat_pin.observers import OBSERVERS
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGE = (DOCS / "observers.md").read_text()
 RECORDED = (DOCS / "recorded.md").read_text()
+LINE = (DOCS / "lifting_line.md").read_text()
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +115,28 @@ def test_every_option_of_the_page_on_recorded_flights_is_taken() -> None:
     belief = belief_about(None, "hall", "aerobat_guard", ["smoother"], settings)
     assert belief.observers.frames == ("base_link",)
     assert belief.observers.settings("smoother")["known_error"] == {"aerodynamic": 0.2}
+
+
+@pytest.mark.parametrize("draw", [*ladder.RUNGS, strips.stable_step, on_the_robot.law], ids=lambda draw: draw.__name__)
+def test_the_lifting_lines_page_says_what_its_script_finds(draw: Callable[[], ladder.Rung]) -> None:
+    """Every part but the count of strips and the wake, which take longer: title, figure and numbers, to the letter."""
+    assert lifting_line.section(draw()) in LINE
+
+
+def test_the_lifting_lines_page_holds_its_prose_and_some_of_its_longer_studies() -> None:
+    """Prose as in the script; of the strip count, steady Aerobat and two columns of the robot in flapping flight."""
+    for prose in (
+        lifting_line.INTRODUCTION,
+        lifting_line.WHY_SIXTEEN,
+        lifting_line.SECTION_LAW,
+        lifting_line.LIMITS,
+    ):
+        assert prose in LINE
+    counted = LINE.split("## How many strips")[1].split("\n## ")[0]
+    steady = [strips.wings()["Aerobat"](n).steady_coefficients(ladder.INCIDENCE)[0] for n in (16, 200)]
+    assert f"Aerobat's planform {100.0 * abs(steady[0] / steady[1] - 1.0):.2f} %" in counted
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in counted.splitlines() if line.startswith("| ")]
+    assert rows[0][1:] == [str(count) for count in strips.ON_THE_ROBOT]
+    for count, (mean, rms) in strips.robot_errors((8, 16)).items():
+        column = rows[0].index(str(count))
+        assert [row[column] for row in rows[1:]] == [f"{mean:+.1f}", f"{rms:.1f}"]

@@ -75,6 +75,30 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
 
 
 @pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        (["hall.csv"], "believed: aerobat, 42.1 g, as nobody said otherwise: --morphology"),
+        (["hall.csv", "--morphology", "aerobat_guard"], "believed: aerobat_guard, 92.1 g, as --morphology says"),
+        (["hall.csv", "--set", "robot.morphology=aerobat_light"], "believed: aerobat_light, 20.0 g, as --set says"),
+        (["flight.nc"], "believed: aerobat_guard with changes, 92.1 g, as the log notes"),
+        (["flight.nc", "--morphology", "aerobat"], "believed: aerobat, 42.1 g, as --morphology says"),
+        (
+            ["flight.nc", "--set", "robot.changes.body.mass=0.07"],
+            "believed: aerobat_guard with changes, 80.8 g, as the log notes",
+        ),
+    ],
+)
+def test_the_first_line_says_who_is_believed_and_why(
+    words: list[str], first: str, recorded: Path, paper: Experiment
+) -> None:
+    """Before anything else: a robot of another mass makes other forces."""
+    paper.log.save(recorded.parent / "flight.nc")
+    done = aerobat("estimate", *words, "--observer", "momentum", cwd=recorded.parent)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0] == first
+
+
+@pytest.mark.parametrize(
     ("words", "message"),
     [
         ((), "a recorded flight was expected, or --self-check"),

@@ -13,6 +13,11 @@ and scales the suction. So nothing jumps in broadside flow, and flow from behind
     f_x = lead suction - rho/2 c cd0 U u             per span
     f_z = lift + rho/2 c cd0 U w
 
+This is not the law of `stroke.fly`, which drives the line with w itself, as potential flow has it. With w |u| / U the
+steady normal force a0 rho b |u| w is the attached plate's at any incidence, in both; but suction here falls with lead
+c^2, so that a plate drags. The two agree up to incidence^2; beyond, this law lies between attached and stalled flow,
+for tips that pass 40 to 60 degrees (docs/design/0006-added-mass.md, docs/lifting_line.md).
+
 A limit of the lift coefficient, where one is set, bends w_eff before anything uses it: with r = a0 w_eff / (U limit),
 w_eff / (1 + r^4)^(1/4) is 1.5 % less at half the limit and never passes it.
 """
