@@ -24,7 +24,6 @@ from aerobat_pin.recording import Recording, record
 
 FORCE = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
 FREE = 7  # entries of a free base
-PARENTS = 4  # folders above a URDF that are searched for its meshes
 
 
 def recording_of(table: Path, urdf: Path) -> Recording:
@@ -68,10 +67,13 @@ def _model(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.Geomet
         fixed = model.nq
         if columns == fixed + FREE:
             model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-        folders = [str(folder) for folder in urdf.resolve().parents[:PARENTS]]
+        folders = [str(folder) for folder in urdf.resolve().parents]
         visual_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
-        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {str(error).strip()}") from error
+        said = str(error).strip()
+        if "could not be found" in said:  # Pinocchio itself looks where the variable points
+            said += " In the folders above the URDF, or those of ROS_PACKAGE_PATH, it was expected."
+        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {said}") from error
     if columns != model.nq:
         raise LogError(
             f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or {fixed + FREE} on a "

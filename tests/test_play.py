@@ -238,6 +238,24 @@ def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
     assert Path(URDF_PATH).is_relative_to(PACKAGE_PATH)
 
 
+def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The folder of a `package://` six levels up, or elsewhere by ROS_PACKAGE_PATH; else the message names both."""
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    deep = tmp_path / "a" / "b" / "c" / "d" / "e" / "f"
+    deep.mkdir(parents=True)
+    mesh = '<mesh filename="package://bird/body.stl"/>'
+    (deep / "arm.urdf").write_text(ARM.replace('<box size="0.1 0.1 1"/>', mesh))
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with pytest.raises(LogError, match=r"bird/body\.stl .* folders above the URDF, or those of ROS_PACKAGE_PATH"):
+        recording_of(motion, deep / "arm.urdf")
+    for place in (tmp_path, tmp_path / "elsewhere"):
+        (place / "bird").mkdir(parents=True)
+        shutil.copy(Path(PACKAGE_PATH) / "meshes" / "aerobat_body.stl", place / "bird" / "body.stl")
+        assert recording_of(motion, deep / "arm.urdf").visual_model.ngeoms == 1
+        shutil.rmtree(place / "bird")
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
+
+
 @pytest.mark.parametrize(
     ("header", "rows", "error", "message"),
     [
