@@ -125,7 +125,7 @@ def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_
         (["nowhere.nc"], "there is no such file"),
         (["."], "has no scenario.toml, flight.nc, estimate.nc"),
         (["--from-csv", "a.csv"], "with --urdf FILE"),
-        (["--from-csv", "a.csv", "--urdf", "b.urdf"], "cannot be read as CSV"),
+        (["--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
         (["nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["nowhere.nc", "--rate", "0"], "--rate"),
         (["nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
@@ -264,7 +264,7 @@ def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pyte
         ("time,hinge,bar.Fx", [[0, 0, 0], [1, 0, 0]], LogError, "three columns bar.Fx"),
         ("time,a,b,c,d,e,f,g,h", [[t, *[0] * 8] for t in (0, 1)], LogError, "no unit quaternion"),
         ("time,hinge,x.Fx,x.Fy,x.Fz", [[0] * 5, [1] * 5], FrameNotFoundError, "bar"),
-        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "row 3: 2 finite numbers"),
+        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: 2 finite numbers"),
         ("time,hinge", [[0, 0]], LogError, "two rows or more"),
     ],
 )
