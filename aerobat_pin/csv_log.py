@@ -182,8 +182,8 @@ def _columns(path: Path) -> tuple[dict[str, Array], list[int]]:
         row, column = bad[0]
         missing = len(np.unique(bad[:, 0]))
         raise LogError(
-            f"log {path}, line {lines[row]}: {names[column]} is not finite ({missing} such rows): leave those rows out; "
-            "gaps in time are allowed"
+            f"log {path}, line {lines[row]}: {names[column]} is not finite ({missing} such rows): leave those rows "
+            "out; gaps in time are allowed"
         )
     return {name: table[:, k] for k, name in enumerate(names)}, lines
 
