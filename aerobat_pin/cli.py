@@ -78,20 +78,26 @@ def trim(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
     ] = None,
 ) -> None:
-    """Find the frequency, wing offset and start of a flight that repeats itself every flap; write it as a scenario."""
+    """Find the frequency, wing offset and start of a flight that repeats itself every flap; write it as a scenario.
+
+    The horizontal velocity is held. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate, --set
+    or not, are first guesses: what is found differs from them.
+    """
     from aerobat_pin import trim as solver
     from aerobat_pin.output import check_file, write_text
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
     if out is not None:
         check_file(out, force=force)
-    found = solver.trim(load_scenario(scenario, settings or []))
+    guess = load_scenario(scenario, settings or [])
+    found = solver.trim(guess)
     flight, crank = found.scenario.flight, found.scenario.crank
     offset = found.scenario.robot.changes["wing"]["offset_x"]
     doubling = found.time_to_double
     summary = (
-        f"{crank.frequency:.3f} Hz, wing offset {1e3 * offset:.2f} mm, pitch {flight.pitch_deg:.2f} deg, "
-        f"vertical speed {flight.velocity[2]:.3f} m/s; one flap misses its start by {found.residual:.1e}; "
+        f"from a first guess of {guess.crank.frequency:g} Hz: {crank.frequency:.3f} Hz, wing offset "
+        f"{1e3 * offset:.2f} mm; as the flap starts, pitch {flight.pitch_deg:.2f} deg and vertical speed "
+        f"{flight.velocity[2]:.3f} m/s; one flap misses its start by {found.residual:.1e}; "
         "a disturbance " + (f"doubles in {doubling:.2f} s" if doubling < 1e3 else "does not grow")
     )
     typer.echo(summary, err=out is None)

@@ -22,7 +22,7 @@ def estimate(
     ] = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key of robot, air or observers; repeatable."),
+        typer.Option("--set", metavar="KEY=VALUE", help="Set a key of robot, air, observers, or flight.gravity."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<log>-estimate.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the results of an earlier run.")] = False,
@@ -41,7 +41,7 @@ def estimate(
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])
-    typer.echo(who_is_believed(belief, flight, settings or []))
+    typer.echo(who_is_believed(belief, morphology, settings or []))
     if self_check and not _passes_self_check(belief):
         raise typer.Exit(1)
     if flight is None:

@@ -22,7 +22,6 @@ taken as the mean of both ends. Writing a log, where they are means, a sample is
 
 from __future__ import annotations
 
-import csv
 import difflib
 import re
 from collections.abc import Sequence
@@ -35,6 +34,7 @@ from aerobat_pin.arrays import Array
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.flight_log import KNOWN, POSE_AXIS, TWIST_AXIS, FlightLog, channel
 from aerobat_pin.robot import JOINTS
+from aerobat_pin.text_table import read_rows
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 VELOCITY, GYRO = ("vx", "vy", "vz"), ("wx", "wy", "wz")
@@ -68,6 +68,7 @@ WRITTEN: tuple[tuple[Sequence[str], Sequence[str], Sequence[str] | None], ...] =
     (THRUST, (THRUSTERS,), TWIST_AXIS),
 )
 FASTEST_CRANK = 60.0  # [Hz]: a faster one is in degrees
+SLOWEST = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
 SHORTEST = 3  # samples: rates of a shorter record cannot be told
 HEADER = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 
@@ -76,10 +77,10 @@ def read_csv(path: str | Path) -> FlightLog:
     """Read a recorded flight.
 
     Raises:
-        LogError: the file cannot be read, or is not a flight; the message names file, column and row.
+        LogError: the file cannot be read, or is not a flight; the message names file, column and line.
     """
-    columns = _columns(Path(path))
-    _check(columns, path)
+    columns, lines = _columns(Path(path))
+    _check(columns, lines, path)
     time = columns["time"]
     per_sample, per_interval = ("time",), ("interval",)
     coords = {
@@ -153,39 +154,38 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
         raise OutputError(f"log {path}: cannot be written: {error.strerror or error}") from error
 
 
-def _columns(path: Path) -> dict[str, Array]:
-    """Read the columns by name. Raises LogError for what is not a table of numbers with known names and units."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"log {path}: cannot be read as CSV: {error}") from error
+def _columns(path: Path) -> tuple[dict[str, Array], list[int]]:
+    """Read the columns by name, and on which lines their values stand.
+
+    Raises LogError for what is not a table of numbers with known names and units.
+    """
+    rows, lines = read_rows(path, "log", LogError)
     if len(rows) < 1 + SHORTEST:
         raise LogError(
             f"log {path}: {max(len(rows) - 1, 0)} samples: a header and {SHORTEST} rows or more were expected"
         )
-    names = [_name(cell, path) for cell in rows[0]]
+    names, lines = [_name(cell, path) for cell in rows[0]], lines[1:]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise LogError(f"log {path}: column '{twice.pop()}' is there twice")
     table = np.full((len(rows) - 1, len(names)), np.nan)
     for i, row in enumerate(rows[1:]):
         if len(row) != len(names):
-            raise LogError(f"log {path}, row {i + 1}: {len(row)} values: {len(names)} were expected")
+            raise LogError(f"log {path}, line {lines[i]}: {len(row)} values: {len(names)} were expected")
         for k, cell in enumerate(row):
             try:
                 table[i, k] = float(cell)
             except ValueError:
-                raise LogError(f"log {path}, row {i + 1}: {names[k]} = {cell!r}: a number was expected") from None
+                raise LogError(f"log {path}, line {lines[i]}: {names[k]} = {cell!r}: a number was expected") from None
     bad = np.argwhere(~np.isfinite(table))
     if len(bad):
         row, column = bad[0]
         missing = len(np.unique(bad[:, 0]))
         raise LogError(
-            f"log {path}, row {row + 1}: {names[column]} is not finite ({missing} such rows): leave those rows out; "
-            "gaps in time are allowed"
+            f"log {path}, line {lines[row]}: {names[column]} is not finite ({missing} such rows): leave those rows "
+            "out; gaps in time are allowed"
         )
-    return {name: table[:, k] for k, name in enumerate(names)}
+    return {name: table[:, k] for k, name in enumerate(names)}, lines
 
 
 def _name(cell: str, path: Path) -> str:
@@ -201,7 +201,7 @@ def _name(cell: str, path: Path) -> str:
     return name
 
 
-def _check(columns: dict[str, Array], path: str | Path) -> None:
+def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> None:
     """Raise LogError unless the columns make a flight."""
     missing = [name for name in ("time", *POSE) if name not in columns]
     if missing:
@@ -218,21 +218,24 @@ def _check(columns: dict[str, Array], path: str | Path) -> None:
     time = columns["time"]
     steps = np.diff(time)
     if np.any(steps <= 0.0):
-        row = int(np.argmax(steps <= 0.0)) + 2
-        what = "is repeated" if steps[row - 2] == 0.0 else "runs backwards"
-        raise LogError(f"log {path}, row {row}: time = {time[row - 1]:g} s {what}: rising stamps were expected")
+        row = int(np.argmax(steps <= 0.0)) + 1
+        what = "is repeated" if steps[row - 1] == 0.0 else "runs backwards"
+        raise LogError(f"log {path}, line {lines[row]}: time = {time[row]:g} s {what}: rising stamps were expected")
+    step = float(np.median(steps))
+    if step > SLOWEST:
+        raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
     norm = np.linalg.norm(_stack(columns, POSE[3:]), axis=1)
     if np.any(np.abs(norm - 1.0) > 0.01):
         row = int(np.argmax(np.abs(norm - 1.0) > 0.01))
-        raise LogError(f"log {path}, row {row + 1}: the quaternion has length {norm[row]:.3g}: 1 was expected")
+        raise LogError(f"log {path}, line {lines[row]}: the quaternion has length {norm[row]:.3g}: 1 was expected")
     if "crank_angle" in columns:
         rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
         if rate > FASTEST_CRANK:
             raise LogError(f"log {path}: crank_angle turns at {rate:.0f} Hz: radians were expected")
     for name in JOINTS:
         if name in columns and np.max(np.abs(columns[name])) > 2.0 * np.pi:
-            row = int(np.argmax(np.abs(columns[name]))) + 1
-            raise LogError(f"log {path}, row {row}: {name} = {columns[name][row - 1]:g}: radians were expected")
+            row = int(np.argmax(np.abs(columns[name])))
+            raise LogError(f"log {path}, line {lines[row]}: {name} = {columns[name][row]:g}: radians were expected")
 
 
 def _stack(columns: dict[str, Array], names: Sequence[str]) -> Array:

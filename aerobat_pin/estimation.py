@@ -15,6 +15,8 @@ from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
 
+BELIEVED, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # what may be set of a belief
+
 
 def read_log(path: Path) -> FlightLog:
     """Read a flight: NetCDF of ours, or a recorded table. Raises LogError."""
@@ -26,7 +28,7 @@ def read_log(path: Path) -> FlightLog:
 def belief_about(
     log: FlightLog | None, name: str, morphology: str | None, names: Sequence[str], settings: Iterable[str]
 ) -> Scenario:
-    """Return what is believed of a recorded flight, as a scenario whose tables robot, air and observers say it.
+    """Return what is believed of a recorded flight, as a scenario whose robot, air, observers and gravity say it.
 
     Args:
         log: the flight; what it notes of robot and air is believed, where nothing else is said. None for no flight.
@@ -36,8 +38,10 @@ def belief_about(
         settings: `dotted.key=value` texts.
 
     Raises:
-        ScenarioError: a value that breaks its rule.
+        ScenarioError: a value that breaks its rule, or a key that a belief does not have.
     """
+    settings = list(settings)
+    _check_keys(settings)
     noted = {} if log is None else log.measured.attrs
     channels = () if log is None else tuple(map(str, log.measured.data_vars))
     robot: dict[str, Any] = {"morphology": morphology} if morphology is not None else {}
@@ -56,28 +60,28 @@ def belief_about(
     return parse_scenario(with_settings(_without_none(values), settings), f"belief about {name}")
 
 
-def who_is_believed(belief: Scenario, log: FlightLog | None, settings: Iterable[str]) -> str:
+def who_is_believed(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
     """Say in a line which robot is believed, how heavy it is, and who said so.
 
     Args:
         belief: as `belief_about` gives it.
-        log: the flight, which may note its robot.
-        settings: `dotted.key=value` texts that the belief was made with.
+        morphology: as it was given.
+        settings: as they were given.
 
     Raises:
         MorphologyFileError: there is no such robot.
     """
     chosen = belief.believed_robot
     shape = load_morphology(chosen.morphology, chosen.changes)
-    changed = " with changes" if chosen.changes else ""
-    told = f"believed: {shape.name}{changed}, {1e3 * shape.mass:.1f} g"
     keys = {setting.partition("=")[0].strip() for setting in settings}
+    why = "nobody said otherwise: --morphology"
     if keys & {"robot", "robot.morphology"}:
-        return f"{told}, as --set says"
-    noted = None if log is None else log.measured.attrs.get("morphology")
-    if "morphology" not in belief.robot.model_fields_set:
-        return f"{told}, as nobody said otherwise: --morphology"
-    return f"{told}, as the log notes" if chosen.morphology == noted else f"{told}, as --morphology says"
+        why = "--set says"
+    elif morphology is not None:
+        why = "--morphology says"
+    elif "morphology" in belief.robot.model_fields_set:
+        why = "the log notes"
+    return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, as {why}"
 
 
 def estimate_log(
@@ -115,6 +119,17 @@ def check_names(names: Sequence[str]) -> None:
     """Raise ScenarioError unless there are observers of these names."""
     if not names or any(name not in OBSERVERS for name in names):
         raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
+
+
+def _check_keys(settings: Iterable[str]) -> None:
+    """Raise ScenarioError for a setting of what a recorded flight did itself: its crank, its start, its sensors."""
+    for setting in settings:
+        key = setting.partition("=")[0].strip()
+        if key.partition(".")[0] not in BELIEVED and key != GRAVITY:
+            raise ScenarioError(
+                f"--set {setting}: '{key}' is nothing to believe of a recorded flight; keys of {', '.join(BELIEVED)}, "
+                f"and {GRAVITY}, may be set"
+            )
 
 
 def _without_none(values: dict[str, Any]) -> dict[str, Any]:

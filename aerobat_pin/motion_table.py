@@ -11,7 +11,6 @@ Seven columns more than the joints need are the placement of a free base: positi
 
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 
@@ -21,10 +20,10 @@ import pinocchio as pin
 from aerobat_pin.arrays import Array
 from aerobat_pin.errors import LogError
 from aerobat_pin.recording import Recording, record
+from aerobat_pin.text_table import read_rows
 
 FORCE = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
 FREE = 7  # entries of a free base
-PARENTS = 4  # folders above a URDF that are searched for its meshes
 
 
 def recording_of(table: Path, urdf: Path) -> Recording:
@@ -68,10 +67,13 @@ def _model(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.Geomet
         fixed = model.nq
         if columns == fixed + FREE:
             model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-        folders = [str(folder) for folder in urdf.resolve().parents[:PARENTS]]
+        folders = [str(folder) for folder in urdf.resolve().parents]
         visual_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
-        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {str(error).strip()}") from error
+        said = str(error).strip()
+        if "could not be found" in said:  # Pinocchio itself looks where the variable points
+            said += " In the folders above the URDF, or those of ROS_PACKAGE_PATH, it was expected."
+        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {said}") from error
     if columns != model.nq:
         raise LogError(
             f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or {fixed + FREE} on a "
@@ -82,20 +84,16 @@ def _model(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.Geomet
 
 def _read(table: Path) -> tuple[list[str], Array]:
     """Return names without units, and numbers (n, columns)."""
-    try:
-        with table.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"motion {table}: cannot be read as CSV: {error}") from error
+    rows, lines = read_rows(table, "motion", LogError)
     if len(rows) < 3:
         raise LogError(f"motion {table}: a header and two rows or more were expected")
     names = [re.sub(r"\[[^\]]*\]", "", cell).strip() for cell in rows[0]]
     numbers = []
-    for line, row in enumerate(rows[1:], start=2):
+    for line, row in zip(lines[1:], rows[1:], strict=True):
         try:
             numbers.append([float(cell) for cell in row])
         except ValueError as error:
-            raise LogError(f"motion {table}, row {line}: {error}") from error
+            raise LogError(f"motion {table}, line {line}: {error}") from error
         if len(row) != len(names) or not np.all(np.isfinite(numbers[-1])):
-            raise LogError(f"motion {table}, row {line}: {len(names)} finite numbers were expected")
+            raise LogError(f"motion {table}, line {line}: {len(names)} finite numbers were expected")
     return names, np.array(numbers)

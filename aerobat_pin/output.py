@@ -76,13 +76,18 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULT
 
 
 def check_file(target: Path, *, force: bool) -> None:
-    """Raise OutputError where a file is not to be written: a folder, no folder for it, or (not `force`) a file."""
+    """Raise OutputError where a file is not to be written, or cannot be.
+
+    It is a folder, there is no folder for it, that folder takes no files, or (not `force`) it is there.
+    """
     if target.is_dir():
         raise OutputError(f"output {target}: is a folder; a file was expected")
     if target.exists() and not force:
         raise OutputError(f"output {target} exists; --force overwrites it")
     if not target.absolute().parent.is_dir():
         raise OutputError(f"output {target}: there is no folder {target.parent}")
+    if not os.access(target.absolute().parent, os.W_OK):
+        raise OutputError(f"output {target}: cannot be written: the folder {target.parent} takes no files")
 
 
 def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:

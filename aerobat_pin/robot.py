@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from aerobat_description import MORPHOLOGIES
 from aerobat_description.generate import srdf, urdf
 from aerobat_description.morphology import Morphology
 from aerobat_description.reading import MorphologyError
@@ -119,7 +120,7 @@ def load_aerobat(
 
 
 def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = None) -> Morphology:
-    """Read a morphology, as `Morphology.load` does, with an error of this package.
+    """Read a morphology, as `Morphology.load` does, with an error of this package that names the file.
 
     Raises:
         MorphologyFileError: no such morphology, or one that no robot can have, or whose crank cannot turn.
@@ -127,7 +128,17 @@ def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = 
     try:
         return Morphology.load(morphology, changes)
     except (MorphologyError, OSError) as error:
-        raise MorphologyFileError(str(error)) from error
+        raise MorphologyFileError(_with_file(str(error), str(morphology))) from error
+
+
+def _with_file(message: str, morphology: str) -> str:
+    """Return what is wrong with a morphology, with the file it came from, if it came from one of the user's own."""
+    if morphology in MORPHOLOGIES or message.startswith("morphology file"):
+        return message
+    if Path(morphology).is_file():
+        return f"morphology file {morphology}: {message.removeprefix('morphology: ')}"
+    is_path = morphology.endswith(".toml") or "/" in morphology
+    return f"morphology file {morphology}: there is no such file" if is_path else message
 
 
 def _robot(shape: Morphology, gravity: Array) -> Aerobat:

@@ -167,11 +167,24 @@ def _read(source: str) -> dict[str, Any]:
     else:
         folder = resources.files("aerobat_pin") / "scenarios"
         names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
-        raise ScenarioError(f"no scenario '{source}': shipped are {', '.join(names)}; or give a TOML file")
+        raise ScenarioError(nothing_there("scenario", source, names))
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(f"scenario {source}: not valid TOML: {error}") from error
+
+
+def nothing_there(kind: str, source: str, shipped: Iterable[str]) -> str:
+    """Say that neither a file nor something shipped is there; a name that can only be a file's is called one.
+
+    Args:
+        kind: of what was looked for.
+        source: what it was looked for by.
+        shipped: names of what is shipped.
+    """
+    if source.endswith(".toml") or "/" in source:
+        return f"{kind} file {source}: there is no such file"
+    return f"no {kind} '{source}': shipped are {', '.join(shipped)}; or give a TOML file"
 
 
 def _parsed(text: str) -> Any:

@@ -8,7 +8,6 @@ integrator every other signal acts with its mean there, so that no impulse falls
 
 from __future__ import annotations
 
-import csv
 import math
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +19,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.sections import NonNegative, Number, Positive, Section, Triple
+from aerobat_pin.text_table import read_rows
 
 Axes = Literal["link", "body", "world"]
 
@@ -242,11 +242,7 @@ def _ticks(edges: Array, tick: float) -> int:
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:
     """Read `time` and one other column of a CSV. Raises ScenarioError naming what is wrong with the file."""
     where = f"unknown_force: recorded file {path}"
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ScenarioError(f"{where}: cannot be read as CSV: {error}") from error
+    rows, _ = read_rows(path, "unknown_force: recorded file", ScenarioError)
     names = [cell.partition("[")[0].strip() for cell in rows[0]] if rows else []
     for name in ("time", column):
         if name not in names:

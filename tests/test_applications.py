@@ -108,6 +108,9 @@ def test_a_tie_hides_what_acts_against_it_and_is_named_in_the_result() -> None:
     assert np.abs(tied.force - free.force).max() > 1e-3
     assert tied.identifiability.rank == 6
     assert np.all(tied.identifiability.deviation > free.identifiability.deviation)
+    for alone in ("left_force_point", Application("left_force_point")):
+        with pytest.raises(ObserverError, match=r"applications = .*left_force_point.*: a list of"):
+            ForceLevelObserver(robot.model, alone)  # type: ignore[arg-type]
     with pytest.raises(ObserverError, match="'left_wrist' is not a joint of one degree of freedom"):
         tie_joints(robot.model, {"left_wrist": "right_elbow"})
     with pytest.raises(ObserverError, match="tie odd: a finite map of 10 rows"):

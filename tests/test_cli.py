@@ -211,6 +211,8 @@ def test_trim_writes_a_scenario_that_flies(
     """Standard output alone is the scenario; with --out it is a file, and the summary is printed."""
     assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 0
     assert "6.696 Hz, wing offset -80.02 mm" in capsys.readouterr().out
+    assert call(monkeypatch, "trim", "paper_open_loop", "--set", "crank.frequency=6.8") == 0
+    assert capsys.readouterr().err.startswith("from a first guess of 6.8 Hz: 6.696 Hz, ")
     assert call(monkeypatch, "trim", "paper_open_loop") == 0
     printed = capsys.readouterr()
     assert printed.out == (tmp_path / "found.toml").read_text()
@@ -226,6 +228,18 @@ def test_trim_writes_a_scenario_that_flies(
         assert message in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
     assert call(monkeypatch, "trim", "paper_open_loop", "--force", "--out", str(tmp_path / "found.toml")) == 0
+
+
+def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder that takes no files, as one of somebody else's; the search takes a minute, the answer does not."""
+    from aerobat_pin import output, trim
+
+    monkeypatch.setattr(trim, "trim", lambda *_: pytest.fail("it was sought"))
+    monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
+    assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
+    assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err
 
 
 def test_doctor_finds_this_installation_healthy(

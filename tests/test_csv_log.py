@@ -1,4 +1,4 @@
-"""A recorded flight as a table: read as it was written, or refused with file, row, column and what was expected."""
+"""A recorded flight as a table: read as it was written, or refused with file, line, column and what was expected."""
 
 from __future__ import annotations
 
@@ -74,13 +74,14 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
         (["x", *HEADER[1:]], table(), "column 'x' is there twice"),
         (HEADER[:9], [row[:9] for row in changed(0, 0, 0)][:2], r"2 samples: a header and 3 rows or more"),
         (HEADER, [], r"0 samples"),
-        (HEADER, changed(4, 1, "nan"), r"row 5: x is not finite \(1 such rows\): leave those rows out"),
-        (HEADER, changed(4, 1, "far"), r"row 5: x = 'far': a number was expected"),
-        (HEADER, changed(4, 1, ""), r"row 5: x = '': a number was expected"),
-        (HEADER, changed(7, 0, 0.06), r"row 8: time = 0\.06 s is repeated: rising stamps"),
-        (HEADER, changed(7, 0, 0.02), r"row 8: time = 0\.02 s runs backwards"),
-        (HEADER, changed(2, 7, 0.5), r"row 3: the quaternion has length 0\.5: 1 was expected"),
-        (HEADER, [*table(), [1.0, 2.0]], r"row 21: 2 values: 10 were expected"),
+        (HEADER, changed(4, 1, "nan"), r"line 6: x is not finite \(1 such rows\): leave those rows out"),
+        (HEADER, changed(4, 1, "far"), r"line 6: x = 'far': a number was expected"),
+        (HEADER, changed(4, 1, ""), r"line 6: x = '': a number was expected"),
+        (HEADER, changed(7, 0, 0.06), r"line 9: time = 0\.06 s is repeated: rising stamps"),
+        (HEADER, changed(7, 0, 0.02), r"line 9: time = 0\.02 s runs backwards"),
+        (HEADER, [[1000.0 * row[0], *row[1:]] for row in table()], "time rises by 10 from row to row: seconds were"),
+        (HEADER, changed(2, 7, 0.5), r"line 4: the quaternion has length 0\.5: 1 was expected"),
+        (HEADER, [*table(), [1.0, 2.0]], r"line 22: 2 values: 10 were expected"),
         (HEADER[:8], [row[:8] for row in table()], "neither crank_angle nor the joints"),
         ([*HEADER[:8], *JOINTS, "crank_rate"], [[*row[:8], *[0.1] * 5] for row in table()], "without crank_angle"),
         (HEADER[1:], [row[1:] for row in table()], "no column named time"),
@@ -91,7 +92,7 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
 def test_what_is_not_a_flight_is_refused_in_one_message(
     tmp_path: Path, header: list[str], rows: list[list[float]], message: str
 ) -> None:
-    """File, row and column, and what was expected."""
+    """File, line and column, and what was expected."""
     file = write(tmp_path / "hall.csv", header, rows)
     with pytest.raises(LogError, match=f"hall.csv.*{message}"):
         read_csv(file)
@@ -106,8 +107,26 @@ def test_joints_in_degrees_and_files_that_are_not_tables_are_refused(tmp_path: P
     (tmp_path / "hall.csv").write_bytes(bytes(range(128, 256)))
     with pytest.raises(LogError, match="cannot be read as CSV"):
         read_csv(tmp_path / "hall.csv")
-    with pytest.raises(LogError, match="cannot be read as CSV"):
+    with pytest.raises(LogError, match=r"^log .*missing\.csv: there is no such file$"):
         read_csv(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize(("sign", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_another_sign_between_columns_is_recognised(sign: str, name: str, tmp_path: Path) -> None:
+    """As a spreadsheet writes it where numbers have commas."""
+    file = write(tmp_path / "hall.csv", HEADER, table())
+    file.write_text(file.read_text().replace(",", sign))
+    with pytest.raises(LogError, match=rf"hall\.csv: {name} separate its columns: commas were expected"):
+        read_csv(file)
+
+
+def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
+    """Header and empty lines too."""
+    file = write(tmp_path / "hall.csv", HEADER, changed(4, 1, "far"))
+    file.write_text("\n" + file.read_text().replace("\n", "\n\n", 3))
+    wrong = next(k for k, line in enumerate(file.read_text().splitlines(), start=1) if "far" in line)
+    with pytest.raises(LogError, match=f"hall.csv, line {wrong}: x = 'far'"):
+        read_csv(file)
 
 
 def test_a_simulated_flight_comes_back_from_its_table(paper: Experiment, tmp_path: Path) -> None:

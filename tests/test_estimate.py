@@ -11,7 +11,8 @@ import pytest
 import xarray as xr
 from commands import aerobat
 
-from aerobat_pin.estimation import belief_about, estimate_log
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation import belief_about, estimate_log, who_is_believed
 from aerobat_pin.experiment import Experiment
 from aerobat_pin.flight_log import FlightLog
 from aerobat_pin.self_check import Check, self_check
@@ -56,6 +57,7 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
     words = ["--set", "robot.changes={wing={offset_x=-0.06}}", "--set", "observers.gain=500"]
     done = aerobat("estimate", "hall.csv", "--morphology", "aerobat_guard", *words, "--out", "found", cwd=folder)
     assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("believed: aerobat_guard with changes, 92.1 g, as --morphology says\n")
     assert "cannot be seen at all: equal and opposite along the line" in done.stdout
     for line in ("q              reconstructed", "aerodynamic    reconstructed", "thrusters      measured"):
         assert line in done.stdout
@@ -75,27 +77,30 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
 
 
 @pytest.mark.parametrize(
-    ("words", "first"),
+    ("noted", "morphology", "settings", "told"),
     [
-        (["hall.csv"], "believed: aerobat, 42.1 g, as nobody said otherwise: --morphology"),
-        (["hall.csv", "--morphology", "aerobat_guard"], "believed: aerobat_guard, 92.1 g, as --morphology says"),
-        (["hall.csv", "--set", "robot.morphology=aerobat_light"], "believed: aerobat_light, 20.0 g, as --set says"),
-        (["flight.nc"], "believed: aerobat_guard with changes, 92.1 g, as the log notes"),
-        (["flight.nc", "--morphology", "aerobat"], "believed: aerobat, 42.1 g, as --morphology says"),
-        (
-            ["flight.nc", "--set", "robot.changes.body.mass=0.07"],
-            "believed: aerobat_guard with changes, 80.8 g, as the log notes",
-        ),
+        (False, None, [], "aerobat, 42.1 g, as nobody said otherwise: --morphology"),
+        (False, "aerobat_guard", [], "aerobat_guard, 92.1 g, as --morphology says"),
+        (False, None, ["robot.morphology=aerobat_light"], "aerobat_light, 20.0 g, as --set says"),
+        (True, None, [], "aerobat_guard with changes, 92.1 g, as the log notes"),
+        (True, "aerobat_guard", [], "aerobat_guard, 92.1 g, as --morphology says"),
+        (True, None, ["robot.changes.body.mass=0.07"], "aerobat_guard with changes, 80.8 g, as the log notes"),
     ],
 )
-def test_the_first_line_says_who_is_believed_and_why(
-    words: list[str], first: str, recorded: Path, paper: Experiment
+def test_who_is_believed_is_said_with_the_reason(
+    noted: bool, morphology: str | None, settings: list[str], told: str, paper: Experiment
 ) -> None:
-    """Before anything else: a robot of another mass makes other forces."""
-    paper.log.save(recorded.parent / "flight.nc")
-    done = aerobat("estimate", *words, "--observer", "momentum", cwd=recorded.parent)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[0] == first
+    """A robot of another mass makes other forces: nobody is to believe one without knowing."""
+    belief = belief_about(paper.log if noted else None, "x", morphology, [], settings)
+    assert who_is_believed(belief, morphology, settings) == f"believed: {told}"
+
+
+@pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
+def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
+    """The message names the key and what may be set; gravity may, for the believed robot falls by it."""
+    with pytest.raises(ScenarioError, match=f"'{key}' is nothing .* keys of robot, air, observers, and flight.gravity"):
+        belief_about(None, "x", None, [], [f"{key}=1"])
+    assert belief_about(None, "x", None, [], ["flight.gravity=1.62"]).flight.gravity == 1.62
 
 
 @pytest.mark.parametrize(
@@ -106,6 +111,7 @@ def test_the_first_line_says_who_is_believed_and_why(
         (("hall.csv", "--observer", "oracle"), "choose from momentum, force_level"),
         (("hall.csv", "--morphology", "aerobot"), "no morphology named 'aerobot'"),
         (("hall.csv", "--set", "observers.gian=1"), "did you mean 'gain'"),
+        (("hall.csv", "--set", "crank.frequency=50"), "'crank.frequency' is nothing to believe of a recorded flight"),
         (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
         (("broken.csv",), "unknown column 'height'"),
         (("notes.nc",), "cannot be read as NetCDF-4"),

@@ -170,6 +170,28 @@ def test_the_standard_error_of_a_bias_is_that_of_many_free_runs() -> None:
     assert np.shape(single.standard_error) == ()
 
 
+def calibrated(time: np.ndarray, free: np.ndarray, drift: float) -> bool:
+    """Tell whether a drift can be calibrated."""
+    try:
+        calibrate_cusum(time, free, 0.001, drift)
+    except ObserverError:
+        return False
+    return True
+
+
+def test_the_advice_on_a_drift_leads_to_one_that_can_be_calibrated() -> None:
+    """A drift far above the noise is to shrink, one far below it to grow; steps of the former a level sees as well."""
+    time, free = noise(5.0, 1)
+    spread = float(np.std(free))
+    calibrate_cusum(time, free, 0.001, spread)
+    for factor, advice, towards in ((10.0, "a smaller drift, or calibrate_level", 0.7), (0.01, "a larger drift", 1.4)):
+        drifts = factor * spread * towards ** np.arange(20)
+        with pytest.raises(ObserverError, match=advice):
+            calibrate_cusum(time, free, 0.001, drifts[0])
+        assert any(calibrated(time, free, drift) for drift in drifts)
+    assert calibrate_level(time, free, 0.001).latency(20.0 * spread) < np.inf
+
+
 def test_free_runs_that_do_not_tell_are_refused() -> None:
     """Too short, too many false alarms, a drift that is none, arrays that do not fit, NaN."""
     time, free = noise(60.0, 1)

@@ -125,7 +125,7 @@ def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_
         (["nowhere.nc"], "there is no such file"),
         (["."], "has no scenario.toml, flight.nc, estimate.nc"),
         (["--from-csv", "a.csv"], "with --urdf FILE"),
-        (["--from-csv", "a.csv", "--urdf", "b.urdf"], "cannot be read as CSV"),
+        (["--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
         (["nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["nowhere.nc", "--rate", "0"], "--rate"),
         (["nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
@@ -238,6 +238,24 @@ def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
     assert Path(URDF_PATH).is_relative_to(PACKAGE_PATH)
 
 
+def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The folder of a `package://` six levels up, or elsewhere by ROS_PACKAGE_PATH; else the message names both."""
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    deep = tmp_path / "a" / "b" / "c" / "d" / "e" / "f"
+    deep.mkdir(parents=True)
+    mesh = '<mesh filename="package://bird/body.stl"/>'
+    (deep / "arm.urdf").write_text(ARM.replace('<box size="0.1 0.1 1"/>', mesh))
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with pytest.raises(LogError, match=r"bird/body\.stl .* folders above the URDF, or those of ROS_PACKAGE_PATH"):
+        recording_of(motion, deep / "arm.urdf")
+    for place in (tmp_path, tmp_path / "elsewhere"):
+        (place / "bird").mkdir(parents=True)
+        shutil.copy(Path(PACKAGE_PATH) / "meshes" / "aerobat_body.stl", place / "bird" / "body.stl")
+        assert recording_of(motion, deep / "arm.urdf").visual_model.ngeoms == 1
+        shutil.rmtree(place / "bird")
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
+
+
 @pytest.mark.parametrize(
     ("header", "rows", "error", "message"),
     [
@@ -246,7 +264,7 @@ def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
         ("time,hinge,bar.Fx", [[0, 0, 0], [1, 0, 0]], LogError, "three columns bar.Fx"),
         ("time,a,b,c,d,e,f,g,h", [[t, *[0] * 8] for t in (0, 1)], LogError, "no unit quaternion"),
         ("time,hinge,x.Fx,x.Fy,x.Fz", [[0] * 5, [1] * 5], FrameNotFoundError, "bar"),
-        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "row 3: 2 finite numbers"),
+        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: 2 finite numbers"),
         ("time,hinge", [[0, 0]], LogError, "two rows or more"),
     ],
 )

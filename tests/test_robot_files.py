@@ -104,7 +104,7 @@ def test_the_linkage_comes_with_its_meshes_and_leaves_the_morphology_alone(mine:
     ("words", "message"),
     [
         (("my_robot.toml",), "robot mine: its meshes must be written somewhere; give --output FILE"),
-        (("no_robot.toml",), "no morphology named 'no_robot.toml'"),
+        (("no_robot.toml",), "morphology file no_robot.toml: there is no such file"),
         (("my_robot.toml", "-o", "nowhere/x.urdf"), "there is no folder nowhere"),
         (("my_robot.toml", "-o", "there.urdf"), "there.urdf exists; --force overwrites it"),
         (("my_robot.toml", "--meshes", "somewhere"), "'package'"),

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from aerobat_pin.errors import AerobatError, ScenarioError
+from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError, SweepError
 from aerobat_pin.experiment import run
+from aerobat_pin.robot import load_morphology
 from aerobat_pin.scenario import load_scenario, scenario_toml, shipped_scenarios
+from aerobat_pin.sweep.file import read_sweep
 
 
 @pytest.mark.parametrize("name", ["paper", "observer_benchmark"])
@@ -70,6 +72,11 @@ def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     """The message lists the shipped names, or says where the TOML breaks."""
     with pytest.raises(ScenarioError, match=r"no scenario 'papr'.*observer_benchmark, paper"):
         load_scenario("papr")
+    for missing in ("papr.toml", "scenarios/papr"):
+        with pytest.raises(ScenarioError, match=f"^scenario file {missing}: there is no such file$"):
+            load_scenario(missing)
+        with pytest.raises(SweepError, match=f"^sweep file {missing}: there is no such file$"):
+            read_sweep(missing)
     broken = tmp_path / "broken.toml"
     broken.write_text("name = [", encoding="utf-8")
     with pytest.raises(ScenarioError, match="not valid TOML"):
@@ -81,6 +88,19 @@ def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     empty.write_text("", encoding="utf-8")
     with pytest.raises(ScenarioError, match="missing key 'name'"):
         load_scenario(empty)
+
+
+def test_a_robots_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None:
+    """Also where the rule it breaks is one of the robot's own."""
+    with pytest.raises(MorphologyFileError, match=r"^morphology file my_robot\.toml: there is no such file$"):
+        load_morphology("my_robot.toml")
+    file = tmp_path / "bird.toml"
+    file.write_text('extends = "aerobat"\nname = "bird"\n[body]\nmass = -0.09\n', encoding="utf-8")
+    with pytest.raises(MorphologyFileError, match=r"^morphology file .*bird\.toml: body\.mass = -0\.09: "):
+        load_morphology(file)
+    file.write_text("name = [", encoding="utf-8")
+    with pytest.raises(MorphologyFileError, match=r"^morphology file .*bird\.toml: not valid TOML"):
+        load_morphology(file)
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_a_recorded_series_is_straight_between_its_samples_and_nothing_outside(t
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "cannot be read as CSV"),
+        (None, "there is no such file"),
         ("", "no column named 'time'; its header has nothing"),
         ("time, push\n0, 1\n1, 2\n", "no column named 'force'; its header has time, push"),
         ("time, force\n0, 1\n", "two rows or more"),

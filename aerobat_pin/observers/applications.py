@@ -74,7 +74,7 @@ class Applications:
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: a frame is named twice, is fixed to the world, or its direction is none.
+        ObserverError: there is no list, a frame is named twice or is fixed to the world, or its direction is none.
 
     Attributes:
         frames: (n,) names of the frames.
@@ -87,6 +87,8 @@ class Applications:
 
     def __init__(self, model: pin.Model, applications: Sequence[str | Application]) -> None:
         """Look the frames up and lay the components out."""
+        if isinstance(applications, str | Application):
+            raise ObserverError(f"applications = {applications!r}: a list of them was expected, even of one")
         self.model = model
         self.given = tuple(Application(one) if isinstance(one, str) else one for one in applications)
         self.frames = tuple(one.frame for one in self.given)

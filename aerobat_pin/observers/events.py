@@ -148,7 +148,9 @@ def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay
     bias = bias_of(series).mean
     statistic = _deviation(series, bias)
     floor = float(np.sqrt(np.mean(statistic**2)))
-    squared = _tail_level(_maxima(statistic, floor) ** 2, float(edges[-1] - edges[0]), false_alarms)
+    squared = _tail_level(
+        _maxima(statistic, floor) ** 2, float(edges[-1] - edges[0]), false_alarms, "take a longer run"
+    )
     return LevelDetector(bias, floor, float(np.sqrt(squared)), false_alarms, delay)
 
 
@@ -174,8 +176,11 @@ def calibrate_cusum(
         raise ObserverError(f"drift = {drift}: a finite positive number was expected")
     bias = bias_of(series).mean
     endless = CusumDetector(bias, 0.0, float("inf"), false_alarms, delay, drift)
-    maxima = _maxima(endless.statistic(edges, series), 0.0)
-    threshold = _tail_level(maxima, float(edges[-1] - edges[0]), false_alarms)
+    statistic = endless.statistic(edges, series)
+    share = float(np.mean(statistic > 0.0))
+    better = "smaller drift, or calibrate_level for steps far above the noise" if share < 0.5 else "larger drift"
+    advice = f"they last {share:.0%} of the time: take a longer run, or a {better}"
+    threshold = _tail_level(_maxima(statistic, 0.0), float(edges[-1] - edges[0]), false_alarms, advice)
     return CusumDetector(bias, 0.0, threshold, false_alarms, delay, drift)
 
 
@@ -194,16 +199,21 @@ def _maxima(statistic: Array, floor: float) -> Array:
     return np.array([statistic[first:last].max() for first, last in _excursions(statistic, floor)])
 
 
-def _tail_level(maxima: Array, duration: float, rate: float) -> float:
-    """Return the level that maxima (n,) of a duration [s] pass at a rate [1/s], by an exponential tail."""
+def _tail_level(maxima: Array, duration: float, rate: float, advice: str) -> float:
+    """Return the level that maxima (n,) of a duration [s] pass at a rate [1/s], by an exponential tail.
+
+    Raises ObserverError where there are too few of them, with advice on how to have more, or for no rate.
+    """
     wanted = rate * duration
     if not (np.isfinite(rate) and rate > 0.0):
         raise ObserverError(f"false_alarms = {rate}: a finite positive rate in 1/s was expected")
     count = int(TAIL * len(maxima))
-    if len(maxima) < FEWEST or wanted > count:
+    found = f"the free run of {duration:.3g} s has {len(maxima)} excursions"
+    if len(maxima) < FEWEST:
+        raise ObserverError(f"{found}: {FEWEST} or more were expected; {advice}")
+    if wanted > count:
         raise ObserverError(
-            f"the free run of {duration:.3g} s has {len(maxima)} excursions: {FEWEST} or more were expected, and ten "
-            f"for each of the {wanted:.3g} false alarms asked for; take a longer run, a lower rate or a smaller drift"
+            f"{found}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate"
         )
     largest = np.sort(maxima)[::-1]
     return float(largest[count] + np.mean(largest[:count] - largest[count]) * np.log(count / wanted))

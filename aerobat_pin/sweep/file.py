@@ -25,6 +25,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from aerobat_pin.errors import SweepError
+from aerobat_pin.scenario import nothing_there
 from aerobat_pin.sections import Number, Positive, Whole
 
 SEED, DRAW = "seed", "draw"
@@ -183,7 +184,7 @@ def _text(source: str) -> str:
     if "/" not in source and shipped.is_file():
         return str(shipped.read_text(encoding="utf-8"))
     if not path.is_file():
-        raise SweepError(f"no sweep '{source}': shipped are {', '.join(_names())}; or give a TOML file")
+        raise SweepError(nothing_there("sweep", source, _names()))
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
