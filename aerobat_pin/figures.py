@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,9 @@ from aerobat_pin.robot import FORCE_POINTS, JOINTS, Aerobat
 
 Estimates = Mapping[str, Estimate]
 STICK_SPACING = 0.08  # [s], no simple fraction of a flap, between two snapshots of the stick diagram
-STICK_STRETCH = 2.5  # of Y against X in the stick diagram
-CLOSE_UP = 0.06  # [s], the stretch in which the noise is looked at closely
+STICK_STRETCH = 2.5  # of Y against X in the stick diagram of a flight that is so much longer than wide
+STICK_ROOM = (8.2, 6.0)  # [in], at most, width and height of the stick diagram's axes
+CLOSE_UP = 0.06  # [s], at least so long is the stretch that is looked at closely
 
 
 def draw_all(robot: Aerobat, log: FlightLog, estimates: Estimates, note: str) -> dict[str, Figure]:
@@ -85,69 +87,104 @@ def states(log: FlightLog) -> Figure:
 
 
 def stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
-    """Top view of body and wings at fixed intervals along the flight (the paper's Fig. 7)."""
-    figure = Figure(figsize=(9.0, 2.7), layout="constrained")
-    axis = figure.add_subplot()
+    """Top view of body and wings at fixed intervals along the flight (the paper's Fig. 7), as large as fits."""
     q = log.measured["q"].values
-    axis.plot(q[:, 0], q[:, 1], color=style.MUTED, linewidth=0.8, label="path of the body")
     data = robot.model.createData()
     every = max(1, round(STICK_SPACING / float(np.median(np.diff(log.time)))))
-    for k in range(0, len(q), every):
-        left, right, spine = _sticks(robot, data, q[k])
+    sticks = [_sticks(robot, data, one) for one in q[::every]]
+    along, across = np.ptp(np.concatenate([q[:, :2], *(one[:, :2] for three in sticks for one in three)]), axis=0)
+    stretch = STICK_STRETCH if across * STICK_STRETCH**2 < along else 1.0
+    scale = min(STICK_ROOM[0] / along, STICK_ROOM[1] / (stretch * across))
+    figure = Figure(figsize=(max(6.5, scale * along + 0.8), scale * stretch * across + 1.4), layout="constrained")
+    axis = figure.add_subplot()
+    axis.plot(q[:, 0], q[:, 1], color=style.MUTED, linewidth=0.8, label="path of the body")
+    for k, (left, right, spine) in enumerate(sticks):
         first = k == 0
         axis.plot(left[:, 0], left[:, 1], "o-", ms=2, color=style.LEFT, label="left wing" if first else None)
         axis.plot(right[:, 0], right[:, 1], "s--", ms=2, color=style.RIGHT, label="right wing" if first else None)
         axis.plot(spine[:, 0], spine[:, 1], color=style.INK, linewidth=2.5, label="body" if first else None)
-    axis.set_aspect(STICK_STRETCH)
+    axis.set_aspect(stretch)
     axis.set_xlabel("X [m]")
     axis.set_ylabel("Y [m]")
-    figure.suptitle(f"Top view, a snapshot every {STICK_SPACING:g} s; Y drawn {STICK_STRETCH:g} times larger than X")
+    larger = f"; Y drawn {stretch:g} times larger than X" if stretch > 1.0 else ""
+    figure.suptitle(f"Top view, a snapshot every {STICK_SPACING:g} s{larger}")
     figure.legend(ncols=4, loc="outside lower center")
     return figure
 
 
 def estimation(log: FlightLog, estimates: Estimates) -> Figure:
-    """Estimated against actual unknown forces, noise and events boxed (the paper's Fig. 8)."""
+    """Estimated against actual unknown forces, events and close-up boxed (the paper's Fig. 8)."""
     frames = next(iter(estimates.values())).frames
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     where = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
     figure.suptitle(f"Unknown force at each {where}, world axes: interval means")
     grid = figure.subplots(4, len(frames), sharex="row", squeeze=False)
     middle = 0.5 * (log.time[1:] + log.time[:-1])
-    close_up = _close_up(log)
+    closely = _close_up(log)
     for column, frame in enumerate(frames):
         for row, name in enumerate("xyz"):
             axis = grid[row][column]
             _force_lines(axis, middle, log, estimates, column, frame, row)
             axis.set_ylabel(f"$F_{name}$ [N]")
             axis.set_xlim(log.time[0], log.time[-1])
-            for event in true_events(log):
-                if event.start < log.time[-1]:
-                    _zone(axis, (event.start, min(event.end, float(log.time[-1]))), style.STEP_ZONE)
-            if name == "y":
-                _zone(axis, close_up, style.NOISE_ZONE)
+            _event_zones(axis, log)
+            if row == closely.row:
+                _zone(axis, (closely.start, closely.end), style.NOISE_ZONE, f"{closely.what}, close in the last row")
         grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
         close = grid[3][column]
-        _force_lines(close, middle, log, estimates, column, frame, 1)
-        values = next(iter(estimates.values())).force[(middle >= close_up[0]) & (middle <= close_up[1]), column, 1]
+        _force_lines(close, middle, log, estimates, column, frame, closely.row)
+        inside = (middle >= closely.start) & (middle <= closely.end)
+        values = np.concatenate([line.get_ydata()[inside] for line in close.lines])
         pad = 0.15 * float(np.ptp(values)) + 1e-3
         close.set_ylim(float(values.min()) - pad, float(values.max()) + pad)
-        close.set_xlim(*close_up)
-        close.set_ylabel("$F_y$ [N], close")
+        close.set_xlim(closely.start, closely.end)
+        close.set_ylabel(f"$F_{'xyz'[closely.row]}$ [N], close")
         close.set_xlabel("time [s]")
+        _event_zones(close, log)
         for spine in close.spines.values():
             spine.set_visible(True)
             spine.set_color(style.NOISE_ZONE)
-    handles, labels = grid[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    handles, labels = grid[closely.row][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5)
     return figure
 
 
-def _close_up(log: FlightLog) -> tuple[float, float]:
-    """Choose a stretch in the first half of the flight, at least two samples long [s]."""
-    start = log.time[0] + 0.27 * (log.time[-1] - log.time[0])
-    after = log.time[log.time >= start + CLOSE_UP]
-    return float(start), float(after[0] if len(after) else log.time[-1])
+@dataclass(frozen=True)
+class _CloseUp:
+    """What is seen closely: from when to when [s], the axis of the force, and what there is."""
+
+    start: float
+    end: float
+    row: int
+    what: str
+
+
+def _close_up(log: FlightLog) -> _CloseUp:
+    """Choose the first event; of a step in noise, as the paper's, or where nothing happens, a stretch beside it."""
+    time = log.time
+    for event in true_events(log)[:1]:
+        force, noise_free = true_force(log, event.frames[0])
+        if event.start >= time[-1] or (event.name == "step" and not np.array_equal(force, noise_free)):
+            continue
+        end = event.end if event.end <= time[-1] else event.start  # what stays is seen coming
+        margin = max(0.25 * (end - event.start), 0.5 * (CLOSE_UP - (end - event.start)))
+        start, end = _samples_around(time, event.start - margin, end + margin)
+        strongest = np.abs(noise_free[(time[:-1] >= start) & (time[1:] <= end)]).max(axis=0)
+        return _CloseUp(start, end, int(np.argmax(strongest)), f"around the {event.name}")
+    start = time[0] + 0.27 * (time[-1] - time[0])
+    noisy = any(not np.array_equal(*true_force(log, str(frame))) for frame in _pushed(log))
+    return _CloseUp(*_samples_around(time, start, start + CLOSE_UP), 1, "a stretch of noise" if noisy else "a stretch")
+
+
+def _pushed(log: FlightLog) -> Array:
+    return np.array([]) if log.truth is None else np.asarray(log.truth["point"].values)
+
+
+def _samples_around(time: Array, start: float, end: float) -> tuple[float, float]:
+    """Return the last sample before a stretch and the first after it [s], as far as there are."""
+    first = max(int(np.searchsorted(time, start + 1e-9, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(time, end - 1e-9)), len(time) - 1)
+    return float(time[min(first, last - 1)]), float(time[last])
 
 
 def _stack(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:
@@ -175,9 +212,20 @@ def _force_lines(
         axis.plot(time, estimate.force[:, column, row], line, color=colour, linewidth=0.8, label=f"estimated: {name}")
 
 
-def _zone(axis: Axes, span: tuple[float, float], colour: str) -> None:
+def _event_zones(axis: Axes, log: FlightLog) -> None:
+    """Box what came and went, as far as the flight goes; each kind has one line of the legend."""
+    named = set()
+    for event in true_events(log):
+        if event.start < log.time[-1]:
+            span = (event.start, min(event.end, float(log.time[-1])))
+            _zone(axis, span, style.STEP_ZONE, None if event.name in named else event.name)
+            named.add(event.name)
+
+
+def _zone(axis: Axes, span: tuple[float, float], colour: str, label: str | None) -> None:
+    """Draw a box as high as the panel, behind the lines: a short event must not hide under its own box."""
     low, high = axis.get_ylim()
-    box: dict[str, Any] = {"fill": False, "edgecolor": colour, "linewidth": 1.4, "zorder": 4}
+    box: dict[str, Any] = {"fill": False, "edgecolor": colour, "linewidth": 1.4, "zorder": 1, "label": label}
     axis.add_patch(Rectangle((span[0], low), span[1] - span[0], high - low, **box))
     axis.set_ylim(low, high)
 

@@ -16,8 +16,8 @@ from aerobat_pin.linkage_animation import animation
 from aerobat_pin.scenario import scenario_toml
 
 CAPTIONS = {
-    "estimation": "Estimated against actual unknown forces. Purple box: the step. Blue box: a stretch of noise, shown "
-    "close in the last row.",
+    "estimation": "Estimated against actual unknown forces. Purple boxes: what came and went of them. Blue box: what "
+    "the last row shows closely.",
     "position": "Position of the body's centre of mass.",
     "states": "Shoulder and elbow, attitude, and velocity in world axes.",
     "stick_diagram": "Top view of the flight.",

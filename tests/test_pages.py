@@ -58,6 +58,47 @@ def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
     assert figure.axes[0].get_title() == "thruster_1"
 
 
+@pytest.mark.parametrize(
+    ("name", "row", "span", "legend"),
+    [
+        ("impact", 2, (0.675, 0.735), ["impulse", "around the impulse, close in the last row"]),
+        ("guard", 1, (0.35, 1.25), ["push", "around the push, close in the last row"]),
+        ("paper", 1, (0.54, 0.6), ["step", "a stretch of noise, close in the last row"]),
+    ],
+)
+def test_the_close_up_looks_where_something_happens(
+    name: str, row: int, span: tuple[float, float], legend: list[str]
+) -> None:
+    """The axis and the time of the first event, or the paper's noise; boxes are explained, and hide no line."""
+    made = run(load_scenario(name))
+    figure = estimation(made.log, made.estimates)
+    columns = len(made.estimates["momentum"].frames)
+    close, looked_at = figure.axes[3 * columns], figure.axes[row * columns]
+    assert close.get_ylabel() == f"$F_{'xyz'[row]}$ [N], close"
+    assert close.get_xlim() == pytest.approx(span)
+    truth = looked_at.lines[0].get_ydata()
+    low, high = close.get_ylim()
+    middle = looked_at.lines[0].get_xdata()
+    assert np.all((truth >= low) & (truth <= high), where=(middle > span[0]) & (middle < span[1]))
+    [words] = figure.legends
+    assert [text.get_text() for text in words.get_texts()][-2:] == legend
+    assert all(box.get_zorder() < looked_at.lines[0].get_zorder() for box in looked_at.patches)
+
+
+@pytest.mark.parametrize(("name", "drawn"), [("paper", 2.5), ("tumble", 1.0)])
+def test_the_stick_diagram_fills_its_picture(name: str, drawn: float) -> None:
+    """A straight flight wide and stretched, one that turns away in its true shape; either over most of the width."""
+    made = run(load_scenario(name))
+    figure = draw_all(made.robot, made.log, made.estimates, "")["stick_diagram"]
+    figure.canvas.draw()
+    [axis] = figure.axes
+    assert axis.get_aspect() == drawn
+    assert ("times larger" in figure.get_suptitle()) == (drawn > 1.0)
+    assert axis.get_position().width > 0.85
+    low, high = axis.get_xlim()
+    assert np.ptp(made.log.measured["q"].values[:, 0]) > 0.8 * (high - low)
+
+
 def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Path, tmp_path: Path) -> None:
     """Byte for byte: no date, no random order (the replay's viewer numbers its objects at random)."""
     write(paper, tmp_path)
