@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import typer
 
+INTERRUPTED = 130  # exit code of a program that Ctrl-C ended
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """End on Ctrl-C with a line and exit code 130; for what writes everything at its end, or nothing."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo("interrupted: nothing was written", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+
 
 def progress() -> Any:
     """Return a context that shows progress on a terminal and stays silent elsewhere."""
-    from contextlib import nullcontext
-
     if sys.stderr is None or not sys.stderr.isatty():
         return nullcontext(None)
     return _Bar()

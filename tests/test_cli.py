@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from commands import call
+from commands import call, interrupted
 
 from aerobat_pin import cli
 from aerobat_pin.experiment import run, write_metrics
@@ -203,6 +203,17 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
     with pytest.raises(RuntimeError):
         cli.main()
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_ctrl_c_leaves_a_line_and_nothing_else(tmp_path: Path) -> None:
+    """While it flies: exit code 130, no traceback, no folder."""
+    words = ["run", "paper", "--out", "result", "--set", "simulation.duration=100"]
+    done = interrupted(*words, cwd=tmp_path, at="result/*")
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert done.stderr.endswith("interrupted: nothing was written\n")
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_trim_writes_a_scenario_that_flies(
