@@ -199,7 +199,7 @@ def test_ctrl_c_among_pictures_leaves_a_line_and_nothing_else(paper_folder: Path
 def test_without_a_browser_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without Playwright, and without a Chromium that starts."""
     monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
-    with pytest.raises(BrowserError, match=r"pip install playwright.*apt-get install chromium"):
+    with pytest.raises(BrowserError, match=r"pip install 'aerobat-pinocchio\[frames\]'.*apt-get install chromium"):
         next(snapshots("", [0.0]))
     monkeypatch.undo()
     monkeypatch.setattr(shutil, "which", lambda name: sys.executable)
