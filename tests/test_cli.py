@@ -69,6 +69,23 @@ def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> 
     assert len(set(written)) == 1
 
 
+def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, only where sensors err and an R2 is below 0."""
+    for name, settings, hints in (
+        ("noisy", ["sensors.gyro.noise=1.0"], 1),
+        ("fine", ["sensors.gyro.noise=1e-9"], 0),
+    ):
+        words = [word for one in settings for word in ("--set", one)]
+        out = str(tmp_path / name)
+        assert call(monkeypatch, "run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
+        printed = capsys.readouterr().out
+        assert printed.count("a smaller observers.gain follows the sensors' noise less") == hints
+        clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum ")]
+        assert (min(clean) < 0.0) == bool(hints)
+
+
 def test_only_the_observers_asked_for_are_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """`--observer` may be repeated and replaces the scenario's choice."""
     out = tmp_path / "one"
