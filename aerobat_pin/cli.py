@@ -13,7 +13,7 @@ import typer
 
 from aerobat_pin import cli_estimate, cli_sweep
 from aerobat_pin.cli_play import play
-from aerobat_pin.cli_show import print_table, progress
+from aerobat_pin.cli_show import interruptible, print_table, progress
 
 app = typer.Typer(
     name="aerobat",
@@ -25,6 +25,7 @@ app = typer.Typer(
 
 
 @app.command()
+@interruptible()
 def run(
     scenario: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")],
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<scenario>.")] = None,
@@ -59,7 +60,7 @@ def run(
 
             gallery.draw(made, folder, show)
         written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    print_table(made.metrics)
+    print_table(made.metrics, noisy=bool(loaded.sensors.fitted))
     typer.echo(f"\nresults in {target}/")
     for path in written:
         typer.echo(f"  {target / path}")
@@ -70,6 +71,7 @@ app.command()(cli_sweep.sweep)
 
 
 @app.command()
+@interruptible()
 def trim(
     scenario: Annotated[str, typer.Argument(help="Shipped name or TOML file: robot, speed and first guesses.")],
     out: Annotated[Path | None, typer.Option(help="File for the trimmed scenario; printed when omitted.")] = None,

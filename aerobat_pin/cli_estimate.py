@@ -7,9 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from aerobat_pin.cli_show import print_table, progress
+from aerobat_pin.cli_show import interruptible, print_table, progress
 
 
+@interruptible()
 def estimate(
     log: Annotated[
         Path | None, typer.Argument(help="Recorded flight: `.nc` of a run, or `.csv` (columns in docs/recorded.md).")

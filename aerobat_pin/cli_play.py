@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from aerobat_pin.cli_show import interruptible
+
 if TYPE_CHECKING:
     from aerobat_pin.recording import Recording
 
 FRAMES_PER_SECOND = 30.0  # of what is seen
 
 
+@interruptible()
 def play(
     source: Annotated[
         Path | None, typer.Argument(metavar="RUN|LOG", help="Folder of a run, or a recorded flight (.nc, .csv).")
@@ -48,15 +51,15 @@ def play(
     recording = _recording(source, morphology, from_csv, urdf)
     rate = rate or (SLOW_MOTION if source is not None else 1.0)
     page = recording.html(rate)
-    if html is not None:
-        write_text(html, page)
-        typer.echo(f"written to {html}")
     if frames is not None:
         times = np.arange(0.0, recording.duration, rate / FRAMES_PER_SECOND)
         with output_folder(frames, force=force, replaces=("frame_*.png",)) as folder:
             for k, picture in enumerate(snapshots(page, times)):
                 (folder / f"frame_{k:05d}.png").write_bytes(picture)
         typer.echo(f"{len(times)} pictures, {FRAMES_PER_SECOND:g} a second, in {frames}/")
+    if html is not None:
+        write_text(html, page)
+        typer.echo(f"written to {html}")
     if html is None and frames is None:
         from aerobat_pin.live import serve
 

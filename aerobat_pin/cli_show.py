@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import typer
 
+INTERRUPTED = 130  # exit code of a program that Ctrl-C ended
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """End on Ctrl-C with a line and exit code 130; for what writes everything at its end, or nothing."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo("interrupted: nothing was written", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+
 
 def progress() -> Any:
     """Return a context that shows progress on a terminal and stays silent elsewhere."""
-    from contextlib import nullcontext
-
     if sys.stderr is None or not sys.stderr.isatty():
         return nullcontext(None)
     return _Bar()
@@ -32,8 +44,14 @@ class _Bar:
         self._bar.stop()
 
 
-def print_table(metrics: dict[str, Any]) -> None:
-    """Print R2 per point and axis, with the absolute error beside it."""
+def print_table(metrics: dict[str, Any], *, noisy: bool = False) -> None:
+    """Print R2 per point and axis, with the absolute error beside it.
+
+    Args:
+        metrics: of a run.
+        noisy: the sensors err; where an estimate drowns in that, say what helps.
+    """
+    drowned = False
     seed = "" if metrics["seed"] is None else f", seed {metrics['seed']}"
     typer.echo(f"\n{metrics['scenario']}{seed}: {metrics['note']}; motor torque {metrics['torque']}")
     if any(
@@ -57,3 +75,6 @@ def print_table(metrics: dict[str, Any]) -> None:
                 delay = f"{1e3 * one['lag_s']:.2f} ms" if one["lag_s"] is not None else "-"
                 error = f"{1e3 * one['rmse']:.2f} mN"
                 typer.echo(f"{name:<12} {point:<12} {axis:<4} {r2:>9} {clean:>14} {error:>10} {delay:>9}")
+                drowned = drowned or (one["r2_noise_free"] is not None and one["r2_noise_free"] < 0.0)
+    if drowned and noisy:
+        typer.echo("R2 below 0 is worse than no estimate: a smaller observers.gain follows the sensors' noise less")

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-INTERRUPTED = 130  # exit code of a program that Ctrl-C ended
+from aerobat_pin.cli_show import INTERRUPTED
+
 LINE_EVERY = 10.0  # [s], where there is no terminal
 
 

@@ -167,11 +167,15 @@ def _description() -> Iterator[Finding]:
 
 
 def _browser() -> Iterator[Finding]:
+    """Any browser shows the replay; pictures of it, which are optional, take Playwright and a Chromium."""
     path = next(
         filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))),
-        "no Chromium: only the tests want it",
+        "no Chromium in PATH: only `aerobat play --frames` and the tests want one (`apt-get install chromium`)",
     )
-    yield Finding("browser", True, path, "any browser shows the replay; for the tests, apt-get install chromium")
+    yield Finding("browser", True, path, "any browser shows the replay")
+    version, advice = _installed("playwright"), f"pip install '{PROJECT}[frames]'"
+    missing = f"not installed: only `aerobat play --frames` and the tests want it (`{advice}`)"
+    yield Finding("playwright", True, version or missing, advice)
 
 
 def _model() -> Iterator[Finding]:

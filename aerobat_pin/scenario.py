@@ -150,7 +150,7 @@ def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(dict(values))
     except ValidationError as error:
-        lines = [_explain(dict(item)) for item in error.errors()]
+        lines = dict.fromkeys(_explain(dict(item)) for item in error.errors())  # each missing number is an error
         raise ScenarioError(f"scenario {source}: " + "; ".join(lines)) from error
 
 
@@ -228,13 +228,29 @@ def _explain(error: dict[str, Any]) -> str:
         guess = f"did you mean '{close[0]}'? There are" if close else "there are"
         return f"{where}.signal = '{tag}': {guess} {', '.join(known)}"
     if error["type"] == "missing" and isinstance(error["loc"][-1], int):
-        return f"{'.'.join(parts[:-1])} = {list(error['input'])}: more numbers were expected"
+        count = _length(section, parts[-2])
+        return f"{'.'.join(parts[:-1])} = {list(error['input'])}: {count or 'more'} numbers were expected"
     if error["type"] == "missing":
         return f"missing key '{where}'"
     if error["type"] == "value_error":
         return str(error["ctx"]["error"])
     rule = error["msg"].replace("tuple", "list")
+    if error["type"] == "tuple_type":
+        rule += f", such as {_as_list(error['input'], _length(section, parts[-1]))}"
     return f"{where} = {error['input']!r}: {rule[:1].lower()}{rule[1:]}"
+
+
+def _length(section: type[Section], key: str) -> int:
+    """Return how many entries a list has, or 0 where that is not fixed."""
+    field = section.model_fields.get(key)
+    entries = () if field is None else get_args(field.annotation)
+    return 0 if Ellipsis in entries else len(entries)
+
+
+def _as_list(given: Any, count: int) -> str:
+    """Write as a list what was not given as one: words and numbers between commas, zeros for what is missing."""
+    entries = [_parsed(part.strip()) for part in given.split(",")] if isinstance(given, str) else [given]
+    return scenario_value(entries + [0.0] * (count - len(entries)))
 
 
 def _place(loc: tuple[Any, ...]) -> tuple[list[str], type[Section]]:

@@ -12,7 +12,10 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 # Without a sandbox, which root is not given, for it opens nothing but our own page; drawn by the processor.
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = (1280, 720)  # pixels
-ADVICE = "`pip install playwright` and a Chromium, e.g. `apt-get install chromium` or `playwright install chromium`"
+ADVICE = (
+    "`pip install 'aerobat-pinocchio[frames]'` and a Chromium, e.g. `apt-get install chromium` or "
+    "`playwright install chromium`"
+)
 BARE = "#controls, .dg { display: none !important; } #legend { bottom: 1rem !important; }"
 DRAWN = "time => new Promise((done) => { seek(time); requestAnimationFrame(() => requestAnimationFrame(done)); })"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from commands import call
+from commands import call, interrupted
 
 from aerobat_pin import cli
 from aerobat_pin.experiment import run, write_metrics
@@ -67,6 +67,23 @@ def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> 
         write_metrics(run(load_scenario("noisy_sensors", SHORT[1::2])).metrics, tmp_path)
         written.append((tmp_path / "metrics.json").read_bytes())
     assert len(set(written)) == 1
+
+
+def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, only where sensors err and an R2 is below 0."""
+    for name, settings, hints in (
+        ("noisy", ["sensors.gyro.noise=1.0"], 1),
+        ("fine", ["sensors.gyro.noise=1e-9"], 0),
+    ):
+        words = [word for one in settings for word in ("--set", one)]
+        out = str(tmp_path / name)
+        assert call(monkeypatch, "run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
+        printed = capsys.readouterr().out
+        assert printed.count("a smaller observers.gain follows the sensors' noise less") == hints
+        clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum ")]
+        assert (min(clean) < 0.0) == bool(hints)
 
 
 def test_only_the_observers_asked_for_are_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -203,6 +220,17 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
     with pytest.raises(RuntimeError):
         cli.main()
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_ctrl_c_leaves_a_line_and_nothing_else(tmp_path: Path) -> None:
+    """While it flies: exit code 130, no traceback, no folder."""
+    words = ["run", "paper", "--out", "result", "--set", "simulation.duration=100"]
+    done = interrupted(*words, cwd=tmp_path, at="result/*")
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert done.stderr.endswith("interrupted: nothing was written\n")
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_trim_writes_a_scenario_that_flies(

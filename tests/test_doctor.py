@@ -275,11 +275,21 @@ def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_no_browser_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Any browser opens the replay."""
+    """Any browser opens the replay; what pictures of it take is named all the same."""
+    real = doctor.metadata.version
+
+    def version(name: str) -> str:
+        if name == "playwright":
+            raise doctor.metadata.PackageNotFoundError(name)
+        return real(name)
+
     monkeypatch.setenv("PATH", "")
-    finding = by_name(check())["browser"]
-    assert finding.ok
-    assert "no Chromium" in finding.detail
+    monkeypatch.setattr(doctor.metadata, "version", version)
+    browser, playwright = (by_name(check())[name] for name in ("browser", "playwright"))
+    assert browser.ok
+    assert playwright.ok
+    assert "no Chromium in PATH: only `aerobat play --frames`" in browser.detail
+    assert "pip install 'aerobat-pinocchio[frames]'" in playwright.detail
 
 
 def test_a_check_that_fails_is_a_finding_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import at, needs_browser, node, opened, ready
-from commands import call
+from commands import call, interrupted
 from matplotlib.image import imread
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
@@ -187,10 +187,19 @@ def test_pictures_are_taken_beside_a_running_loop_and_may_be_left(paper_folder: 
     assert children() <= before
 
 
+@needs_browser
+def test_ctrl_c_among_pictures_leaves_a_line_and_nothing_else(paper_folder: Path, tmp_path: Path) -> None:
+    """Exit code 130; neither the pictures that were taken nor the page."""
+    words = ["play", str(paper_folder), "--frames", "frames", "--html", "page.html", "--rate", "0.001"]
+    done = interrupted(*words, cwd=tmp_path, at="frames/*/frame_00002.png")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted: nothing was written\n")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_without_a_browser_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without Playwright, and without a Chromium that starts."""
     monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
-    with pytest.raises(BrowserError, match=r"pip install playwright.*apt-get install chromium"):
+    with pytest.raises(BrowserError, match=r"pip install 'aerobat-pinocchio\[frames\]'.*apt-get install chromium"):
         next(snapshots("", [0.0]))
     monkeypatch.undo()
     monkeypatch.setattr(shutil, "which", lambda name: sys.executable)
