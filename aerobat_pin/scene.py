@@ -104,7 +104,8 @@ class Scene:
         head = HEAD_LENGTH * size
         share = np.clip(length / (2.0 * head), 1e-6, 1.0)  # a short arrow is a small one
         rest = np.maximum(length - share * head, 1e-6)
-        paint = shapes.MeshLambertMaterial(color=number(colour), opacity=1.0 if inner else HALO)
+        # Both count as translucent, for those the page puts in order: what is inner is drawn over its halo.
+        paint = shapes.MeshLambertMaterial(color=number(colour), opacity=1.0 if inner else HALO, transparent=True)
         half = np.eye(4)
         for part, shape, middle in (
             ("shaft", shapes.Cylinder(1.0, thin * SHAFT * size), 0.5),

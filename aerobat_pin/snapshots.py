@@ -16,7 +16,10 @@ ADVICE = (
     "`pip install 'aerobat-pinocchio[frames]'` and a Chromium, e.g. `apt-get install chromium` or "
     "`playwright install chromium`"
 )
-BARE = "#controls, .dg { display: none !important; } #legend { bottom: 1rem !important; }"
+BARE = (  # the clock alone, in its corner
+    "#controls > :not(#clock), .dg { display: none !important; } #controls { right: auto !important; } "
+    "#legend { bottom: 1rem !important; }"
+)
 DRAWN = "time => new Promise((done) => { seek(time); requestAnimationFrame(() => requestAnimationFrame(done)); })"
 
 
@@ -29,7 +32,7 @@ def snapshots(
         page: HTML of a recording.
         times: since its start [s].
         size: width and height [pixels].
-        controls: show the time bar and its buttons.
+        controls: show the time bar and its buttons; else the time alone, in a corner.
 
     Raises:
         BrowserError: there is no Playwright or no Chromium here, or it draws nothing.
@@ -62,6 +65,8 @@ def _taken(page: str, times: Iterable[float], size: tuple[int, int], controls: b
             if not controls:
                 tab.add_style_tag(content=BARE)
             tab.wait_for_function("window.viewer")
+            if not controls:
+                tab.evaluate("viewer.camera.clearViewOffset()")
             tab.evaluate("viewer.animator.pause()")
             for time in times:
                 tab.evaluate(DRAWN, time)

@@ -218,6 +218,8 @@ grid["r2"].sel({{"crank.frequency": 4.75, "observer": "momentum", "axis": "z"}})
 
 | table or key | makes |
 |---|---|
+| `name` | must be there: of the sweep, and of its folder below `runs/` |
+| `description` | a line that says what it is for; may be missing |
 | `base` | the scenario that every run starts from: a shipped name, or a file beside this one |
 | `[set]` | dotted keys that are set in it |
 | `[ranges]` | a dimension for each dotted key: a list, or `{{from = 50, to = 3200, count = 7, spacing = "log"}}` |
@@ -225,6 +227,17 @@ grid["r2"].sel({{"crank.frequency": 4.75, "observer": "momentum", "axis": "z"}})
 | `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
 | `[draws]` | the dimension `draw`: `count` draws, with a `seed` of their own, of the keys in `[draws.values]`: `{{distribution = "uniform", low, high}}`, `log_uniform`, or `{{distribution = "normal", mean, deviation}}` |
 | `seeds` | the dimension `seed`: how many, counted up from the base scenario's |
+
+```toml
+# mine.toml
+name = "mine"
+description = "gain against noise, 2 x 3 x 2 runs"
+base = "paper"
+seeds = 2
+[ranges]
+"observers.gain" = {{from = 200, to = 2000, count = 3, spacing = "log"}}
+"unknown_force.*.noise" = [0.01, 0.03]
+```
 
 The runs are all combinations, with the same draws for each. A number in a key is a place in a list
 (`flight.velocity.0`), a `*` all of them (`unknown_force.*.noise`). What the observers *believe* is a key like any other.

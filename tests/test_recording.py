@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import at, needs_browser, node, opened, pixels, ready
+from browser import DRAWN, at, needs_browser, node, opened, pixels, ready
 
 from aerobat_pin import recording as recording_module
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
@@ -178,3 +178,52 @@ def test_what_is_no_motion_is_refused() -> None:
         record(model, parts, TIME, q, {"tool": np.zeros((201, 3))})
     with pytest.raises(ShapeError, match="force at universe"):
         record(model, parts, TIME, q, {"universe": np.zeros((201, 2))})
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (420, 800)])
+def test_the_opening_shows_robot_ground_and_controls(browser: Any, tmp_path: Path, width: int, height: int) -> None:
+    """The ground before the robot as behind it, nothing of the robot under the controls, no button off the screen."""
+    model, parts, q = humanoid()
+    (tmp_path / "page.html").write_text(record(model, parts, TIME, q).html())
+    with opened(browser, (tmp_path / "page.html").as_uri()) as page:
+        page.set_viewport_size({"width": width, "height": height})
+        page.reload()
+        ready(page)
+        at(page, 0.0)
+        controls = page.locator("#controls").bounding_box()
+        for button in page.locator("#controls button").all():
+            box = button.bounding_box()
+            assert box["x"] >= 0.0
+            assert box["x"] + box["width"] <= width
+            assert box["y"] >= controls["y"]
+        page.evaluate("viewer.scene_tree.find(['meshcat', 'world', 'robot']).object.visible = false")
+        page.evaluate(DRAWN, 0.0)
+        ground = pixels(page)
+        page.evaluate("viewer.scene_tree.find(['meshcat', 'world', 'robot']).object.visible = true")
+        page.evaluate(DRAWN, 0.0)
+        robot = np.argwhere(np.abs(pixels(page) - ground).max(axis=2) > 0.02)
+        assert robot[:, 0].min() > 0
+        assert robot[:, 0].max() < controls["y"]
+        lines = np.abs(ground - np.median(ground, axis=1, keepdims=True)).max(axis=2) > 0.02
+        assert lines[round(0.75 * height) :].mean() > 0.001  # in the lowest quarter, nearest to the camera
+
+
+@needs_browser
+def test_a_true_force_is_black_inside_its_halo(browser: Any, tmp_path: Path) -> None:
+    """Seen in the picture: of the slim arrow's shaft as many pixels are black as where there is no halo."""
+    model, parts, q = manipulator()
+    frame = model.frames[model.nframes - 1].name
+    force, black = {frame: np.tile([0.0, 0.0, 5.0], (len(TIME), 1))}, []
+    for halo in (False, True):
+        recording = Recording(model, parts, TIME, q)
+        if halo:
+            recording.add_forces("estimated", "#D55E00", force)
+        recording.add_forces("true", "#000000", force, inner=True)
+        (tmp_path / "page.html").write_text(recording.html())
+        with opened(browser, (tmp_path / "page.html").as_uri()) as page:
+            ready(page)
+            at(page, 0.5)
+            black.append(int(np.sum(pixels(page).max(axis=2) < 0.05)))
+    assert black[0] > 100
+    assert black[1] == pytest.approx(black[0], rel=0.05)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from aerobat_pin import cli
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiment import run
 from aerobat_pin.sweep import load_sweep, run_sweep, shipped_sweeps
+from aerobat_pin.sweep.file import SweepFile
 from aerobat_pin.sweep.results import TAKEN
 
 SHORT = """
@@ -68,6 +70,18 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     with pytest.raises(SystemExit) as stop:
         cli.main()
     return int(stop.value.code or 0)
+
+
+def test_the_example_of_the_page_is_a_whole_sweep_file(tmp_path: Path) -> None:
+    """It plans as many runs as it says; and the page names every key that a sweep file may have."""
+    page = (Path(__file__).resolve().parent.parent / "docs" / "studies.md").read_text()
+    [example] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    sweep = load_sweep(written(tmp_path, example))
+    assert sweep.file.name == "mine"
+    assert len(sweep.indices) == 2 * 3 * 2
+    assert "2 x 3 x 2 runs" in sweep.file.description
+    for key in SweepFile.model_fields:
+        assert re.search(rf"^\| `\[?{key}(\.NAME)?\]?` \|", page, re.MULTILINE), key
 
 
 def test_the_grid_holds_the_numbers_of_the_single_runs_under_their_labels(tmp_path: Path) -> None:
