@@ -90,7 +90,7 @@ def test_the_stick_diagram_fills_its_picture(name: str, drawn: float) -> None:
     """A straight flight wide and stretched, one that turns away in its true shape; either over most of the width."""
     made = run(load_scenario(name))
     figure = draw_all(made.robot, made.log, made.estimates, "")["stick_diagram"]
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     [axis] = figure.axes
     assert axis.get_aspect() == drawn
     assert ("times larger" in figure.get_suptitle()) == (drawn > 1.0)
