@@ -153,6 +153,14 @@ def test_the_report_says_in_words_what_nobody_can_see() -> None:
     assert "leave no trace" in page
 
 
+SHOWN_AT = """time => new Promise((done) => {
+    const drawing = document.querySelector("figure svg");
+    drawing.pauseAnimations();
+    drawing.setCurrentTime(time);
+    requestAnimationFrame(() => requestAnimationFrame(done));
+})"""
+
+
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, browser: Any, scheme: str) -> None:
@@ -169,6 +177,6 @@ def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, brow
         crank = "document.querySelectorAll('figure svg polyline')[1].animatedPoints[1]"
         where = []
         for time in (0.0, 0.5):
-            page.evaluate(f"document.querySelector('figure svg').setCurrentTime({time})")
+            page.evaluate(SHOWN_AT, time)
             where.append(page.evaluate(f"[{crank}.x, {crank}.y]"))
         assert np.hypot(*np.subtract(*where)) > 1.0  # [mm]
