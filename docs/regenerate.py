@@ -208,15 +208,14 @@ def main() -> None:
     studies.write(DOCS)
     paper = [run(load_scenario("paper", [f"simulation.seed={seed}"])) for seed in SEEDS]
     benchmark = [run(load_scenario("observer_benchmark", [f"simulation.seed={seed}"])) for seed in SEEDS]
-    (DOCS / "figures").mkdir(exist_ok=True)
-    for name, figure in figures.draw_all(
-        paper[0].robot, paper[0].log, paper[0].estimates, paper[0].metrics["note"]
-    ).items():
-        figures.save(figure, DOCS / "figures" / name)
+    page = results_page(paper, benchmark)
+    drawn = figures.draw_all(paper[0].robot, paper[0].log, paper[0].estimates, paper[0].metrics["note"])
+    for name in re.findall(r"figures/(\w+)\.png", page):
+        figures.save(drawn[name], DOCS / "figures" / name)
         (DOCS / "figures" / f"{name}.pdf").unlink()
     frames.main()
     observer_study.write(DOCS)
-    (DOCS / "results.md").write_text(results_page(paper, benchmark), encoding="utf-8")
+    (DOCS / "results.md").write_text(page, encoding="utf-8")
     readme = DOCS.parent / "README.md"
     block = f"<!-- results: written by docs/regenerate.py -->\n{paper_summary(paper[0])}\n<!-- /results -->"
     text = re.sub(r"<!-- results:.*?<!-- /results -->", lambda _: block, readme.read_text(encoding="utf-8"), flags=re.S)
