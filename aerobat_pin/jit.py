@@ -192,6 +192,21 @@ def copy_values(source: Array, target: Array) -> None:
         target[i] = source[i]
 
 
+@inner
+def dot(a: Array, b: Array) -> float:
+    """Return the inner product of two vectors, summed in four lanes that need not wait for each other."""
+    n = a.shape[0]
+    one, two, three, four = 0.0, 0.0, 0.0, 0.0
+    for i in range(n // 4):
+        one += a[4 * i] * b[4 * i]
+        two += a[4 * i + 1] * b[4 * i + 1]
+        three += a[4 * i + 2] * b[4 * i + 2]
+        four += a[4 * i + 3] * b[4 * i + 3]
+    for i in range(n - n % 4, n):
+        one += a[i] * b[i]
+    return (one + two) + (three + four)
+
+
 @kernel
 def solve_positive(A: Array, b: Array) -> float:
     """Solve A x = b in place (x overwrites b, A is destroyed), A (n, n) symmetric positive definite, by Cholesky.

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import Integers, copy_values, doubles_at, inner, kernel
+from aerobat_pin.jit import Integers, copy_values, dot, doubles_at, inner, kernel
 from aerobat_pin.observers.filters import low_pass, rotate
 from aerobat_pin.observers.projection import project
 from aerobat_pin.observers.record import proceed, sample
@@ -63,12 +63,12 @@ def remember(measured: Measured, v: Array, store: Store, memory: Array) -> None:
     """
     M, C, g, J, oMi = measured
     nv = v.shape[0]
+    momentum, drift, rate = memory[0], memory[1], memory[2]
     for i in range(nv):
-        momentum, drift = 0.0, -g[i, 0]
-        for j in range(nv):
-            momentum += M[j, i] * v[j]
-            drift += C[j, i] * v[j]
-        memory[0, i], memory[1, i], memory[2, i] = momentum, drift, v[i]
+        momentum[i], drift[i], rate[i] = 0.0, dot(C[:, i], v) - g[i, 0], v[i]
+    for j in range(nv):  # M is symmetric: whole columns at a time
+        for i in range(nv):
+            momentum[i] += M[i, j] * v[j]
     for row in range(store.components.shape[0]):
         joint, a, b, c, dx, dy, dz, mx, my, mz, turns = store.components[row]
         P = oMi[:, int(joint)]

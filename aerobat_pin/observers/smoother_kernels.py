@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.arrays import Array
-from aerobat_pin.jit import copy_values, kernel
+from aerobat_pin.jit import copy_values, dot, kernel
 from aerobat_pin.observers.kalman_kernels import report
 from aerobat_pin.observers.kalman_store import Step, unpack, unpack_step
 from aerobat_pin.observers.products import add_product, add_row_product, mirror
@@ -35,18 +35,12 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
     work[:, :] = 0.0
     add_product(work[:, :n], Z, N, 1.0)
     for a in range(h):
-        moved, row = 0.0, Z[a]
-        for j in range(n):
-            moved += row[j] * adjoint[j]
-        step.z[a] += moved
+        step.z[a] += dot(Z[a], adjoint)
     for one in range(c):  # a component needs the covariance of its own coefficients alone
         for a in range(one, h, c):
-            row, found = work[a], work[a, n:]
+            row, found = work[a, :n], work[a, n:]
             for b in range(one, h, c):
-                taken, other = 0.0, Z[b]
-                for j in range(n):
-                    taken += row[j] * other[j]
-                found[b] = taken
+                found[b] = dot(row, Z[b])
     for one in range(c):
         for a in range(one, h, c):
             for b in range(one, h, c):
