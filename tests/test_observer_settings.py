@@ -58,7 +58,7 @@ def test_the_settings_of_a_scenario_reach_the_observer(paper: Experiment) -> Non
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("sensor_noise=[0.1, 0.1]", "observers.kalman.sensor_noise = [0.1, 0.1]: more numbers were expected"),
+        ("sensor_noise=[0.1, 0.1]", "observers.kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected"),
         ("sensor_nose=1", "unknown key 'observers.kalman.sensor_nose'; did you mean 'sensor_noise'?"),
         ("misfit=0", "observers.kalman.misfit = 0: input should be greater than 0"),
         ("known_error.aerodynamic=-1", "observers.kalman.known_error.aerodynamic = -1: input should be greater than 0"),
