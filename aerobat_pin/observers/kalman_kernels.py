@@ -208,7 +208,7 @@ def forget_torques(before: Array, after: Array, filter_: Filter, P: Array) -> No
 
 @kernel
 def correct(x: Array, P: Array, step: Step) -> None:
-    """Take the measurement: turn `step.rows` into L^T, T, L^-1 e and L^-1, and update x (n,) and P (n, n)."""
+    """Take the measurement: turn `step.rows` into L^T, T, L^-1 and L^-1 e, and update x (n,) and P (n, n)."""
     rows, nv, n = step.rows, step.rows.shape[0], x.shape[0]
     factorise(rows)
     T = rows[:, nv : nv + n]
