@@ -2,8 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 PYTHONS := 3.11 3.12 3.13
-HEART := tests/test_description.py tests/test_portability.py tests/test_other_tools.py \
-	tests/test_identities.py tests/test_observers.py tests/test_paper_experiment.py tests/test_cli.py
+HEART := tests/description/test_description.py tests/description/test_portability.py tests/description/test_other_tools.py \
+	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
+	tests/cli/test_cli.py
 BIN := $(VENV)/bin
 
 .PHONY: demo test test-python docs bench clean
@@ -32,8 +33,8 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 docs: $(VENV)/.installed-test
-	$(BIN)/python docs/pictures.py
-	$(BIN)/python docs/regenerate.py
+	$(BIN)/python docs/scripts/pictures.py
+	$(BIN)/python docs/scripts/regenerate.py
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

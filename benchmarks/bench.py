@@ -33,15 +33,12 @@ import pinocchio as pin
 from measure import Call, Figure, Part, figure, interleaved
 from sweeping import sweep_figures
 
-from aerobat_pin.disturbances import held_parts
 from aerobat_pin.errors import MorphologyFileError
-from aerobat_pin.known_inputs import known_inputs
+from aerobat_pin.estimation import known_inputs
+from aerobat_pin.flight import Plant, held_parts, simulate
 from aerobat_pin.observers import ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
-from aerobat_pin.plant import Plant
-from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.robot import Aerobat, joint_table, load_aerobat
 from aerobat_pin.scenario import Scenario, load_scenario
-from aerobat_pin.simulation import simulate
-from aerobat_pin.warm_up import joint_table
 
 STEPS, DT = 2000, 1.0e-3  # the paper's flight: two seconds, dt in s
 STREAM = 500  # samples of one pass through a streaming observer
@@ -229,7 +226,7 @@ def absolute_figures(rounds: int) -> Iterator[Figure]:
 def process_figures(count: int) -> Iterator[Figure]:
     """Whole processes, from start to exit, caches warm."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    program = [sys.executable, "-m", "aerobat_pin.cli"]
+    program = [sys.executable, "-m", "aerobat_pin.cli.app"]
     with tempfile.TemporaryDirectory() as folder:
         commands = {
             "python -c pass": ([sys.executable, "-c", "pass"], None),

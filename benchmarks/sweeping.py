@@ -9,11 +9,10 @@ import numpy as np
 from measure import Figure, figure, interleaved
 
 from aerobat_pin.estimation import estimate_log
-from aerobat_pin.plant import Plant
+from aerobat_pin.experiments import in_this_process, on_this_machine, outcome_of
+from aerobat_pin.flight import Plant, held_parts, simulate
+from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.simulation import held_parts, load_robot, simulate
-from aerobat_pin.sweep.worker import outcome_of
-from aerobat_pin.sweep.workers import in_this_process, on_this_machine
 
 
 def sweep_figures(rounds: int) -> Iterator[Figure]:

@@ -1,6 +1,6 @@
 """Fly a short version of the paper's experiment and print how well each observer found the forces."""
 
-from aerobat_pin.experiment import run
+from aerobat_pin.experiments import run
 from aerobat_pin.scenario import load_scenario
 
 experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))

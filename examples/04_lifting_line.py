@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.stroke import Stroke, fly
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 
 speed, incidence, span, root = 4.0, np.radians(5.0), 0.4, 0.1
 line = LiftingLine(span, lambda y: root * np.sqrt(1.0 - (2.0 * y / span) ** 2), strips=16)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from aerobat_pin.crank import RateControlledMotor, WingInertia
+from aerobat_pin.flight import RateControlledMotor, WingInertia, simulate
+from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.simulation import load_robot, simulate
 
 RATE = 2 * np.pi * 4.75  # [rad/s]
 SETTINGS = ["simulation.duration=0.8", "unknown_force.0.amplitude=0", "unknown_force.1.amplitude=0"]

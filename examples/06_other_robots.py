@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.frames import external_forces, joint_wrench
-from aerobat_pin.integrators import step
+from aerobat_pin.numerics import step
 from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.robot import external_forces, joint_wrench
 
 DATA = Path("cmeel.prefix", "share", "example-robot-data", "robots")
 DT, STEPS = 1e-3, 100

@@ -3,11 +3,10 @@
 import tempfile
 from pathlib import Path
 
-from aerobat_pin.csv_log import read_csv, write_csv
-from aerobat_pin.estimation import belief_about, estimate_log
-from aerobat_pin.evaluation import r_squared, true_force
+from aerobat_pin.estimation import belief_about, estimate_log, r_squared, true_force
+from aerobat_pin.flight import read_csv, simulate, write_csv
+from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.simulation import believed_robot, simulate
 
 flight = simulate(load_scenario("real_log_demo"))
 with tempfile.TemporaryDirectory() as folder:

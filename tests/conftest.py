@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import started
+from support.browser import started
 
-from aerobat_pin.experiment import Experiment, run, write
-from aerobat_pin.gallery import draw
-from aerobat_pin.plant import Plant
-from aerobat_pin.robot import load_aerobat
-from aerobat_pin.scenario import load_scenario
+from aerobat_pin.experiments.experiment import Experiment, run, write
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.robot.aerobat import load_aerobat
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization.write_all import draw
 
 
 @pytest.fixture(scope="session")

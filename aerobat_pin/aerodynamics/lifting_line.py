@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aerobat_pin.aerodynamics.planform import FINE, AlongSpan, along_span
-from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ShapeError
+from aerobat_pin.numerics import Array
 
 JONES_PSI = (0.165, 0.335)
 JONES_EPS = (0.0455, 0.300)

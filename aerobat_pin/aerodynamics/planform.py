@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ShapeError
+from aerobat_pin.numerics import Array
 
 AlongSpan = float | ArrayLike | Callable[[Array], ArrayLike]
 FINE = 4096  # midpoints in theta that a planform is looked at, besides its stations: areas to 1e-7

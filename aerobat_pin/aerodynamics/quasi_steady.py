@@ -26,8 +26,7 @@ from aerobat_pin.aerodynamics.strips import (
     gather,
     sections,
 )
-from aerobat_pin.arrays import Array
-from aerobat_pin.jit import inner
+from aerobat_pin.numerics import Array, inner
 
 DEGREE = np.pi / 180.0
 BLEND = 1.0  # [deg] of incidence over which the fit is led to zero

@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.special import hankel2, i0, i1, k0, k1
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI
-from aerobat_pin.arrays import Array
+from aerobat_pin.numerics import Array
 
 # CL at s of a rectangular wing of aspect ratio 4 after an impulsive start at 5 deg, by an unsteady vortex lattice.
 LATTICE_START = {0.25: 0.2476, 1.0: 0.2701, 2.0: 0.2894, 5.0: 0.3153, 10.0: 0.3270}

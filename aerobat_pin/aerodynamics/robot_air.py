@@ -16,15 +16,14 @@ from typing import Literal
 
 import numpy as np
 
+from aerobat_pin.aerodynamics.body_surfaces import add_surfaces
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine
 from aerobat_pin.aerodynamics.quasi_steady import quasi_steady_loads
 from aerobat_pin.aerodynamics.strips import LOADS, AirArrays, strip_loads
-from aerobat_pin.aerodynamics.surfaces import add_surfaces
-from aerobat_pin.arrays import Array, shaped
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.jit import kernel
-from aerobat_pin.sections import AirSection
-from aerobat_pin.wing import LINKS, Wing
+from aerobat_pin.numerics import Array, kernel, shaped
+from aerobat_pin.robot import LINKS, Wing
+from aerobat_pin.scenario import AirSection
 
 Model = Literal["lifting_line", "quasi_steady"]
 MODELS: tuple[Model, ...] = ("lifting_line", "quasi_steady")

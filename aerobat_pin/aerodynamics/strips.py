@@ -30,8 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.arrays import Array
-from aerobat_pin.jit import inner
+from aerobat_pin.numerics import Array, inner
 
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.arrays import Array
-from aerobat_pin.sections import AirSection
+from aerobat_pin.numerics import Array
+from aerobat_pin.scenario import AirSection
 
 
 def wind_field(air: AirSection, time: Array) -> Array:

@@ -15,8 +15,8 @@ import numpy as np
 
 from aerobat_description.closure import elbow
 from aerobat_description.sections import LinkageLengths
-from aerobat_pin.arrays import Array
 from aerobat_pin.linkage.moving import Complex
+from aerobat_pin.numerics import Array
 
 ANGLES = ("t1", "t2", "t3", "t5", "t6", "t8", "t9")  # named after the pin where the bar begins
 PINS = tuple(f"J{i}" for i in range(1, 11))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_description.sections import LinkageLengths
-from aerobat_pin.arrays import Array
 from aerobat_pin.linkage.arms import bent_arms
 from aerobat_pin.linkage.moving import Angle, Pin, bar_angle, meet, still
+from aerobat_pin.numerics import Array
 
 
 def close(bars: LinkageLengths, crank_angle: Array) -> tuple[dict[str, Angle], dict[str, Pin]]:

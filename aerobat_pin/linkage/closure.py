@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_description.sections import LinkageLengths
-from aerobat_pin.arrays import Array
 from aerobat_pin.linkage.arms import ANGLES, loops
 from aerobat_pin.linkage.moving import Angle, Complex, Pin, opening, wrapped
+from aerobat_pin.numerics import Array
 
 DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}  # pin: where its two bars come from
 

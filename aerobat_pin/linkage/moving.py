@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.arrays import Array
+from aerobat_pin.numerics import Array
 
 Complex = NDArray[np.complex128]
 

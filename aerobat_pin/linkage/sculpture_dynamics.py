@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_description.sections import LinkageLengths
-from aerobat_pin.arrays import Array
 from aerobat_pin.linkage.arms import ANGLES, loops, real_rows
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
+from aerobat_pin.numerics import Array
 
 SIZE = 2 * len(ANGLES)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from aerobat_description.closure import ADJUSTABLE
 from aerobat_description.sections import LinkageLengths
-from aerobat_pin.arrays import Array
 from aerobat_pin.linkage.arms import ANGLES, PINS, loops, loops_by_lengths, pins, real_rows
+from aerobat_pin.numerics import Array
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,26 @@
 """Observers of external forces on any `pinocchio.Model`. They see samples and known inputs, and know nothing of air."""
 
+from aerobat_pin.observers.analysis.bias import Bias, bias_of
+from aerobat_pin.observers.analysis.events import CusumDetector, Event, LevelDetector, calibrate_cusum, calibrate_level
+from aerobat_pin.observers.analysis.line_of_action import Crossing, LineOfAction, locate
+from aerobat_pin.observers.analysis.noise_and_lag import (
+    Prediction,
+    SensorNoise,
+    gain_for_deviation,
+    gain_for_lag,
+    predict,
+)
+from aerobat_pin.observers.analysis.point_of_action import PointOfAction, locate_series
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.base import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.bias import Bias, bias_of
-from aerobat_pin.observers.design import Prediction, SensorNoise, gain_for_deviation, gain_for_lag, predict
 from aerobat_pin.observers.estimate import Estimate, Sample
-from aerobat_pin.observers.events import CusumDetector, Event, LevelDetector, calibrate_cusum, calibrate_level
 from aerobat_pin.observers.force_level import ForceLevelObserver
 from aerobat_pin.observers.identifiability import Identifiability
-from aerobat_pin.observers.kalman import KalmanObserver, KalmanSample
-from aerobat_pin.observers.locate import Crossing, LineOfAction, locate
-from aerobat_pin.observers.locate_series import PointOfAction, locate_series
+from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample
+from aerobat_pin.observers.kalman.smoother import SmootherObserver
 from aerobat_pin.observers.momentum import MomentumObserver
+from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import Rows, Tie, tie_joints
 from aerobat_pin.observers.second_order import SecondOrderObserver
-from aerobat_pin.observers.smoother import SmootherObserver
 from aerobat_pin.observers.super_twisting import SuperTwistingObserver
 
 OBSERVERS: dict[str, type[Observer]] = {

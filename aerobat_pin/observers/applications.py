@@ -15,9 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.frames import frame_id
+from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers.rows import MOMENT_ARM
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array
 from aerobat_pin.observers.identifiability import Identifiability
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.arrays import Array
+from aerobat_pin.numerics import Array
 from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.rows import Believed
 

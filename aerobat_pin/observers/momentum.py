@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aerobat_pin.observers.base import Observer
+from aerobat_pin.observers.observer import Observer
 
 
 class MomentumObserver(Observer):

@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.arrays import Array
 from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array
 
 MOMENT_ARM = 0.05  # [m]
 BASE = 6  # rows of a free-flyer base

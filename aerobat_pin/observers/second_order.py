@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from aerobat_pin.observers.base import Observer
-from aerobat_pin.observers.filters import SECOND_ORDER
+from aerobat_pin.observers.kernels.filters import SECOND_ORDER
+from aerobat_pin.observers.observer import Observer
 
 
 class SecondOrderObserver(Observer):

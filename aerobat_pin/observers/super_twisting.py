@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.base import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.filters import SUPER_TWISTING
+from aerobat_pin.observers.kernels.filters import SUPER_TWISTING
+from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import Rows, Tie
 
 

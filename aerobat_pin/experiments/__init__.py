@@ -1,0 +1,27 @@
+"""A scenario flown, estimated and written; sweeps of hundreds of them."""
+
+from aerobat_pin.experiments.experiment import Experiment, Progress, run, run_recorded, write, write_recorded
+from aerobat_pin.experiments.notes import flight_note, recorded_note
+from aerobat_pin.experiments.output_folder import check_file, output_folder, picture_files, write_files, write_text
+from aerobat_pin.experiments.result_tables import estimate_dataset
+from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps
+
+__all__ = [
+    "Experiment",
+    "Progress",
+    "check_file",
+    "estimate_dataset",
+    "flight_note",
+    "load_sweep",
+    "output_folder",
+    "picture_files",
+    "recorded_note",
+    "run",
+    "run_recorded",
+    "run_sweep",
+    "shipped_sweeps",
+    "write",
+    "write_files",
+    "write_recorded",
+    "write_text",
+]

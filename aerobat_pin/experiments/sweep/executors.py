@@ -1,0 +1,142 @@
+"""Who flies the runs of a sweep: this process, several on this machine, or a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from typing import Any
+
+from aerobat_pin.errors import WorkersLostError
+from aerobat_pin.experiments.experiment import versions
+from aerobat_pin.experiments.sweep.one_run import outcome_of
+from aerobat_pin.scenario import Scenario
+
+Outcomes = Iterator[tuple[int, str]]
+CONNECT = 20.0  # [s]
+
+
+def in_this_process(runs: Mapping[int, Scenario]) -> Outcomes:
+    """Fly runs one after the other; yields number and outcome of each."""
+    for number, scenario in runs.items():
+        yield number, outcome_of(scenario)
+
+
+def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
+    """Fly runs in several processes; yields number and outcome of each as it comes.
+
+    When a process dies, its runs are flown by new ones.
+
+    Raises:
+        WorkersLostError: processes died again before any run was finished.
+    """
+    from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    left = dict(runs)
+    while left:
+        before = len(left)
+        try:
+            pool = Parallel(
+                n_jobs=min(jobs, before),
+                return_as="generator_unordered",
+                batch_size=1,
+                initializer=_end_with,
+                initargs=(os.getpid(),),
+            )
+            with _started(pool, [delayed(_numbered)(*item) for item in left.items()]) as outcomes:
+                for number, outcome in outcomes:
+                    left.pop(number)
+                    yield number, outcome
+        except TerminatedWorkerError as error:
+            if len(left) == before:
+                raise WorkersLostError(
+                    f"the processes die at run {min(left)} or one soon after it (no memory left?); what is finished is "
+                    "kept: the same command with fewer --jobs goes on"
+                ) from error
+
+
+def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
+    """Fly runs on a Dask cluster; yields number and outcome of each as it comes.
+
+    Dask repeats what the death of a worker lost.
+
+    Raises:
+        WorkersLostError: no cluster there, no `distributed` here, other versions there, or runs that Dask gave up.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise WorkersLostError("--cluster takes dask.distributed: pip install 'aerobat-pinocchio[cluster]'") from error
+    try:
+        client = Client(address, timeout=CONNECT)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise WorkersLostError(
+            f"cluster {address}: cannot be reached: {error}; the address of a Dask scheduler was expected, such as "
+            "tcp://10.0.0.1:8786"
+        ) from error
+    with client:
+        _check_versions(client.run(versions, on_error="return"), address)
+        futures = {client.submit(outcome_of, scenario, pure=False): number for number, scenario in runs.items()}
+        lost = {}
+        for future in as_completed(list(futures)):
+            number = futures.pop(future)  # the cluster forgets what nobody waits for
+            if future.status == "finished":
+                yield number, future.result()
+            else:
+                lost[number] = future.exception() if future.status == "error" else future.status
+        if lost:
+            number, reason = next(iter(lost.items()))
+            raise WorkersLostError(
+                f"cluster {address}: {len(lost)} runs were lost; the first, run {number}: {reason}; what is finished "
+                "is kept: the same command goes on"
+            )
+
+
+def _check_versions(found: Mapping[str, object], address: str) -> None:
+    for worker, there in found.items():
+        if there != versions():
+            raise WorkersLostError(
+                f"cluster {address}: worker {worker} has {there}; the versions here were expected: {versions()}"
+            )
+
+
+@contextmanager
+def _started(pool: Any, tasks: list[Any]) -> Iterator[Outcomes]:
+    """Give the outcomes of tasks as they come, and close what is left of them.
+
+    Ctrl-C goes from a terminal to all processes, but only this one can answer it: the others start deaf to it. Joblib's
+    advice, at an interruption, to ask for less is not passed on.
+    """
+    resource_tracker.ensure_running()  # which would start later otherwise, and unblock signals
+    before, outcomes = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), None  # new processes inherit it
+    try:
+        outcomes = pool(tasks)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield outcomes
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if outcomes is not None:
+                outcomes.close()
+
+
+def _numbered(number: int, scenario: Scenario) -> tuple[int, str]:
+    return number, outcome_of(scenario)
+
+
+def _end_with(parent: int) -> None:
+    """Watch, in a worker, the process that waits for the outcomes: when it is killed, nobody else ends this one."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,57 @@
+"""One run of a sweep, in whatever process: scenario in, numbers or the reason for their lack out."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from aerobat_description import MORPHOLOGIES
+from aerobat_pin.errors import AerobatError
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.scenario import RobotSection, Scenario
+
+
+def outcome_of(scenario: Scenario) -> str:
+    """Fly and score a scenario; whatever goes wrong is an outcome too.
+
+    Returns:
+        JSON text: `{"observers", "flight"}` as in `metrics.json`, or `{"failed": reason}`; and `"warnings"`, if any.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        try:
+            robots = _robot(scenario.robot, scenario), _robot(scenario.believed_robot, scenario)
+            metrics = run(scenario, robots=robots).metrics
+            outcome: dict[str, Any] = {"observers": metrics["observers"], "flight": metrics["flight"]}
+            json.dumps(outcome, allow_nan=False)
+        except AerobatError as error:
+            outcome = {"failed": str(error)}
+        except Exception as error:  # a fault of ours in one run must not cost the others
+            outcome = {"failed": f"{type(error).__name__}: {error}"}
+    said = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, UserWarning))
+    return json.dumps(outcome | ({"warnings": list(said)} if said else {}))
+
+
+def _robot(section: RobotSection, scenario: Scenario) -> Aerobat:
+    own = section.morphology not in MORPHOLOGIES and Path(section.morphology).is_file()
+    stamp = Path(section.morphology).stat().st_mtime_ns if own else 0
+    found = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
+    if isinstance(found, AerobatError):
+        raise found
+    return found
+
+
+@lru_cache(maxsize=16)
+def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat | AerobatError:
+    """Load a robot once for all the runs that it flies in this process, or find once why there is none.
+
+    `stamp` is the age of the user's own file.
+    """
+    try:
+        return load_aerobat(morphology, json.loads(changes), gravity=gravity)
+    except AerobatError as error:
+        return error

@@ -1,0 +1,141 @@
+"""From a sweep file to the list of its runs."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.errors import SweepError
+from aerobat_pin.experiments.sweep.columns import TAKEN
+from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
+from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
+
+MOST_RUNS = 100_000
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One thing that is varied: its name, its labels, and the settings that each label stands for."""
+
+    name: str
+    labels: tuple[Any, ...]
+    settings: tuple[dict[str, Any], ...]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """All runs of a sweep: the combinations of its dimensions, the last one running fastest."""
+
+    file: SweepFile
+    base: Scenario
+    dimensions: tuple[Dimension, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of labels of each dimension."""
+        return tuple(len(one.labels) for one in self.dimensions)
+
+    def labels(self, index: tuple[int, ...]) -> dict[str, Any]:
+        """Return what a run is labelled with, dimension by dimension, and the values it draws."""
+        chosen = {one.name: one.labels[i] for one, i in zip(self.dimensions, index, strict=True)}
+        for one, i in zip(self.dimensions, index, strict=True):
+            if one.name == DRAW:
+                chosen |= one.settings[i]
+        return chosen
+
+    @cached_property
+    def indices(self) -> list[tuple[int, ...]]:
+        """The place of each run along the dimensions, in the order of the runs."""
+        return list(itertools.product(*(range(count) for count in self.shape)))
+
+    @cached_property
+    def scenarios(self) -> list[Scenario]:
+        """The scenario of each run.
+
+        Raises:
+            ScenarioError: a value breaks its rule; the message names the run's labels.
+        """
+        return [self._scenario(index) for index in self.indices]
+
+    def _scenario(self, index: tuple[int, ...]) -> Scenario:
+        values = _plain(self.base)
+        for one, i in zip(self.dimensions, index, strict=True):
+            for key, value in one.settings[i].items():
+                assign(values, key, value)
+        told = ", ".join(f"{name} = {value}" for name, value in self.labels(index).items())
+        return parse_scenario(values, f"of sweep {self.file.name} at {told}")
+
+
+def load_sweep(source: str | Path) -> Sweep:
+    """Read a sweep file and lay out its runs.
+
+    Args:
+        source: shipped name, or path of a TOML file.
+
+    Raises:
+        SweepError: not found, not TOML, or not a sweep; the message names key, value and rule.
+        ScenarioError: the base scenario, or one of the runs', breaks a rule.
+    """
+    file = read_sweep(str(source))
+    beside = Path(source).parent / file.base
+    base = load_scenario(beside if Path(source).is_file() and beside.is_file() else file.base)
+    values = _plain(base)
+    for key, value in file.set.items():
+        assign(values, key, value)
+    base = parse_scenario(values, f"of sweep {file.name}")
+    dimensions = [_range_dimension(key, chosen) for key, chosen in file.ranges.items()]
+    dimensions += [_factor_dimension(name, factors) for name, factors in file.factors.items()]
+    dimensions += [Dimension(name, tuple(sets), tuple(sets.values())) for name, sets in file.variants.items()]
+    if file.draws is not None:
+        dimensions.append(_draw_dimension(file.draws))
+    seeds = tuple(base.simulation.seed + k for k in range(file.seeds))
+    dimensions.append(Dimension(SEED, seeds, tuple({"simulation.seed": seed} for seed in seeds)))
+    for name in (one.name for one in dimensions if one.name in TAKEN):
+        raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
+    sweep = Sweep(file, base, tuple(dimensions))
+    count = int(np.prod(sweep.shape))
+    if count > MOST_RUNS:
+        parts = " x ".join(f"{len(one.labels)} {one.name}" for one in dimensions)
+        raise SweepError(f"sweep {file.name}: {parts} are {count} runs; at most {MOST_RUNS} are allowed")
+    assert len(sweep.scenarios) == count
+    return sweep
+
+
+def _range_dimension(key: str, chosen: list[Any] | Span) -> Dimension:
+    values = chosen.values if isinstance(chosen, Span) else chosen
+    plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+    labels = tuple(values) if plain else tuple(v if isinstance(v, str) else json.dumps(v) for v in values)
+    return _distinct(f"ranges.{key}", Dimension(key, labels, tuple({key: value} for value in values)))
+
+
+def _factor_dimension(name: str, factors: Factors) -> Dimension:
+    values = tuple(factors.values.values if isinstance(factors.values, Span) else factors.values)
+    settings = tuple(factors.settings(value) for value in values)
+    return _distinct(f"factors.{name}.values", Dimension(name, values, settings))
+
+
+def _distinct(where: str, made: Dimension) -> Dimension:
+    if len(set(made.labels)) < len(made.labels):
+        raise SweepError(f"{where} = {list(made.labels)}: each value once was expected")
+    return made
+
+
+def _draw_dimension(draws: Draws) -> Dimension:
+    drawn = {}
+    for key, distribution in draws.values.items():
+        stream = np.random.default_rng([draws.seed, *key.encode()])
+        drawn[key] = distribution.draw(stream, draws.count)
+    rows = tuple({key: values[k] for key, values in drawn.items()} for k in range(draws.count))
+    return Dimension(DRAW, tuple(range(draws.count)), rows)
+
+
+def _plain(scenario: Scenario) -> dict[str, Any]:
+    """Return a scenario as plain values, lists in place of tuples, that dotted keys can be set in."""
+    values: dict[str, Any] = json.loads(scenario.model_dump_json(exclude_none=True))
+    return values

@@ -1,0 +1,61 @@
+"""Fly a sweep, or what is left of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import xarray as xr
+
+from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Store
+from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
+from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.experiments.sweep.results import grid, table
+
+Progress = Callable[[int, int, int], None]
+
+
+def run_sweep(
+    sweep: Sweep,
+    folder: str | Path,
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Fly the runs that are not finished, keep each as it ends, and write the results when all are there.
+
+    Args:
+        sweep: the runs.
+        folder: for the results, or with what an interrupted sweep left there.
+        jobs: number of processes on this machine.
+        cluster: address of a Dask scheduler whose workers fly in place of this machine.
+        force: start anew, whatever the folder holds.
+        progress: called with the numbers of runs finished, in all, and failed; first before any run.
+
+    Returns:
+        The grid that is in `results.nc`.
+
+    Raises:
+        OutputError: the folder holds something else, or cannot be written.
+        WorkersLostError: runs were lost with the processes that flew them; what is finished is kept.
+    """
+    count = len(sweep.scenarios)
+    with Store(Path(folder), sweep, force=force) as store:
+        failed = sum("failed" in one for one in store.finished.values())
+        left = {number: one for number, one in enumerate(sweep.scenarios) if number not in store.finished}
+        if progress is not None:
+            progress(len(store.finished), count, failed)
+        if cluster is not None and left:
+            outcomes = on_cluster(left, cluster)
+        else:
+            outcomes = in_this_process(left) if min(jobs, len(left)) < 2 else on_this_machine(left, jobs)
+        for number, outcome in outcomes:
+            store.add(number, outcome)
+            failed += "failed" in store.finished[number]
+            if progress is not None:
+                progress(len(store.finished), count, failed)
+        made = grid(sweep, store.finished)
+        store.write({GRID: bytes(made.to_netcdf(engine="h5netcdf")), TABLE: table(sweep, store.finished).encode()})
+    return made

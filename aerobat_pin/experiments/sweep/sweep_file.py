@@ -1,0 +1,215 @@
+"""A sweep file: a base scenario, what is varied in it, and the list of runs that this makes.
+
+| table or key | makes |
+|---|---|
+| `base`, `[set]` | the scenario that every run starts from, with dotted keys set in it |
+| `[ranges]` | a dimension for each dotted key: a list of values, or `{from, to, count, spacing}` |
+| `[factors.NAME]` | a dimension NAME of `values`, each a factor `of` several keys' reference values |
+| `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
+| `[draws]` | the dimension `draw`: `count` random draws of the keys in `[draws.values]` |
+| `seeds` | the dimension `seed`: this many, counted up from the base scenario's |
+
+The runs are all combinations, the same draws for each. A `*` in a key stands for every item of a list of tables:
+`unknown_force.*.noise`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+
+from aerobat_pin.errors import SweepError
+from aerobat_pin.scenario import Number, Positive, Whole, nothing_there
+
+SEED, DRAW = "seed", "draw"
+KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # of values, which pydantic puts into its places
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Span(_Table):
+    """Values between two ends, both among them."""
+
+    start: Number = Field(alias="from", description="first value")
+    end: Number = Field(alias="to", description="last value")
+    count: Whole = Field(ge=2, description="number of values")
+    spacing: Literal["linear", "log"] = Field("linear", description="equal differences, or equal ratios")
+
+    @model_validator(mode="after")
+    def _ratio(self) -> Span:
+        if self.spacing == "log" and not (self.start > 0.0 and self.end > 0.0):
+            raise ValueError(f'from = {self.start}, to = {self.end}: spacing = "log" wants both above 0')
+        return self
+
+    @property
+    def values(self) -> list[float]:
+        """The values."""
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        return [float(value) for value in space(self.start, self.end, self.count)]
+
+
+class Uniform(_Table):
+    """A number drawn evenly between two bounds, or its logarithm."""
+
+    distribution: Literal["uniform", "log_uniform"]
+    low: Number
+    high: Number
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Uniform:
+        if self.high <= self.low or (self.distribution == "log_uniform" and self.low <= 0.0):
+            rule = "0 < low < high" if self.distribution == "log_uniform" else "low < high"
+            raise ValueError(f"low = {self.low}, high = {self.high}: {rule} was expected")
+        return self
+
+    def draw(self, random: np.random.Generator, count: int) -> list[float]:
+        """Draw numbers."""
+        if self.distribution == "log_uniform":
+            return [float(value) for value in np.exp(random.uniform(np.log(self.low), np.log(self.high), count))]
+        return [float(value) for value in random.uniform(self.low, self.high, count)]
+
+
+class Normal(_Table):
+    """A normally distributed number."""
+
+    distribution: Literal["normal"]
+    mean: Number
+    deviation: Positive
+
+    def draw(self, random: np.random.Generator, count: int) -> list[float]:
+        """Draw numbers."""
+        return [float(value) for value in random.normal(self.mean, self.deviation, count)]
+
+
+class Draws(_Table):
+    """Random draws; each key has a stream of its own, so that another key does not change it."""
+
+    count: Whole = Field(ge=1, description="number of draws")
+    seed: Whole = Field(1, ge=0, description="of the draws alone, not of the flights")
+    values: dict[str, Annotated[Uniform | Normal, Field(discriminator="distribution")]] = Field(min_length=1)
+
+
+def _kind(value: Any) -> str:
+    return "span" if isinstance(value, dict | Span) else "list" if isinstance(value, list) else "number"
+
+
+Listed = Annotated[list[Any], Field(min_length=1), Tag("list")]
+Numbers = Annotated[list[Number], Field(min_length=1), Tag("list")]
+Spanned = Annotated[Span, Tag("span")]
+Single = Annotated[Number, Tag("number")]
+
+
+class Factors(_Table):
+    """Several keys that grow in proportion, each from a reference of its own."""
+
+    values: Annotated[Numbers | Spanned, Discriminator(_kind)] = Field(description="the factors")
+    of: dict[str, Annotated[Single | Numbers, Discriminator(_kind)]] = Field(
+        min_length=1, description="dotted key -> what a factor of 1 makes it: a number, or a list of them"
+    )
+
+    def settings(self, factor: float) -> dict[str, Any]:
+        """Return what a factor sets."""
+        return {
+            key: [factor * one for one in reference] if isinstance(reference, list) else factor * reference
+            for key, reference in self.of.items()
+        }
+
+
+class SweepFile(_Table):
+    """A sweep file as it is written."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder")
+    description: str = ""
+    base: str = Field(description="shipped scenario, or TOML file beside this one")
+    seeds: Whole = Field(1, ge=1, description="number of seeds, counted up from the base scenario's")
+    set: dict[str, Any] = Field(default_factory=dict)
+    ranges: dict[str, Annotated[Listed | Spanned, Discriminator(_kind)]] = Field(default_factory=dict)
+    factors: dict[str, Factors] = Field(default_factory=dict)
+    variants: dict[str, Annotated[dict[str, dict[str, Any]], Field(min_length=1)]] = Field(default_factory=dict)
+    draws: Draws | None = None
+
+    @model_validator(mode="after")
+    def _distinct(self) -> SweepFile:
+        names = [*self.ranges, *self.factors, *self.variants, DRAW, SEED]
+        for name in (name for name in names if names.count(name) > 1):
+            raise ValueError(f"'{name}' is the name of two dimensions")
+        varied = [*self.ranges, *(self.draws.values if self.draws else {})]
+        varied += [key for one in self.factors.values() for key in one.of]
+        varied += [key for sets in self.variants.values() for key in {key for one in sets.values() for key in one}]
+        if "simulation.seed" in varied:
+            raise ValueError("simulation.seed is counted up by `seeds`; give their number there")
+        for key in (key for key in varied if varied.count(key) > 1):
+            raise ValueError(f"'{key}' is varied by two dimensions; one was expected")
+        return self
+
+
+def shipped_sweeps() -> dict[str, str]:
+    """Return the shipped sweeps: name -> description."""
+    return {name: read_sweep(name).description for name in _names()}
+
+
+def read_sweep(source: str) -> SweepFile:
+    """Read a sweep file, a shipped one by its name.
+
+    Raises:
+        SweepError: not found, not TOML, or not a sweep; the message names key, value and rule.
+    """
+    try:
+        return SweepFile.model_validate(tomllib.loads(_text(source)))
+    except tomllib.TOMLDecodeError as error:
+        raise SweepError(f"sweep {source}: not valid TOML: {error}") from error
+    except ValidationError as error:
+        raise SweepError(f"sweep {source}: " + "; ".join(_told(dict(item)) for item in error.errors())) from error
+
+
+def _names() -> list[str]:
+    return sorted(item.name.removesuffix(".toml") for item in _shipped().iterdir() if item.name.endswith(".toml"))
+
+
+def _shipped() -> Any:
+    return resources.files("aerobat_pin") / "experiments" / "sweep" / "shipped"
+
+
+def _text(source: str) -> str:
+    shipped, path = _shipped() / f"{source}.toml", Path(source)
+    if "/" not in source and shipped.is_file():
+        return str(shipped.read_text(encoding="utf-8"))
+    if not path.is_file():
+        raise SweepError(nothing_there("sweep", source, _names()))
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SweepError(f"sweep file {path}: cannot be read: {error}") from error
+
+
+def _told(error: dict[str, Any]) -> str:
+    loc = [str(part) for part in error["loc"]]
+    where = ".".join([*loc[:2], *(part for part in loc[2:] if part not in KINDS)])
+    if error["type"] == "extra_forbidden":
+        known = [field.alias or name for name, field in _table(error["loc"]).model_fields.items()]
+        close = difflib.get_close_matches(loc[-1], known, n=1)
+        return f"unknown key '{where}'" + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}")
+    if error["type"] == "missing":
+        return f"missing key '{where}'"
+    if error["type"] == "value_error":
+        return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
+    return f"{where} = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _table(loc: tuple[Any, ...]) -> type[_Table]:
+    """Return the table that a place in a sweep file is in."""
+    if "span" in loc[2:]:
+        return Span
+    if loc[0] == "factors" and len(loc) > 2:
+        return Factors
+    if loc[0] == "draws" and len(loc) > 1:
+        return Draws if len(loc) == 2 else Normal if loc[3] == "normal" else Uniform
+    return SweepFile

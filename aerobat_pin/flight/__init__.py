@@ -1,0 +1,42 @@
+"""From a scenario to a flight log: plant, crank, sensors; the log is the only door to estimating."""
+
+from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
+from aerobat_pin.flight.csv_log import read_csv, write_csv
+from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel
+from aerobat_pin.flight.plant.kernels import advance
+from aerobat_pin.flight.plant.memory import Constants, Found, Work, layout, unpack, unpack_found, unpack_work
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.warm_up import warmed_up
+from aerobat_pin.flight.point_forces import held_parts
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight.trim import Trim, trim
+from aerobat_pin.flight.wake import Wake, wake_of
+
+__all__ = [
+    "ConstantRate",
+    "Constants",
+    "CrankDrive",
+    "FlightLog",
+    "Found",
+    "KNOWN",
+    "Plant",
+    "RateControlledMotor",
+    "SpinUp",
+    "Trim",
+    "Wake",
+    "WingInertia",
+    "Work",
+    "advance",
+    "channel",
+    "held_parts",
+    "layout",
+    "read_csv",
+    "simulate",
+    "trim",
+    "unpack",
+    "unpack_found",
+    "unpack_work",
+    "wake_of",
+    "warmed_up",
+    "write_csv",
+]

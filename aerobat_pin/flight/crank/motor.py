@@ -1,0 +1,110 @@
+"""A motor that holds the crank's rate as well as it can, integrated ahead of the flight.
+
+    I(t1) t1'' = torque - load(t1) - I'(t1) t1'^2 / 2               I = rotor + wings
+    lag torque' = sat(order) - torque
+    order = kp miss + ki z        z' = miss - (order - sat(order)) / kp        miss = rate - t1'
+
+z is the integral of the rate's miss, bled while the torque is at its limit so that it does not wind up.
+
+In it are the rotor, the wings' inertia with the body standing still, and a load that depends on the crank angle alone.
+Not in it is what a flight does to the wings: the air, the body's own motion, gravity, the unknown forces; nor friction,
+nor a limit that falls with speed. So the crank's motion is known before the flight, and the flight's motor torque,
+which does contain all of that, is what this motion takes and not what this motor gave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.errors import CrankError
+from aerobat_pin.flight.crank.drives import CrankMotion
+from aerobat_pin.numerics import Array
+
+TOLERANCE = 1.0e-9  # of the integration, relative
+SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # angle [rad], rate [rad/s], torque [N m], integral [rad]
+
+
+def no_load(crank_angle: Array) -> Array:
+    """Return no load torque."""
+    return np.zeros_like(crank_angle)
+
+
+def no_wings(crank_angle: Array) -> tuple[Array, Array]:
+    """Return no inertia and no derivative of it."""
+    return np.zeros_like(crank_angle), np.zeros_like(crank_angle)
+
+
+@dataclass(frozen=True)
+class RateControlledMotor:
+    """A crank drive: a rate controller, a motor with a torque limit and a lag, and what it turns.
+
+    Attributes:
+        start: crank angle at t = 0 [rad].
+        rate: ordered [rad/s].
+        start_rate: at t = 0, and steadily before [rad/s].
+        rotor_inertia: of the motor as seen at the crank: the rotor's times the gear ratio squared [kg m2].
+        torque_limit: at the crank [N m].
+        lag: time constant of the torque [s].
+        gain: kp [N m s/rad].
+        integral_gain: ki [N m/rad].
+        wings: crank angle -> inertia [kg m2] and its derivative by crank angle; see `WingInertia`.
+        load: crank angle -> torque that resists turning forward [N m].
+    """
+
+    start: float
+    rate: float
+    start_rate: float
+    rotor_inertia: float
+    torque_limit: float
+    lag: float
+    gain: float
+    integral_gain: float
+    wings: Callable[[Array], tuple[Array, Array]] = no_wings
+    load: Callable[[Array], Array] = no_load
+
+    def __call__(self, time: Array) -> CrankMotion:
+        """Return the motion at times (n,) [s]. Raises as `states`."""
+        angle, rate, torque, _ = self.states(time)
+        return CrankMotion(angle, rate, np.where(time < 0.0, 0.0, self._acceleration(angle, rate, torque)))
+
+    def torque(self, time: Array) -> Array:
+        """Return the motor's torque at the crank at times (n,) [N m]. Raises as `states`."""
+        return np.asarray(self.states(time)[2])
+
+    def states(self, time: Array) -> Array:
+        """Integrate from t = 0 and return angle, rate, torque and integral (4, n) at times (n,) [s].
+
+        Raises:
+            CrankError: the integration failed.
+        """
+        from scipy.integrate import solve_ivp  # a third of a second that other drives need not pay
+
+        begin = np.array([self.start, self.start_rate, 0.0, 0.0])
+        states = np.tile(begin[:, None], len(time))
+        states[0] += self.start_rate * np.minimum(time, 0.0)
+        flown = time > 0.0
+        if np.any(flown):
+            end = float(np.max(time))
+            solved = solve_ivp(
+                self._rates, (0.0, end), begin, "DOP853", dense_output=True, rtol=TOLERANCE, atol=TOLERANCE * SCALE
+            )
+            if not solved.success or not np.all(np.isfinite(solved.y)):
+                raise CrankError(f"the motor's crank cannot be followed to t = {end:g} s: {solved.message}")
+            states[:, flown] = solved.sol(time[flown])
+        return states
+
+    def _rates(self, _: float, state: Array) -> Array:
+        angle, rate, torque, integral = state
+        miss = self.rate - rate
+        order = self.gain * miss + self.integral_gain * integral
+        limited = min(max(order, -self.torque_limit), self.torque_limit)
+        bled = (order - limited) / self.gain
+        acceleration = self._acceleration(angle, rate, torque)
+        return np.array([rate, float(acceleration), (limited - torque) / self.lag, miss - bled])
+
+    def _acceleration(self, angle: Array, rate: Array, torque: Array) -> Array:
+        inertia, slope = self.wings(angle)
+        return np.asarray((torque - self.load(angle) - 0.5 * slope * rate**2) / (self.rotor_inertia + inertia))

@@ -1,0 +1,118 @@
+"""Sensors: what recording makes of a flight's true channels, between the simulation and the log's measured side.
+
+    sample i, taken at the log's first time from i / rate on:   round((true + bias + walk + noise) / quantum) quantum
+
+The log keeps its times. At each of them a channel shows the last sample that was taken, not lost, and arrived (its
+delay is over): it holds. Until the first one arrives the channel shows that one. Errors of the attitude are small turns
+about body axes; its rounding is that of roll, pitch and yaw.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import Aerobat
+from aerobat_pin.scenario import SensorSection, SensorsSection
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+
+
+def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
+    """Return a log as its sensors recorded it; what was true of the channels they changed goes to its truth.
+
+    Each sensor draws from a stream of its own, named after it: one more sensor leaves the others as they are.
+
+    Args:
+        log: a simulated flight with exact channels and a truth.
+        robot: whose joints q and v hold.
+        sensors: what stands between.
+        seed: of all random numbers.
+    """
+    if not sensors.fitted:
+        return log
+    assert log.truth is not None
+    measured, truth = log.measured.copy(deep=True), log.truth.copy()
+    time = log.time
+    at_q, at_v = list(robot.idx_q), list(robot.idx_v)
+    places: dict[str, tuple[str, list[int] | None]] = {
+        "position": ("q", [0, 1, 2]),
+        "attitude": ("q", [3, 4, 5, 6]),
+        "velocity": ("v", [0, 1, 2]),
+        "gyro": ("v", [3, 4, 5]),
+        "joint_angle": ("q", at_q),
+        "joint_rate": ("v", at_v),
+        "crank_angle": ("crank_angle", None),
+        "airspeed": ("airspeed", None),
+        "motor_torque": ("motor_torque", at_v),
+    }
+    for name, sensor in sensors.fitted.items():
+        channel, columns = places[name]
+        values = measured[channel].values
+        table = values[:, None] if columns is None else values[:, columns]
+        rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+        sense = sensed_attitude if name == "attitude" else sensed
+        shown = sense(table, time[: len(table)], sensor, rng)
+        # In the truth `airspeed` is that of the strips.
+        kept = "body_airspeed" if channel == "airspeed" else channel
+        if kept not in truth:
+            truth[kept] = log.measured[channel]
+        if columns is None:
+            values[:] = shown[:, 0]
+        else:
+            values[:, columns] = shown
+    return FlightLog(measured, truth)
+
+
+def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
+    """Return a channel (n, c) as a sensor shows it at times (n,), from its true values (n, c)."""
+    taken = _taken(time, sensor.rate)
+    samples = true[taken] + _errors(time[taken], true.shape[1], sensor, rng)
+    return np.asarray(_rounded(samples, sensor.quantum)[_shown(time, taken, sensor, rng)])
+
+
+def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
+    """Return quaternions xyzw (n, 4) as a sensor shows them at times (n,), from the true ones (n, 4)."""
+    taken = _taken(time, sensor.rate)
+    errors = _errors(time[taken], 3, sensor, rng)
+    samples = np.empty((len(taken), 4))
+    for one, row, error in zip(samples, true[taken], errors, strict=True):
+        turned = pin.Quaternion(row) * pin.Quaternion(pin.exp3(error))
+        if sensor.quantum > 0.0:
+            angles = _rounded(pin.rpy.matrixToRpy(turned.matrix()), sensor.quantum)
+            turned = pin.Quaternion(pin.rpy.rpyToMatrix(angles))
+        one[:] = turned.coeffs() if turned.coeffs() @ row >= 0.0 else -turned.coeffs()
+    return np.asarray(samples[_shown(time, taken, sensor, rng)])
+
+
+def _taken(time: Array, rate: float | None) -> Indices:
+    """Return at which of the times (n,) a sample is taken: always at the first."""
+    if rate is None:
+        return np.arange(len(time))
+    count = np.floor((time - time[0]) * rate + 1e-6)
+    return np.flatnonzero(np.diff(count, prepend=-1.0) > 0.0)
+
+
+def _errors(time: Array, axes: int, sensor: SensorSection, rng: np.random.Generator) -> Array:
+    """Draw bias, walk and noise (m, axes) of samples taken at times (m,)."""
+    noise, steps = rng.standard_normal((2, len(time), axes))
+    steps *= np.sqrt(np.diff(time, prepend=time[0]))[:, None]
+    return np.asarray(sensor.noise * noise + sensor.walk * np.cumsum(steps, axis=0) + np.array(sensor.bias))
+
+
+def _rounded(values: Array, quantum: float) -> Array:
+    return np.asarray(np.round(values / quantum) * quantum) if quantum > 0.0 else values
+
+
+def _shown(time: Array, taken: Indices, sensor: SensorSection, rng: np.random.Generator) -> Indices:
+    """Return which of the samples is shown at each of the times (n,)."""
+    kept = np.flatnonzero(rng.random(len(taken)) >= sensor.dropout)
+    kept = kept if len(kept) and kept[0] == 0 else np.insert(kept, 0, 0)  # something is there from the start
+    arrived = time[taken[kept]] + sensor.delay
+    last = np.searchsorted(arrived, time + 1e-9, side="right") - 1
+    return np.asarray(kept[np.maximum(last, 0)])

@@ -1,0 +1,212 @@
+"""Trim: the flapping frequency, wing offset and start from which a symmetric flight repeats itself every flap.
+
+A periodic orbit of the whole plant, air included. Given the horizontal velocity over ground at the start of a flap,
+find frequency, `wing.offset_x`, pitch, vertical speed, pitch rate and the air's state such that one flap later speed,
+vertical speed, pitch, pitch rate, height and the air are what they were. The nose points where the robot flies, and the
+wind blows as it does. What passes is left out: gusts, and all of the unknown forces but what follows the elbow. The
+Floquet multipliers of the orbit tell how a small disturbance grows per flap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from aerobat_pin.errors import AerobatError, TrimError
+from aerobat_pin.flight.plant.plant import Plant, State
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import load_robot
+from aerobat_pin.scenario import Scenario
+
+BODY = 5  # unknowns beside the air: frequency, offset, pitch, vertical speed, pitch rate
+SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
+AIR_SCALE = 0.1
+STEP = 1.0e-6  # of the finite differences, in scaled unknowns
+CONVERGED = 1.0e-6  # largest miss of a flap that counts as periodic, in the units of `Trim.residual`
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A periodic flight, but for the air's own start: a scenario warms the air up with the body held.
+
+    Attributes:
+        scenario: the scenario, flying from the orbit's start at its frequency and wing offset.
+        residual: largest difference between the ends of one flap, in m/s, rad, rad/s, m and scaled air states.
+        multipliers: Floquet multipliers (n,), largest first: factors per flap on attitude, twist, height and air.
+        period: of a flap [s].
+    """
+
+    scenario: Scenario
+    residual: float
+    multipliers: NDArray[np.complex128]
+    period: float
+
+    @property
+    def time_to_double(self) -> float:
+        """Time in which the fastest growing disturbance doubles [s]; infinite below a percent a flap."""
+        growth = float(np.abs(self.multipliers[0]))
+        return self.period * float(np.log(2.0) / np.log(growth)) if growth > 1.01 else float("inf")
+
+
+def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Trim:
+    """Find the periodic flight nearest to a scenario's start.
+
+    Args:
+        scenario: robot, wind, horizontal velocity over ground, and first guesses of frequency, offset, pitch, vertical
+            speed, pitch rate.
+        progress: called with the residual after each evaluation of the orbit.
+
+    Raises:
+        TrimError: the crank does not turn steadily, the flight is not symmetric, or none that is periodic was found.
+    """
+    from scipy.optimize import root  # takes as long to import as all the rest
+
+    if scenario.crank.frequency <= 0.0:
+        raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
+    if scenario.crank.drive != "constant":
+        raise TrimError(f"crank.drive = {scenario.crank.drive!r}: only a crank that turns steadily can be trimmed")
+    guess = load_robot(scenario).morphology.wing.offset_x
+    flight = scenario.flight
+    body = [
+        scenario.crank.frequency,
+        guess,
+        np.radians(flight.pitch_deg),
+        flight.velocity[2],
+        flight.angular_velocity[1],
+    ]
+    air = Plant(load_robot(scenario), scenario).start.air
+
+    def miss(unknowns: Array) -> Array:
+        try:
+            found = _flap_miss(scenario, unknowns)
+        except AerobatError:
+            return np.full_like(unknowns, 1e3)
+        if progress is not None:
+            progress(float(np.max(np.abs(found))))
+        return found
+
+    def slopes(unknowns: Array) -> Array:
+        here = miss(unknowns)
+        return np.column_stack([(miss(unknowns + STEP * one) - here) / STEP for one in np.eye(len(unknowns))])
+
+    solved = root(miss, np.concatenate([body / SCALE, air / AIR_SCALE]), jac=slopes, method="hybr")
+    residual = float(np.max(np.abs(miss(solved.x))))
+    if not residual < CONVERGED:
+        raise TrimError(
+            f"no periodic flight found near {body[0]:.2f} Hz and offset {1e3 * guess:.0f} mm at "
+            f"{math.hypot(*flight.velocity[:2]):g} m/s: one flap misses its start by {residual:.2g}; "
+            "try another frequency, offset or pitch"
+        )
+    plant, start = _plant(scenario, solved.x)
+    end = _flap(plant, start)
+    lopsided = max(abs(end.twist[i] - start.twist[i]) for i in (1, 3, 5))
+    if not lopsided < 1e-6:
+        raise TrimError(
+            "only a symmetric flight can be trimmed: forces or wind of this scenario push it sideways or turn it, "
+            f"{lopsided:.2g} m/s or rad/s in one flap"
+        )
+    found = _trimmed(scenario, solved.x)
+    return Trim(found, residual, _multipliers(plant, start, end), 1.0 / found.crank.frequency)
+
+
+def _heading(scenario: Scenario) -> float:
+    """Return where the robot flies, from x toward y [rad]."""
+    return math.atan2(scenario.flight.velocity[1], scenario.flight.velocity[0])
+
+
+def _trimmed(scenario: Scenario, unknowns: Array) -> Scenario:
+    """Return the scenario with scaled unknowns put in, nose first."""
+    frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * SCALE)
+    if frequency <= 0.0:
+        raise TrimError(f"crank.frequency = {frequency}: the search left the flapping flights")
+    flight = scenario.flight.model_copy(
+        update={
+            "velocity": (*scenario.flight.velocity[:2], rise),
+            "roll_deg": 0.0,
+            "yaw_deg": math.degrees(_heading(scenario)),
+            "angular_velocity": (0.0, pitch_rate, 0.0),
+            "pitch_deg": float(np.degrees(pitch)),
+        }
+    )
+    changes = {**scenario.robot.changes, "wing": {**scenario.robot.changes.get("wing", {}), "offset_x": offset}}
+    return scenario.model_copy(
+        update={
+            "name": f"{scenario.name}_trimmed",
+            "flight": flight,
+            "crank": scenario.crank.model_copy(update={"frequency": frequency}),
+            "robot": scenario.robot.model_copy(update={"changes": changes}),
+        }
+    )
+
+
+def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
+    """Build the plant and the start of its flap from scaled unknowns."""
+    steady = scenario.air.model_copy(update={"warm_up_cycles": 0, "gust": None})
+    flown = _trimmed(scenario, unknowns).model_copy(update={"air": steady})
+    plant = Plant(load_robot(flown), flown)
+    return plant, State(plant.start.placement, plant.start.twist, unknowns[BODY:] * AIR_SCALE)
+
+
+def _flap(plant: Plant, start: State) -> State:
+    """Fly one flap and return where it ends."""
+    period = 1.0 / plant.scenario.crank.frequency
+    count = max(20, round(period / plant.scenario.simulation.dt))
+    flown = plant.fly(count, period / count, np.zeros((2, len(plant.forces), count)), start=start)
+    return State(flown.q[-1, :7], flown.v[-1, :6], flown.air[-1])
+
+
+def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
+    """Return by how much one flap misses its start: speed, vertical speed, pitch, pitch rate, height, air."""
+    plant, start = _plant(scenario, unknowns)
+    end = _flap(plant, start)
+    heading = np.array([math.cos(_heading(scenario)), math.sin(_heading(scenario)), 0.0])
+    velocity = [pin.Quaternion(state.placement[3:]).matrix() @ state.twist[:3] for state in (start, end)]
+    turned = pin.XYZQUATToSE3(start.placement).actInv(pin.XYZQUATToSE3(end.placement))
+    body = [
+        heading @ (velocity[1] - velocity[0]),
+        velocity[1][2] - velocity[0][2],
+        pin.log3(turned.rotation)[1],
+        end.twist[4] - start.twist[4],
+        end.placement[2] - start.placement[2],
+    ]
+    return np.concatenate([body, (end.air - start.air) / AIR_SCALE])
+
+
+def _multipliers(plant: Plant, start: State, end: State) -> NDArray[np.complex128]:
+    """Return the eigenvalues of one flap's map of small changes of height, attitude, twist and air; x, y do not matter.
+
+    Changes are world height and body-axes rotation, about the orbit's start before and its end after the flap.
+    """
+    size = 10 + len(start.air)
+    moved = []
+    for i in range(size):
+        ends = []
+        for sign in (1.0, -1.0):
+            change = np.zeros(size)
+            change[i] = sign * 1e-5
+            ends.append(_change(end, _flap(plant, _changed(start, change))))
+        moved.append((ends[0] - ends[1]) / 2e-5)
+    values = np.linalg.eigvals(np.array(moved).T)
+    return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def _changed(state: State, change: Array) -> State:
+    """Return a state moved by height, rotation (3), twist (6) and scaled air."""
+    placement = pin.XYZQUATToSE3(state.placement)
+    placement.translation = placement.translation + np.array([0.0, 0.0, change[0]])
+    placement.rotation = placement.rotation @ pin.exp3(change[1:4])
+    twist, air = state.twist + change[4:10], state.air + change[10:] * AIR_SCALE
+    return State(pin.SE3ToXYZQUAT(placement), twist, air)
+
+
+def _change(here: State, there: State) -> Array:
+    """Return what leads from one state to another: height, rotation (3), twist (6) and scaled air."""
+    first, second = (pin.XYZQUATToSE3(state.placement) for state in (here, there))
+    turned = pin.log3(first.rotation.T @ second.rotation)
+    rise = second.translation[2] - first.translation[2]
+    return np.concatenate([[rise], turned, there.twist - here.twist, (there.air - here.air) / AIR_SCALE])

@@ -1,0 +1,49 @@
+"""Arrays, compiled kernels, views of Pinocchio's results and integration on manifolds; knows no robot."""
+
+from aerobat_pin.numerics.arrays import Array, checked, shaped
+from aerobat_pin.numerics.frame_ids import frame_id
+from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock
+from aerobat_pin.numerics.lie_runge_kutta import next_stage, step
+from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
+from aerobat_pin.numerics.pinocchio_views import (
+    DOUBLE,
+    addresses,
+    array_at,
+    check_views,
+    doubles_at,
+    integers_at,
+    motions,
+    placements,
+)
+from aerobat_pin.numerics.small_matrices import copy_values, dot, eigenvectors, solve_positive
+
+__all__ = [
+    "Array",
+    "DOUBLE",
+    "Integers",
+    "add_product",
+    "add_row_product",
+    "addresses",
+    "announce_compilation",
+    "array_at",
+    "check_views",
+    "checked",
+    "copy_values",
+    "dot",
+    "doubles_at",
+    "eigenvectors",
+    "factorise",
+    "frame_id",
+    "inner",
+    "integers_at",
+    "is_compiled",
+    "kernel",
+    "lock",
+    "mirror",
+    "motions",
+    "next_stage",
+    "placements",
+    "shaped",
+    "solve_positive",
+    "step",
+]

@@ -1,0 +1,91 @@
+"""Linear algebra for some ten rows, compiled: LAPACK's call alone would cost several times as much."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics.arrays import Array
+from aerobat_pin.numerics.jit import inner, kernel
+
+
+@inner
+def copy_values(source: Array, target: Array) -> None:
+    """Copy a vector. `target[:] = source` would compile for two seconds more, for the sake of its error message."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@inner
+def dot(a: Array, b: Array) -> float:
+    """Return the inner product of two vectors, summed in four lanes that need not wait for each other."""
+    n = a.shape[0]
+    one, two, three, four = 0.0, 0.0, 0.0, 0.0
+    for i in range(n // 4):
+        one += a[4 * i] * b[4 * i]
+        two += a[4 * i + 1] * b[4 * i + 1]
+        three += a[4 * i + 2] * b[4 * i + 2]
+        four += a[4 * i + 3] * b[4 * i + 3]
+    for i in range(n - n % 4, n):
+        one += a[i] * b[i]
+    return (one + two) + (three + four)
+
+
+@kernel
+def solve_positive(A: Array, b: Array) -> float:
+    """Solve A x = b in place (x overwrites b, A is destroyed), A (n, n) symmetric positive definite, by Cholesky.
+
+    For n of some six: LAPACK's call alone costs several times as much. Only the lower triangle is read. Returns the
+    smallest pivot, which shows how near to singular A is.
+    """
+    n = b.shape[0]
+    least = np.inf
+    for j in range(n):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k]
+        least = min(least, A[j, j])
+        A[j, j] = np.sqrt(A[j, j])
+        scale = 1.0 / A[j, j]
+        for i in range(j + 1, n):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k]
+            A[i, j] *= scale
+    # Reciprocals of the diagonal wait for nothing, where a division of b would wait for b.
+    for i in range(n):
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] *= 1.0 / A[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= A[k, i] * b[k]
+        b[i] *= 1.0 / A[i, i]
+    return least
+
+
+@inner
+def eigenvectors(A: Array, V: Array) -> None:
+    """Diagonalise A (n, n), symmetric, in place, and write its eigenvectors into the columns of V: cyclic Jacobi."""
+    n = A.shape[0]
+    V[:] = 0.0
+    for i in range(n):
+        V[i, i] = 1.0
+    for _ in range(30):
+        off, size = 0.0, 0.0
+        for i in range(n):
+            size += A[i, i] * A[i, i]
+            for j in range(i):
+                off += A[i, j] * A[i, j]
+        if not off > 1e-32 * size:
+            return
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                if A[p, q] == 0.0:
+                    continue
+                slope = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
+                t = (1.0 if slope >= 0.0 else -1.0) / (abs(slope) + np.sqrt(slope * slope + 1.0))
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(n):
+                    A[k, p], A[k, q] = c * A[k, p] - s * A[k, q], s * A[k, p] + c * A[k, q]
+                for k in range(n):
+                    A[p, k], A[q, k] = c * A[p, k] - s * A[q, k], s * A[p, k] + c * A[q, k]
+                    V[k, p], V[k, q] = c * V[k, p] - s * V[k, q], s * V[k, p] + c * V[k, q]

@@ -1,0 +1,1 @@
+"""What an estimate says beyond its numbers: onset, place, bias, noise and lag."""

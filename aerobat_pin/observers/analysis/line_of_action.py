@@ -1,0 +1,178 @@
+"""Where one unknown point force acts: its line of action from a wrench, and where that line meets a panel.
+
+A force f at the point r has the moment m = r x f about the origin, so r is known up to a step along f:
+
+    r = f x m / |f|^2 + t f            pitch = f . m / |f|^2 = 0
+
+A wrench with a pitch is more than one force. A couple across f only moves the line: nothing tells it from a force
+further out, except that the line then may miss the robot. Errors travel to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array, shaped
+from aerobat_pin.observers.analysis.panel import Panel
+
+SIGMAS = 3.0  # of a normal error: passed once in 370
+FAINTEST = 5.0  # standard deviations: a fainter force has no direction to first order
+ROUNDING = 1.0e-6  # of a moment: below it, exact data are not judged
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a line of action meets a panel.
+
+    Attributes:
+        point: (3,) [m].
+        covariance: (3, 3) of it, in the panel's plane [m2].
+        margin: distance from the panel's outline [m], negative outside.
+        margin_deviation: its standard deviation [m].
+    """
+
+    point: Array
+    covariance: Array
+    margin: float
+    margin_deviation: float
+
+    @property
+    def verdict(self) -> str:
+        """`inside`, `outside`, or `too close to the outline to tell`."""
+        if abs(self.margin) < SIGMAS * self.margin_deviation:
+            return "too close to the outline to tell"
+        return "inside" if self.margin >= 0.0 else "outside"
+
+
+@dataclass(frozen=True)
+class LineOfAction:
+    """The line along which one force acts, in the axes and about the origin of the wrench it was found from.
+
+    Attributes:
+        wrench: (6,) force [N] and moment [N m].
+        covariance: (6, 6) of it.
+    """
+
+    wrench: Array
+    covariance: Array
+
+    @property
+    def verdict(self) -> str:
+        """`a point force`, `not a pure force`, or `nothing can be said` where neither force nor moment is seen."""
+        force, moment = self.wrench[:3], self.wrench[3:]
+        if not np.linalg.norm(force) > FAINTEST * _largest(self.covariance[:3, :3]):
+            seen = np.linalg.norm(moment) > FAINTEST * _largest(self.covariance[3:, 3:])
+            return "not a pure force" if seen else "nothing can be said"
+        doubt = SIGMAS * self.pitch_deviation + ROUNDING * np.linalg.norm(moment) / np.linalg.norm(force)
+        return "not a pure force" if abs(self.pitch) > doubt else "a point force"
+
+    @property
+    def point(self) -> Array:
+        """(3,) of the line, nearest to the origin [m]."""
+        return np.cross(self.wrench[:3], self.wrench[3:]) / self._square
+
+    @property
+    def direction(self) -> Array:
+        """(3,) unit vector of the force."""
+        return np.asarray(self.wrench[:3] / np.sqrt(self._square))
+
+    @property
+    def pitch(self) -> float:
+        """Moment along the force per unit of force [m]; zero for one force."""
+        return float(self.wrench[:3] @ self.wrench[3:] / self._square)
+
+    @property
+    def pitch_deviation(self) -> float:
+        """Standard deviation of the pitch [m]."""
+        force, moment = self.wrench[:3], self.wrench[3:]
+        row = np.concatenate([moment - 2.0 * self.pitch * force, force]) / self._square
+        return float(np.sqrt(row @ self.covariance @ row))
+
+    @property
+    def point_covariance(self) -> Array:
+        """(3, 3) of the nearest point [m2]."""
+        J = self._point_jacobian()
+        return np.asarray(J @ self.covariance @ J.T)
+
+    def seen_from(self, placement: pin.SE3) -> LineOfAction:
+        """Return the same line in another frame's axes and about its origin.
+
+        Args:
+            placement: of that frame in this one, such as a link's in the base.
+        """
+        X = placement.toActionMatrix().T
+        return LineOfAction(X @ self.wrench, X @ self.covariance @ X.T)
+
+    def cross(self, outline: ArrayLike) -> Crossing:
+        """Return where the line meets the plane of a panel.
+
+        Args:
+            outline: (k, 3) corners of a flat polygon in order [m], in the frame of the wrench.
+
+        Raises:
+            ObserverError: there is no line of action, or it runs along the plane; or the outline is not a flat polygon.
+        """
+        if self.verdict != "a point force":
+            raise ObserverError(f"no line of action: {self.verdict}")
+        panel, force = Panel(outline), self.wrench[:3]
+        across = float(panel.normal @ force)
+        if not abs(across) > SIGMAS * np.sqrt(panel.normal @ self.covariance[:3, :3] @ panel.normal):
+            raise ObserverError("the line of action runs along the plane of the panel: no point of it stands out")
+        step = float(panel.normal @ (panel.corners[0] - self.point)) / across
+        along = np.hstack([step * np.eye(3), np.zeros((3, 3))])
+        J = (np.eye(3) - np.outer(force, panel.normal) / across) @ (self._point_jacobian() + along)
+        point, covariance = self.point + step * force, J @ self.covariance @ J.T
+        margin, outward = panel.margin(point)
+        return Crossing(point, covariance, margin, float(np.sqrt(outward @ covariance @ outward)))
+
+    @property
+    def _square(self) -> float:
+        square = float(self.wrench[:3] @ self.wrench[:3])
+        if square == 0.0:
+            raise ObserverError("no line of action: the force is zero")
+        return square
+
+    def _point_jacobian(self) -> Array:
+        """Return d point / d wrench (3, 6)."""
+        force, moment = self.wrench[:3], self.wrench[3:]
+        by_force = -pin.skew(moment) - 2.0 * np.outer(self.point, force)
+        return np.asarray(np.hstack([by_force, pin.skew(force)]) / self._square)
+
+
+def locate(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
+    """Find the line of action of one force from the wrench it makes.
+
+    Args:
+        wrench: (6,) force [N] and moment [N m] in a frame's axes about its origin: the components of an
+            `Application(link, "wrench", "frame")`; or, with the link unknown, the first six entries of a free-flyer's
+            generalised residual, which are the whole body's wrench in the frame of the base.
+        covariance: (6, 6) of it, such as that of a free run, or `predict`'s.
+
+    Raises:
+        ShapeError: an array of another shape.
+        ObserverError: a number is not finite, or the covariance is not symmetric and positive semidefinite.
+    """
+    return LineOfAction(shaped(wrench, (6,), "wrench"), checked_covariance(wrench, covariance))
+
+
+def checked_covariance(wrenches: ArrayLike, covariance: ArrayLike) -> Array:
+    """Return a covariance (6, 6) of finite wrenches. Raises ShapeError or ObserverError where it is none."""
+    S = shaped(covariance, (6, 6), "covariance")
+    if not (np.all(np.isfinite(S)) and np.all(np.isfinite(np.asarray(wrenches, float)))):
+        raise ObserverError("wrench and covariance: finite numbers were expected")
+    scale = np.sqrt(np.maximum(np.diag(S), 0.0))
+    scale[scale == 0.0] = 1.0  # N and N m differ by orders of magnitude: compare correlations
+    C = S / np.outer(scale, scale)
+    if not np.allclose(C, C.T, rtol=0.0, atol=1e-9) or np.linalg.eigvalsh(0.5 * (C + C.T))[0] < -1e-9:
+        raise ObserverError("covariance: a symmetric, positive semidefinite matrix was expected")
+    return S
+
+
+def _largest(covariance: Array) -> float:
+    """Return the largest standard deviation in any direction."""
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))

@@ -1,0 +1,1 @@
+"""The Kalman filter and the smoother on any Pinocchio model."""

@@ -1,0 +1,252 @@
+"""A Kalman filter of momentum and forces: how sure it is belongs to the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array, checked
+from aerobat_pin.observers.applications import Application
+from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.kalman import kernels
+from aerobat_pin.observers.kalman.memory import (
+    ELAPSED,
+    FOLLOWED,
+    HEAD_START,
+    MISFIT,
+    NEWER,
+    POWER,
+    PULSATION,
+    Filter,
+    new_filter,
+    unpack,
+)
+from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
+from aerobat_pin.observers.rows import BASE, Rows, Tie
+
+SENSOR_NOISE = (0.02, 0.01, 0.05)  # [m/s], [rad/s], [rad/s] per sample: linear, gyro, joints
+SETTLED = 1.75  # pulsation over gain: a second-order Butterworth filter has risen by 1 - 1/e at 1.753 / pulsation
+EARLIER = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
+
+
+class KalmanSample(Sample):
+    """One estimate with its uncertainty."""
+
+    __slots__ = ()
+
+    @property
+    def components(self) -> Array:
+        """All components (c,) in the order of the applications."""
+        return self._values[self._nv : (self._nv + len(self._values)) // 2]
+
+    @property
+    def force(self) -> Array:
+        """Forces (n, 3) [N] in world axes, where that is what acts (see `Estimate.force`)."""
+        return self.components.reshape(-1, 3)
+
+    @property
+    def standard_deviation(self) -> Array:
+        """Standard deviations (c,) of the components."""
+        return self._values[(self._nv + len(self._values)) // 2 :]
+
+
+class KalmanObserver(Observer):
+    """A Kalman filter of momentum and random-walk forces from noisy velocities; knows its standard deviation.
+
+        p' = u + J^T f + C^T v - g + model errors,   f' = white noise,   measured: M v + M (sensor noise)
+
+    A known force may be off by an unknown, slowly changing factor, and so may the mass. The factors are estimated
+    along, as far as the rows tell them from forces; where they do not, the standard deviation says so. What no factor
+    explains is noise. The sensors' noise in C^T v is left out: what it adds to the momentum in a step is smaller than
+    the noise of the momentum itself by the angle turned in that step.
+
+    Args:
+        model: any model, free-flyer or fixed base.
+        applications: where unknown forces act, as in `Observer`; one or more.
+        gain: K [1/s], one number. Sets the walk where `force_walk` does not: every pattern of forces is then followed
+            alike, as by a second-order Butterworth filter that rises to 63 % in 1/K. It is the walk of the
+            configuration at the start, and of the sensors' noise only the proportions matter.
+        rows: which rows to believe; of the others any torque is possible.
+        sensor_noise: standard deviations of a sample of linear velocity [m/s], gyro [rad/s] and joint rates [rad/s]; on
+            a fixed base the last one serves all.
+        force_walk: how much a force changes in a second [N/sqrt(s)], one number or one per component. One number
+            takes moments at a lever of 50 mm.
+        prior: standard deviation [N] of the forces at the start, with `force_walk`.
+        known_error: name of a known force -> standard deviation of its factor: 0.2 for "right to 20 %".
+        mass_error: the same for the mass, with the inertias in proportion.
+        error_time: how long such a factor stays what it is [s].
+        misfit: what no factor explains [sqrt(s)]: white noise on every row, this times the row's possible error, which
+            is `known_error` and `mass_error` times what they belong to, as a running root mean square.
+        frequency: flapping frequency [Hz]: forces are then a0 + a1 cos + b1 sin of it, and all three coefficients walk.
+
+    Raises:
+        FrameNotFoundError: a frame is not in the model.
+        ObserverError: as in `Observer`; more than one gain; a setting that is not finite and positive.
+    """
+
+    name = "kalman"
+
+    def __init__(
+        self,
+        model: pin.Model,
+        applications: Sequence[str | Application] = (),
+        gain: ArrayLike = DEFAULT_GAIN,
+        rows: Rows | Tie = "all",
+        *,
+        sensor_noise: Sequence[float] = SENSOR_NOISE,
+        force_walk: ArrayLike | None = None,
+        prior: float = 10.0,
+        known_error: Mapping[str, float] | None = None,
+        mass_error: float = 0.0,
+        error_time: float = 1.0,
+        misfit: float = 0.01,
+        frequency: float | None = None,
+    ) -> None:
+        """Prepare the filter; `reset` starts it."""
+        super().__init__(model, applications, gain, rows)
+        self._settings: dict[str, Any] = {
+            "sensor_noise": sensor_noise,
+            "force_walk": force_walk,
+            "prior": prior,
+            "known_error": known_error,
+            "mass_error": mass_error,
+            "error_time": error_time,
+            "misfit": misfit,
+            "frequency": frequency,
+        }
+        if self.gain.shape != ():
+            raise ObserverError(f"gain of shape {self.gain.shape}: observer {self.name} takes one number")
+        nv, scale, blocks = self._nv, self.applications.scale, 1 if frequency is None else 3
+        noise = self._noise(sensor_noise)
+        self._errors = tuple(known_error or ())
+        errors = [_positive(f"known_error of {name}", size) for name, size in (known_error or {}).items()]
+        if mass_error != 0.0:
+            errors.append(_positive("mass_error", mass_error))
+        self._store = new_filter(
+            self._store, noise, self._hidden(), len(scale), blocks, len(self._errors), mass_error != 0.0
+        )
+        self._filter = filter_ = unpack(self._store)
+        filter_.settings[POWER] = rows == "base+power"
+        if frequency is not None:
+            filter_.settings[PULSATION] = 2.0 * np.pi * _positive("frequency", frequency)
+        filter_.scale[:] = scale
+        self._walks = blocks * len(scale)
+        filter_.variance[self._walks :] = np.square(errors)
+        filter_.rate[self._walks :] = 1.0 / _positive("error_time", error_time)
+        filter_.settings[MISFIT] = _positive("misfit", misfit)
+        self._prior: Array | None = None
+        if force_walk is not None:
+            walk = np.array(force_walk, float)
+            if walk.shape not in ((), scale.shape) or not (np.all(np.isfinite(walk)) and np.all(walk > 0.0)):
+                raise ObserverError(
+                    f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
+                )
+            filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
+            self._prior = np.tile(np.square(_positive("prior", prior) * scale), blocks)
+        self._width = nv + 2 * len(scale)
+        self._update = kernels.update
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as a fresh observer."""
+        arguments = (self.model, self.applications.given, self.gain, self.believed.rows)
+        return _rebuilt, (type(self), arguments, self._settings)
+
+    def update(
+        self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+    ) -> Sample:
+        """Take the next sample as `Observer.update` does, and return a `KalmanSample`.
+
+        Raises:
+            ObserverError: as there; or a force of `known_error` is missing.
+            ShapeError: as there.
+        """
+        for row, name in zip(self._filter.errors, self._errors, strict=True):
+            row[:] = checked(self._of(known or {}, name), self._nv, name)
+        return super().update(time, q, v, tau, known)
+
+    def _of(self, known: Mapping[str, ArrayLike], name: str) -> ArrayLike:
+        """Return a known force. Raises ObserverError where it is missing."""
+        if name not in known:
+            raise ObserverError(f"known_error names '{name}': the known forces are {', '.join(known) or 'none'}")
+        return known[name]
+
+    def _noise(self, sensor_noise: Sequence[float]) -> Array:
+        """Return the sensors' standard deviations (nv,)."""
+        if np.shape(sensor_noise) != (3,):
+            raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
+        linear, angular, joints = (_positive("sensor_noise", size) for size in sensor_noise)
+        noise = np.full(self._nv, joints)
+        if self.model.joints[1].nv == BASE:
+            noise[:BASE] = np.repeat([linear, angular], 3)
+        return noise
+
+    def _hidden(self) -> Array:
+        """Return the projector (nv, nv) on generalised forces that the rows believed do not show, or (0, 0)."""
+        shown = self.believed.map(np.zeros(self._nv))
+        basis, sizes, _ = np.linalg.svd(shown)
+        hidden = basis[:, int(np.sum(sizes > kernels.UNSEEN * sizes[0])) :]
+        return hidden @ hidden.T if hidden.shape[1] else np.zeros((0, 0))
+
+    def _sample(self, out: Array) -> Sample:
+        return KalmanSample(out, self._nv)
+
+    def _start(self, v: Array) -> None:
+        sample = self._filter.memory[0]
+        kernels.remember(self._store, v, sample)
+        self._begin(self._filter, sample)
+
+    def _begin(self, filter_: Filter, sample: Array) -> None:
+        """Start a filter at a remembered sample: nothing found, and as sure as the settings."""
+        nv = self._nv
+        blurred, spread = sample[-nv:], filter_.variance.copy()
+        filter_.settings[[NEWER, ELAPSED]] = 0.0
+        if self._prior is None:
+            pulsation = SETTLED * float(self.gain)
+            filter_.settings[HEAD_START] = EARLIER / pulsation
+            filter_.settings[FOLLOWED] = pulsation**4
+        else:
+            spread[: self._walks] = self._prior
+        filter_.x[:] = 0.0
+        filter_.x[:nv] = sample[0]
+        filter_.P[:] = np.diag(np.concatenate([np.zeros(nv), spread]))
+        filter_.P[:nv, :nv] = blurred.T @ blurred
+
+    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        return self._filtered(time, q, v, u, known, np.empty((0, len(self._filter.step))))
+
+    def _filtered(
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
+    ) -> tuple[Array, Array]:
+        """Filter a checked record, keeping its steps where there is room; return results (m, width) and the samples."""
+        store = self._store.copy()  # a stream that is under way goes on undisturbed
+        filter_, nv = unpack(store), self._nv
+        memory = np.empty((len(time), *filter_.memory.shape[1:]))
+        self._collect(kernels.collect, store, q, v, memory)
+        self._begin(filter_, memory[0])
+        errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
+        out = np.empty((len(u), self._width))
+        errors = errors.reshape(-1, len(u), nv)
+        self._refuse_huge(kernels.filter_all(memory, time, u, errors, store, steps, out), time)
+        return out, memory
+
+    def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
+        estimate = super()._estimate(time, out, memory)
+        return replace(estimate, standard_deviation=out[:, -len(self.applications.components) :])
+
+
+def _positive(name: str, value: float) -> float:
+    """Return a number that is finite and positive. Raises ObserverError naming it."""
+    if not (np.isfinite(value) and value > 0.0):
+        raise ObserverError(f"{name} = {value}: a finite positive number was expected")
+    return float(value)
+
+
+def _rebuilt(kind: type[KalmanObserver], arguments: tuple[Any, ...], settings: dict[str, Any]) -> KalmanObserver:
+    """Build a fresh observer from what a pickle carries."""
+    return kind(*arguments, **settings)

@@ -1,0 +1,322 @@
+"""The Kalman filter's arithmetic, compiled: one call after Pinocchio's M, C and g, on any model.
+
+The state is the momentum p (nv) and coefficients z: forces, their harmonics, and errors of what is taken as known.
+With G (nz, nv), one generalised force per coefficient, one interval is
+
+    z <- a z + noise,   p <- p + dt (u + mean(C^T v - g)) + dt G^T z,   then p is measured: M v, covariance B B^T
+
+and B = M diag(s) for velocity sensors of standard deviations s. The update is by Cholesky of the innovation's
+covariance S = L L^T with T = L^-1 P_p, P <- P - T^T T.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, Integers, add_product, add_row_product, copy_values, factorise, kernel, mirror
+from aerobat_pin.observers.kalman.memory import (
+    ELAPSED,
+    FOLLOWED,
+    HEAD_START,
+    MASS,
+    MISFIT,
+    NEWER,
+    POWER,
+    PULSATION,
+    Filter,
+    Step,
+    unpack,
+    unpack_step,
+)
+from aerobat_pin.observers.kernels import memory as store
+from aerobat_pin.observers.kernels import residual as kernels
+from aerobat_pin.observers.kernels.record import proceed, sample
+from aerobat_pin.observers.kernels.residual import TOO_LARGE
+from aerobat_pin.observers.rows import BASE
+
+UNSEEN = 1.0e-6  # of the information on all patterns of forces: what is seen less counts as seen so much
+UNKNOWN_TORQUE = 1.0e8  # variance of an unknown torque's impulse over that of its row's sensors
+
+
+@kernel
+def remember(flat: Array, v: Array, memory: Array) -> None:
+    """Write a sample: what `kernels.remember` does (3 + c, nv), then B^T (nv, nv)."""
+    measured, noise = kernels.look(flat), unpack(flat).noise
+    nv = v.shape[0]
+    top = memory.shape[0] - nv
+    kernels.remember(measured, v, store.unpack(flat[: int(flat[-1])]), memory[:top])
+    for k in range(nv):
+        for i in range(nv):
+            memory[top + k, i] = noise[k] * measured.M[i, k]
+
+
+@kernel
+def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
+    """Write the interval's shear and decay, and into `step.e` what it misses of the measured momentum.
+
+    The estimate does not change yet. False where the innovation is NaN or huge.
+
+    Args:
+        before: (3 + c + nv, nv) remembered sample at the start.
+        after: (3 + c + nv, nv) remembered sample at the end.
+        u: (nv,) known generalised force, mean over the interval.
+        dt: the interval's length [s].
+        filter_: the filter.
+        step: written.
+    """
+    settings, x, c, nv, errors = filter_.settings, filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors
+    shear, e, nz, h, z = step.shear, step.e, step.shear.shape[0], step.z.shape[0], filter_.x[u.shape[0] :]
+    angle = settings[PULSATION] * (settings[ELAPSED] + 0.5 * dt)
+    step.basis[0] = 1.0
+    if step.basis.shape[0] == 3:
+        step.basis[1], step.basis[2] = np.cos(angle), np.sin(angle)
+    shear[:, :] = 0.0
+    for block in range(step.basis.shape[0]):
+        half = 0.5 * dt * step.basis[block]
+        for a in range(c):
+            row, one, other = shear[block * c + a], before[3 + a], after[3 + a]
+            for i in range(nv):
+                row[i] = half * (one[i] + other[i])
+    for a in range(errors.shape[0]):
+        for i in range(nv):
+            shear[h + a, i] = dt * errors[a, i]
+    for a in range(nz):
+        step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
+    if settings[MASS] > 0.0:  # an error of the mass stretches whatever accelerates the robot, found forces included
+        for i in range(nv):
+            shear[nz - 1, i] = dt * u[i]
+        for a in range(h):
+            for i in range(nv):
+                shear[nz - 1, i] += shear[a, i] * z[a]
+    for i in range(nv):
+        e[i] = after[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
+    for a in range(nz):
+        now = step.decay[a] * z[a]
+        for i in range(nv):
+            e[i] -= now * shear[a, i]
+    for i in range(nv):
+        if not abs(e[i]) < TOO_LARGE * min(dt, 1.0):  # NaN too
+            return False
+    return True
+
+
+@kernel
+def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) -> None:
+    """Carry the covariance P over the interval: noise, shear, misfit, unknown torques; then fill `step.rows`."""
+    settings, P, shear, rows = filter_.settings, filter_.P, step.shear, step.rows
+    nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
+    nv = n - nz
+    if settings[FOLLOWED] > 0.0:
+        follow(before, after, filter_, rows)
+    grown = dt * (dt if settings[FOLLOWED] > 0.0 else 1.0) + dt * settings[HEAD_START]
+    settings[HEAD_START] = 0.0
+    for a in range(nz):
+        decay = step.decay[a]
+        if decay != 1.0:
+            for j in range(n):
+                P[nv + a, j] *= decay
+            for j in range(n):
+                P[j, nv + a] *= decay
+            P[nv + a, nv + a] += (1.0 - decay * decay) * filter_.variance[a]
+    for first in range(nv, nv + step.z.shape[0], c):
+        for a in range(c):
+            row = P[first + a, first:]
+            for b in range(c):
+                row[b] += grown * filter_.walk[a, b]
+    add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
+    add_product(P, P[:, nv:], shear, 1.0)
+    if nz > step.z.shape[0]:
+        decay = step.decay[nz - 1] if settings[ELAPSED] > 0.0 else 0.0
+        for i in range(nv):
+            square = 0.0
+            for a in range(step.z.shape[0], nz):
+                square += filter_.variance[a] * shear[a, i] * shear[a, i]
+            square /= dt * dt
+            filter_.doubt[i] = square + decay * (filter_.doubt[i] - square)
+            P[i, i] += settings[MISFIT] * settings[MISFIT] * dt * filter_.doubt[i]
+    if filter_.hidden.shape[0] > 0:
+        forget_torques(before, after, filter_, P)
+    for i in range(nv):
+        unit = rows[i, nv + n :]
+        copy_values(P[i], rows[i, :nv])
+        copy_values(P[i], rows[i, nv : nv + n])
+        for j in range(unit.shape[0]):
+            unit[j] = 0.0
+        unit[i], unit[n] = 1.0, step.e[i]
+    blurred = after[3 + c :]
+    add_product(rows[:, :nv], blurred.T, blurred, 1.0)
+
+
+@kernel
+def follow(before: Array, after: Array, filter_: Filter, rows: Array) -> None:
+    """Set the walk by the gain: the covariance of the components' impulses as one sample's sensors tell them.
+
+    That is (J R^-1 J^T)^-1, so that every pattern rises alike wherever the wings are just now; what is seen less than
+    `UNSEEN` of all counts as seen so much. `rows` (nv, ...) is scratch.
+    """
+    c, seen, scale = filter_.walk.shape[0], filter_.seen, filter_.scale
+    nv, blurred = rows.shape[0], after[3 + c :]
+    sensed = rows[:, : nv + c]
+    sensed[:, :] = 0.0
+    add_product(sensed[:, :nv], blurred.T, blurred, 1.0)
+    if filter_.hidden.shape[0] > 0:
+        forget_torques(before, after, filter_, sensed)
+    for a in range(c):
+        one, other = before[3 + a], after[3 + a]
+        for i in range(nv):
+            sensed[i, nv + a] = 0.5 * scale[a] * (one[i] + other[i])
+    factorise(sensed)
+    seen[:, :] = 0.0
+    add_product(seen[:, :c], sensed[:, nv:].T, sensed[:, nv:], 1.0)
+    total = 0.0
+    for a in range(c):
+        total += seen[a, a]
+    for a in range(c):
+        seen[a, a] += UNSEEN * total
+        seen[a, c + a] = 1.0
+    factorise(seen)
+    filter_.walk[:, :] = 0.0
+    add_product(filter_.walk, seen[:, c:].T, seen[:, c:], filter_.settings[FOLLOWED])
+    for a in range(c):
+        for b in range(c):
+            filter_.walk[a, b] *= scale[a] * scale[b]
+
+
+@kernel
+def forget_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
+    """Add to P (nv, nv) unknown torques: in `hidden` rows; where the joints' power is known, those that leave it so."""
+    hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
+    nv, size, speed = noise.shape[0], 0.0, 0.0
+    for k in range(nv):
+        for i in range(nv):
+            for j in range(nv):
+                size += after[3 + c + k, i] * hidden[i, j] * after[3 + c + k, j]
+    size *= UNKNOWN_TORQUE
+    for i in range(nv):
+        for j in range(nv):
+            P[i, j] += size * hidden[i, j]
+    if filter_.settings[POWER] > 0.0:
+        for i in range(BASE, nv):
+            mean = 0.5 * (before[2, i] + after[2, i])
+            speed += mean * mean + 0.5 * noise[i] * noise[i]
+        for i in range(BASE, nv):
+            along = 0.25 * size * (before[2, i] + after[2, i]) / speed
+            for j in range(BASE, nv):
+                P[i, j] -= along * (before[2, j] + after[2, j])
+
+
+@kernel
+def correct(x: Array, P: Array, step: Step) -> None:
+    """Take the measurement: turn `step.rows` into L^T, T, L^-1 and L^-1 e, and update x (n,) and P (n, n)."""
+    rows, nv, n = step.rows, step.rows.shape[0], x.shape[0]
+    factorise(rows)
+    T = rows[:, nv : nv + n]
+    add_row_product(x, rows[:, nv + 2 * n], T, 1.0)
+    add_product(P, T.T, T, -1.0)
+    mirror(P, n)
+
+
+@kernel
+def report(step: Step, dt: float, out: Array) -> None:
+    """Write residual, forces and standard deviations (nv + 2 c,) from the forces' coefficients and covariance."""
+    nv, blocks = step.rows.shape[0], step.basis.shape[0]
+    c = step.z.shape[0] // blocks
+    for i in range(nv):
+        out[i] = 0.0
+    for a in range(c):
+        force, variance = 0.0, 0.0
+        for one in range(blocks):
+            force += step.basis[one] * step.z[one * c + a]
+            for other in range(blocks):
+                variance += step.basis[one] * step.basis[other] * step.Z[one * c + a, nv + other * c + a]
+        out[nv + a] = force
+        out[nv + c + a] = np.sqrt(max(variance, 0.0))
+        for i in range(nv):
+            out[i] += step.shear[a, i] / dt * force
+
+
+@kernel
+def advance(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
+    """Take the interval between two samples (3 + c + nv, nv); False, and nothing changed, where it is NaN or huge.
+
+    Args:
+        before: at its start.
+        after: at its end.
+        u: (nv,) known generalised force, its mean.
+        dt: its length [s].
+        filter_: changes.
+        step: written.
+    """
+    x, P, nv = filter_.x, filter_.P, u.shape[0]
+    n = x.shape[0]
+    if not predict(before, after, u, dt, filter_, step):
+        return False
+    spread(before, after, dt, filter_, step)
+    for i in range(nv):
+        x[i] = after[0, i] - step.e[i]
+    for a in range(n - nv):
+        x[nv + a] *= step.decay[a]
+    correct(x, P, step)
+    for a in range(step.z.shape[0]):
+        step.z[a] = x[nv + a]
+        copy_values(P[nv + a], step.Z[a])
+    filter_.settings[ELAPSED] += dt
+    return True
+
+
+@kernel
+def update(flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+    """Remember a sample and `advance` over the interval since the one before.
+
+    False, and nothing changed, where v or u does not have the model's size or the innovation is NaN or huge.
+    """
+    filter_ = unpack(flat)
+    nv = filter_.noise.shape[0]
+    if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE:
+        return False
+    older = int(filter_.settings[NEWER])
+    before, after = filter_.memory[older], filter_.memory[1 - older]
+    remember(flat, v, after)
+    step = unpack_step(filter_.step, filter_)
+    if not advance(before, after, u, dt, filter_, step):
+        return False
+    report(step, dt, out)
+    filter_.settings[NEWER] = 1.0 - older
+    return True
+
+
+@kernel
+def collect(flat: Array, place: Integers) -> None:
+    """Remember a record's sample and go on to the next (see `open_record`)."""
+    v, memory = sample(place)
+    remember(flat, v, memory)
+    proceed(place)
+
+
+@kernel
+def filter_all(memory: Array, time: Array, u: Array, errors: Array, flat: Array, steps: Array, out: Array) -> int:
+    """`advance` over every interval of a record; return the first that is not finite, or -1.
+
+    Args:
+        memory: (m + 1, 3 + c + nv, nv) remembered samples; a repeated stamp's changes.
+        time: (m + 1,) [s].
+        u: (m, nv) known generalised force, interval means.
+        errors: (ne, m, nv) those of the known forces that are in doubt.
+        flat: the filter, begun at the first sample.
+        steps: (m, size of a step) written, for a smoother that then writes `out`; or (0, size of a step).
+        out: (m, nv + 2 c) written.
+    """
+    filter_, kept = unpack(flat), steps.shape[0] > 0
+    for k in range(u.shape[0]):
+        dt = time[k + 1] - time[k]
+        if dt == 0.0:
+            kernels.repeat(memory, out, k)
+            continue
+        for a in range(errors.shape[0]):
+            copy_values(errors[a, k], filter_.errors[a])
+        step = unpack_step(steps[k] if kept else filter_.step, filter_)
+        if not advance(memory[k], memory[k + 1], u[k], dt, filter_, step):
+            return k
+        if not kept:
+            report(step, dt, out[k])
+    return -1

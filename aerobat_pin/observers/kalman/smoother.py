@@ -1,0 +1,41 @@
+"""A smoother over a whole record: what every sample says about every interval, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers.kalman.kalman import KalmanObserver
+from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
+
+
+class SmootherObserver(KalmanObserver):
+    """The Kalman filter run over a record and back (Rauch-Tung-Striebel, in Bryson and Frazier's form): no lag.
+
+    Takes what `KalmanObserver` takes; `run` alone works.
+    """
+
+    name = "smoother"
+
+    def update(
+        self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+    ) -> NoReturn:
+        """Refuse.
+
+        Raises:
+            ObserverError: always.
+        """
+        raise ObserverError("observer smoother looks back from the end of a record: use run, or kalman on a stream")
+
+    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        steps = np.empty((len(u), len(self._filter.step)))
+        out, memory = self._filtered(time, q, v, u, known, steps)
+        smooth_all(time, self._store, steps, out)
+        for k in np.flatnonzero(np.diff(time) == 0.0):
+            out[k] = out[k - 1] if k > 0 else 0.0
+        return out, memory

@@ -1,0 +1,1 @@
+"""What the streaming and the batch call of an observer compute, compiled."""

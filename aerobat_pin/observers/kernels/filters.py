@@ -1,0 +1,73 @@
+"""The observers' filters: what follows the interval means of residual or force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, inner
+from aerobat_pin.observers.kernels.memory import Store
+
+FIRST_ORDER, SECOND_ORDER, SUPER_TWISTING = 0, 1, 2
+# A critically damped second-order low-pass has risen to 1 - 1/e at rate x time = RISE: (1 + x) exp(-x) = exp(-1).
+RISE = 2.1461932206205825
+
+
+@inner
+def rotate(basis: Array, value: Array, out: Array, back: bool) -> None:
+    """Write the coordinates of a value (size,) in an orthonormal basis, or the value of coordinates."""
+    for i in range(value.shape[0]):
+        out[i] = 0.0
+        for j in range(value.shape[0]):
+            out[i] += (basis[i, j] if back else basis[j, i]) * value[j]
+
+
+@inner
+def low_pass(store: Store, dt: float, value: Array) -> None:
+    """Filter a value (size,) in place, held over an interval dt [s]; exact for the linear kinds."""
+    first, second, kind, slope = store.filtered[0], store.filtered[1], store.flags[3], store.flags[4]
+    decay = 0.0
+    for i in range(value.shape[0]):
+        gain = store.gain[i]
+        if kind == FIRST_ORDER:
+            if i == 0 or gain != store.gain[i - 1]:
+                decay = np.exp(-gain * dt)
+            first[i] = value[i] + decay * (first[i] - value[i])
+        elif kind == SECOND_ORDER:
+            rate = RISE * gain
+            decay = np.exp(-rate * dt)
+            gap = first[i] - value[i]
+            drive = second[i] + rate * gap
+            first[i] = value[i] + (gap + drive * dt) * decay
+            second[i] = (second[i] - rate * drive * dt) * decay
+        else:
+            super_twist(RISE * gain, slope, dt, value[i], store.filtered[:, i])
+        value[i] = first[i]
+
+
+@inner
+def super_twist(rate: float, slope: float, dt: float, value: float, state: Array) -> None:
+    """Advance a super-twisting differentiator with linear terms by one implicit Euler step.
+
+    With e the integral of the force less that of its estimate z,
+
+        e' = f - z - k1 sqrt|e| sign e - 2 rate e          k1 = 1.5 sqrt(slope)
+        z' = 1.1 slope sign e + rate^2 e
+
+    Args:
+        rate: of the linear part, critically damped [1/s].
+        slope: bound on |f'| that the sliding part follows exactly [N/s].
+        dt: step [s].
+        value: f, mean over the step [N].
+        state: (2,) z [N] and e [N s]; both change.
+    """
+    pushed = state[1] + dt * (value - state[0])
+    reach = 1.1 * slope * dt * dt
+    if abs(pushed) <= reach:  # on the sliding surface: the sign is whatever keeps e at zero
+        state[0] += pushed / dt
+        state[1] = 0.0
+        return
+    a, b = 1.0 + 2.0 * rate * dt + (rate * dt) ** 2, 1.5 * np.sqrt(slope) * dt
+    root = (np.sqrt(b * b + 4.0 * a * (abs(pushed) - reach)) - b) / (2.0 * a)
+    sign = 1.0 if pushed > 0.0 else -1.0
+    state[1] = sign * root * root
+    state[0] += dt * (1.1 * slope * sign + rate * rate * state[1])

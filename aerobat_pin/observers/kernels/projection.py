@@ -1,0 +1,129 @@
+"""From a generalised force to the unknown components: weighted, damped least squares on the rows that are believed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, eigenvectors, inner, kernel, solve_positive
+from aerobat_pin.observers.kernels.memory import Store
+from aerobat_pin.observers.rows import BASE, ROWS, TIED
+
+DAMPING = 1.0e-12  # of the trace of J W J^T
+SUSPECT = 1.0e-6  # of the trace: a pivot below it asks for a closer look
+UNSEEN = 1.0e-10  # of the trace: an eigenvalue below it belongs to components that leave no trace
+ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
+
+
+@inner
+def normal_equations(store: Store, J: Array, velocity: Array, generalized: Array, A: Array, b: Array) -> float:
+    """Write A = J W^2 J^T (lower triangle) and b = J W^2 phi over the rows believed; return the trace of A.
+
+    Args:
+        store: rows and weights.
+        J: (c, nv) point Jacobians.
+        velocity: (nv,) whose joint part is the direction of the power row.
+        generalized: (nv,) phi.
+        A: (c, c) written.
+        b: (c,) written.
+    """
+    size, nv, rows = b.shape[0], generalized.shape[0], int(store.flags[2])
+    for i in range(size):
+        b[i] = 0.0
+        for j in range(i + 1):
+            A[i, j] = 0.0
+    if rows == TIED:
+        tied_equations(store.metric, J, generalized, A, b)
+    for k in range(nv if rows == ALL_ROWS else BASE if rows < TIED else 0):
+        squared = store.weight[k] * store.weight[k]
+        for i in range(size):
+            row = squared * J[i, k]
+            b[i] += row * generalized[k]
+            for j in range(i + 1):
+                A[i, j] += row * J[j, k]
+    if rows == POWER_ROW:  # the power of all joints, per unit of joint velocity
+        speed, power = 0.0, 0.0
+        for k in range(BASE, nv):
+            speed += velocity[k] * velocity[k]
+            power += velocity[k] * generalized[k]
+        squared = store.weight[nv - 1] ** 2 / speed if speed > 0.0 else 0.0
+        for i in range(size):
+            along = 0.0
+            for k in range(BASE, nv):
+                along += J[i, k] * velocity[k]
+            b[i] += squared * along * power
+            for j in range(i + 1):
+                other = 0.0
+                for k in range(BASE, nv):
+                    other += J[j, k] * velocity[k]
+                A[i, j] += squared * along * other
+    trace = 0.0
+    for i in range(size):
+        trace += A[i, i]
+    return trace
+
+
+@inner
+def tied_equations(metric: Array, J: Array, generalized: Array, A: Array, b: Array) -> None:
+    """Add J W J^T (lower triangle) to A and J W phi to b, W the metric of tied rows."""
+    for i in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            weighted = 0.0
+            for m in range(J.shape[1]):
+                weighted += J[i, m] * metric[m, k]
+            b[i] += weighted * generalized[k]
+            for j in range(i + 1):
+                A[i, j] += weighted * J[j, k]
+
+
+@kernel
+def project(store: Store, before: Array, after: Array, generalized: Array, force: Array) -> None:
+    """Write the forces (c,) that explain a generalised force (nv,) best, with the store's mid-interval Jacobian.
+
+    Args:
+        store: rows, weights, Jacobian, scratch.
+        before: (3 + c, nv) remembered sample, for the direction of the power row.
+        after: (3 + c, nv) the next one.
+        generalized: (nv,) to be explained.
+        force: (c,) written, world axes.
+    """
+    if force.shape[0] == 0:
+        return
+    A, velocity = store.equations, store.velocity
+    if store.flags[2] == POWER_ROW:
+        for k in range(BASE, velocity.shape[0]):
+            velocity[k] = 0.5 * (before[2, k] + after[2, k])
+    trace = normal_equations(store, store.jacobian, velocity, generalized, A, force)
+    for i in range(force.shape[0]):
+        A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # points that nothing moves get no force
+    if solve_positive(A, force) < SUSPECT * trace:
+        project_deficient(store, after, generalized, force)
+
+
+@inner
+def project_deficient(store: Store, after: Array, generalized: Array, force: Array) -> None:
+    """As `project`, where some pattern of forces leaves no trace: its part of the answer is zero.
+
+    The mean of two Jacobians that have lost rank has not quite lost it, and would blow the unseen part up. Which
+    patterns cannot be seen is asked of the interval's end, where the Jacobian is exact.
+    """
+    A, size = store.equations, force.shape[0]
+    seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
+    limit = UNSEEN * normal_equations(store, after[3:], after[2], generalized, seen, unused)
+    for i in range(size):
+        for j in range(i):
+            seen[j, i] = seen[i, j]
+    eigenvectors(seen, V)
+    trace = normal_equations(store, store.jacobian, store.velocity, generalized, A, force)
+    for k in range(size):
+        if seen[k, k] > limit:
+            continue
+        part = 0.0
+        for i in range(size):
+            part += V[i, k] * force[i]
+        for i in range(size):
+            force[i] -= part * V[i, k]
+            for j in range(i + 1):
+                A[i, j] += trace * V[i, k] * V[j, k]
+    for i in range(size):
+        A[i, i] += DAMPING * trace if trace > 0.0 else 1.0
+    solve_positive(A, force)

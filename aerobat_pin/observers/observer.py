@@ -1,0 +1,301 @@
+"""One interface for all observers: `reset` and `update` on a stream, `run` on arrays; the result is an `Estimate`.
+
+With p = M v and Mdot = C + C^T, a robot under known generalised forces u and unknown ones u_f obeys
+p' = u + u_f + C^T v - g. Every observer starts from the mean of u_f over one sample interval; see `kernels`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+from numpy import empty
+from numpy.typing import ArrayLike
+from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
+
+from aerobat_pin.errors import ObserverError, ShapeError
+from aerobat_pin.numerics import Array, addresses, check_views, checked, lock, motions, placements
+from aerobat_pin.observers.applications import Application, Applications
+from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.identifiability import judge
+from aerobat_pin.observers.kernels import residual as kernels
+from aerobat_pin.observers.kernels.filters import FIRST_ORDER
+from aerobat_pin.observers.kernels.memory import new_store
+from aerobat_pin.observers.kernels.record import open_record
+from aerobat_pin.observers.kernels.residual import update
+from aerobat_pin.observers.rows import Believed, Rows, Tie
+
+DEFAULT_GAIN = 1000.0  # [1/s]
+# How many of a joint's last coordinates are a direction: a quaternion, or a cosine and a sine.
+DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
+    ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
+)
+
+
+class Observer:
+    """A momentum observer of what acts at given frames.
+
+    Args:
+        model: any model, free-flyer or fixed base.
+        applications: frames at whose origins unknown forces act, or `Application`s: a wrench, a force along a line, in
+            world or frame axes. None for the generalised residual alone.
+        gain: K [1/s]: one number, one per filtered quantity, or a symmetric positive definite matrix of them.
+        rows: which rows of the generalised residual to believe when looking for forces: `"all"`; `"base"` where no
+            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known; or a
+            `Tie`. An observer that projects first then takes any `tau` with the right power v . tau; `momentum`
+            filters the rows before it combines them, and keeps a part of what `tau` has wrong (2 % at 1000 1/s on a
+            flapping wing).
+
+    Raises:
+        FrameNotFoundError: a frame is not in the model.
+        ObserverError: rows that the model does not have, or a gain that is not finite and positive or does not fit.
+    """
+
+    name: ClassVar[str]
+    project_first: ClassVar[bool] = True
+    kind: ClassVar[int] = FIRST_ORDER
+    slope: float = 0.0  # [N/s], of the filters that have one
+
+    def __init__(
+        self,
+        model: pin.Model,
+        applications: Sequence[str | Application] = (),
+        gain: ArrayLike = DEFAULT_GAIN,
+        rows: Rows | Tie = "all",
+    ) -> None:
+        """Prepare the filter; `reset` starts it."""
+        if self.project_first and not applications:
+            raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
+        self.model, self.data = model, model.createData()
+        self.applications = Applications(model, applications)
+        self.believed = Believed(model, rows)
+        count, nv = len(self.applications.components), int(model.nv)
+        self.gain = np.array(gain, float)
+        gains, basis = _modes(self.gain, count if self.project_first else nv)
+        data = self.data
+        oMi = placements(data.oMi)
+        check_views(model, data, oMi, placements(data.liMi), motions(data.v))
+        places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
+        self._store = new_store(
+            places,
+            gains,
+            basis,
+            (self.believed.weight, self.believed.metric, self.believed.number),
+            self.applications.table,
+            self.applications.support,
+            project_first=self.project_first,
+            kind=self.kind,
+            slope=self.slope,
+        )
+        self._width, self._nv = nv + count, nv
+        self._update: Any = update
+        self._time = float("nan")
+        self._latest = Sample(np.zeros(self._width), nv)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
+        return type(self), (self.model, self.applications.given, self.gain, self.believed.rows)
+
+    def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
+        """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
+
+        Raises:
+            ShapeError: an array does not fit the model or is not finite, or a quaternion is not of length one.
+        """
+        q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
+        self._check_directions(q[None])
+        # Compiled for streams alone, and from here on for arrays of doubles alone: others raise.
+        lock(self._update, self._store.copy(), v, v, 1.0, np.zeros(self._width))
+        _compute(self.model, self.data, q, v)
+        self._start(v)
+        self._time = float(time)
+        self._latest = self._sample(np.zeros(self._width))
+
+    def update(
+        self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+    ) -> Sample:
+        """Take the next sample and return the estimate for the interval since the last one.
+
+        Args:
+            time: of the sample [s]; steps may vary, and a repeated stamp changes nothing.
+            q: (nq,) configuration at that time; its quaternions have length one, which only `reset` and `run` look at.
+            v: (nv,) velocity at that time.
+            tau: (nv,) measured joint torque, mean over the interval.
+            known: name -> (nv,) other known generalised forces, means over the interval.
+
+        Raises:
+            ObserverError: no reset before, or time runs backwards.
+            ShapeError: an array does not fit the model or is not finite.
+        """
+        dt = time - self._time
+        if not dt > 0.0:
+            if dt == 0.0:
+                return self._latest
+            self._refuse_time(time)
+        model, data = self.model, self.data
+        out = empty(self._width)
+        u: Any = tau
+        try:
+            if known:
+                force: Any
+                for force in known.values():
+                    if force.shape != u.shape:  # numpy would stretch one number over all rows
+                        raise TypeError
+                    u = u + force
+            crba(model, data, q)
+            computeCoriolisMatrix(model, data, q, v)
+            computeGeneralizedGravity(model, data, q)
+            good = self._update(self._store, v, u, dt, out)
+        except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
+            good = False
+        if not good:
+            q, v, u = self._checked(q, v, tau, known or {})
+            _compute(model, data, q, v)
+            if not self._update(self._store, v, u, dt, out):
+                raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
+        self._time = time
+        self._latest = latest = self._sample(out)
+        return latest
+
+    def run(
+        self, time: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+    ) -> Estimate:
+        """Estimate over a whole record.
+
+        Args:
+            time: (m + 1,) sample times [s].
+            q: (m + 1, nq) configurations.
+            v: (m + 1, nv) velocities.
+            tau: (m, nv) measured joint torque, interval means.
+            known: name -> (m, nv) other known generalised forces, interval means.
+
+        Raises:
+            ObserverError, ShapeError: as in `update` and `reset`.
+        """
+        time = np.ascontiguousarray(time, float)
+        count = len(time) - 1
+        if time.ndim != 1 or count < 1:
+            raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
+        nq, nv = int(self.model.nq), int(self.model.nv)
+        q, v = _record(q, count + 1, nq, "q"), _record(v, count + 1, nv, "v")
+        self._check_directions(q)
+        u = _record(tau, count, nv, "tau")
+        for name, force in (known or {}).items():
+            u = u + _record(force, count, nv, name)
+        if not np.all(np.diff(time) >= 0.0):
+            at = int(np.argmin(np.diff(time) >= 0.0))
+            self._time = time[at]
+            self._refuse_time(time[at + 1])
+        return self._estimate(time, *self._run(time, q, v, u, known or {}))
+
+    def _sample(self, out: Array) -> Sample:
+        """Name the parts of a result."""
+        return Sample(out, self._nv)
+
+    def _start(self, v: Array) -> None:
+        """Start the filter at a sample that Pinocchio has just computed."""
+        kernels.start(self._store, v)
+
+    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        """Filter a checked record; return results (m, width) and what the samples left behind."""
+        store = self._store.copy()  # a stream that is under way goes on undisturbed
+        memory = self._collect(
+            kernels.collect, store, q, v, np.empty((len(time), 3 + self._width - self._nv, self._nv))
+        )
+        out = np.empty((len(u), self._width))
+        self._refuse_huge(kernels.observe_all(memory, time, u, store, out), time)
+        return out, memory
+
+    def _collect(self, collect: Any, store: Array, q: Array, v: Array, memory: Array) -> Array:
+        """Remember every sample of a record, with a kernel, in memory (m + 1, rows, nv); return it."""
+        model, data = self.model, self.data
+        place, one_q, one_v = open_record(q, v, memory)
+        for _ in range(len(q)):
+            crba(model, data, one_q)
+            computeCoriolisMatrix(model, data, one_q, one_v)
+            computeGeneralizedGravity(model, data, one_q)
+            collect(store, place)
+        return memory
+
+    def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
+        """Name the parts of a record's results."""
+        end = self._nv + len(self.applications.components)
+        return Estimate(
+            observer=self.name,
+            gain=self.gain.copy(),
+            rows=self.believed.name,
+            frames=self.applications.frames,
+            time=time,
+            components=out[:, self._nv : end],
+            units=self.applications.units,
+            residual=out[:, : self._nv],
+            identifiability=judge(self.applications, memory[:, 3 : 3 + end - self._nv], memory[:, 2], self.believed),
+        )
+
+    def _refuse_huge(self, bad: int, time: Array) -> None:
+        if bad >= 0:
+            raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
+
+    def _checked(
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike]
+    ) -> tuple[Array, Array, Array]:
+        """Return q, v and the sum of the known forces as a kernel takes them. Raises ShapeError naming what is not."""
+        u = checked(tau, self._nv, "tau")
+        for name, force in known.items():
+            u = u + checked(force, self._nv, name)
+        return checked(q, self.model.nq, "q"), checked(v, self._nv, "v"), u
+
+    def _check_directions(self, q: Array) -> None:
+        """Raise ShapeError where a quaternion, or a cosine with its sine, in q (m, nq) is not of length one."""
+        for joint in self.model.joints:
+            size = DIRECTIONS.get(joint.shortname(), 0)
+            end = joint.idx_q + joint.nq
+            length = np.linalg.norm(q[:, end - size : end], axis=1)
+            if size and not np.all(np.abs(length - 1.0) < 1e-3):
+                row = int(np.argmax(np.abs(length - 1.0)))
+                raise ShapeError(f"q[{end - size}:{end}] of sample {row} has length {length[row]:.3g}: 1 was expected")
+
+    def _refuse_time(self, time: float) -> None:
+        if np.isnan(self._time):
+            raise ObserverError("reset(q, v) must come before the first update")
+        raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
+
+
+def _modes(gain: Array, size: int) -> tuple[Array, Array]:
+    """Return gains (size,) and the orthonormal basis (size, size) they belong to, empty for the filtered quantities'.
+
+    Raises ObserverError for a gain that does not fit, or that would not settle.
+    """
+    if gain.shape not in ((), (size,), (size, size)):
+        raise ObserverError(
+            f"gain of shape {gain.shape}: one number, {size} numbers or a matrix of {size} x {size} were expected"
+        )
+    gains, basis = gain, np.zeros((0, 0))
+    if gain.ndim == 2 and np.all(np.isfinite(gain)):
+        if not np.allclose(gain, gain.T, rtol=1e-9, atol=0.0):
+            raise ObserverError("gain matrix: a symmetric one was expected")
+        gains, basis = np.linalg.eigh(gain)
+    if not (np.all(np.isfinite(gains)) and np.all(gains > 0.0)):
+        raise ObserverError(f"gain = {gain}: a finite positive gain in 1/s was expected")
+    return np.array(np.broadcast_to(gains, (size,))), basis
+
+
+def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:
+    """Let Pinocchio fill M, C, g, the world Jacobians and the placements that the kernels look at."""
+    crba(model, data, q)
+    computeCoriolisMatrix(model, data, q, v)
+    computeGeneralizedGravity(model, data, q)
+
+
+def _record(values: ArrayLike, rows: int, columns: int, name: str) -> Array:
+    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError naming it."""
+    table = np.ascontiguousarray(values, float)
+    if table.ndim != 2 or table.shape[1] != columns:
+        raise ShapeError(f"{name} has shape {table.shape}: ({rows}, {columns}) was expected")
+    if len(table) != rows:
+        raise ShapeError(f"{name} has {len(table)} rows: {rows} were expected")
+    if not np.all(np.isfinite(table)):
+        raise ShapeError(f"{name} holds NaN or infinity in row {int(np.argmin(np.all(np.isfinite(table), axis=1)))}")
+    return table

@@ -1,0 +1,65 @@
+"""The bars that close the linkage's loops: a tree cannot hold them, so they are placed by the crank angle.
+
+    picture = visual_model_with_bars(robot)
+    place_bars(robot, picture, crank_angle)
+    pin.updateGeometryPlacements(robot.model, data, picture, picture_data)
+
+The bars L3 and L7 are links of the tree and need none of this.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_description.bars import closing_bars
+from aerobat_pin.robot.aerobat import CRANK_START, Aerobat
+from aerobat_pin.robot.visual_model import geometry_object
+
+ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # of the bars, as the paper counts them
+
+
+def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = None) -> dict[str, pin.SE3]:
+    """Place the frames of the bars L1, L2, L4, L5 and L6 of both wings, `left_L1`, `right_L1` and so on.
+
+    A frame has its origin at the bar's first pin and y along the bar; the right one mirrors the left one.
+
+    Args:
+        robot: whose linkage it is.
+        crank_angle: absolute t1 [rad].
+        base: placement of `base_link` in the axes wanted; those of `base_link` itself when left out.
+
+    Raises:
+        LinkageError: the linkage cannot close.
+        ShapeError: the crank angle is not finite.
+    """
+    base = pin.SE3.Identity() if base is None else base
+    closure = robot.linkage.solve(crank_angle)
+    placed = {}
+    for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
+        sign = 1.0 if side == "left" else -1.0
+        outboard, up = closure.pins[bar.origin]
+        turn = pin.utils.rotate("x", sign * float(closure.angles[ANGLES[bar.name]]))
+        placed[name] = base * pin.SE3(turn, np.array([robot.morphology.wing.offset_x, sign * outboard, up]))
+    return placed
+
+
+def visual_model_with_bars(robot: Aerobat) -> pin.GeometryModel:
+    """Return the robot's visible parts and, carried by the base, the bars as they are with the crank straight down."""
+    picture = robot.visual_model.copy()
+    for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
+        material = "crank" if bar.name == "L1" else "bar"
+        picture.addGeometryObject(geometry_object(robot.model, name, "base_link", bar.mesh(side), material))
+    place_bars(robot, picture, CRANK_START)
+    return picture
+
+
+def place_bars(robot: Aerobat, picture: pin.GeometryModel, crank_angle: float) -> None:
+    """Move the bars of `picture`, in place, to a crank angle [rad]; updateGeometryPlacements then follows the base.
+
+    Raises:
+        LinkageError: the linkage cannot close.
+        ShapeError: the crank angle is not finite.
+    """
+    for name, placement in bar_placements(robot, crank_angle).items():
+        picture.geometryObjects[picture.getGeometryId(name)].placement = placement

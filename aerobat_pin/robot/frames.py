@@ -1,0 +1,94 @@
+"""Frames and forces: from a wrench at a named frame to Pinocchio's `fext` and to a generalised force."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from aerobat_pin.errors import ShapeError
+from aerobat_pin.numerics import Array, frame_id
+
+
+def joint_wrench(
+    model: pin.Model, data: pin.Data, frame: str, wrench: ArrayLike, reference_frame: pin.ReferenceFrame
+) -> tuple[int, pin.Force]:
+    """Move a wrench at a frame to the joint that carries it, in the joint's own axes, as `fext` wants it.
+
+    Args:
+        model: any model.
+        data: its data, after `forwardKinematics` (uses `oMi`).
+        frame: name of the frame.
+        wrench: (6,) force [N] and moment [N m]. LOCAL: frame axes, about the frame's origin; LOCAL_WORLD_ALIGNED:
+            world axes, about the frame's origin; WORLD: world axes, about the world's origin.
+        reference_frame: which of the three.
+
+    Returns:
+        Joint index, and the wrench about the joint's origin in the joint's axes.
+
+    Raises:
+        FrameNotFoundError: the model has no such frame.
+        ShapeError: the wrench is not six finite numbers.
+    """
+    vector = np.asarray(wrench, float)
+    if vector.shape != (6,) or not np.all(np.isfinite(vector)):
+        raise ShapeError(f"wrench of shape {vector.shape}: six finite numbers were expected, force first")
+    item = model.frames[frame_id(model, frame)]
+    joint = int(item.parentJoint)
+    placement = data.oMi[joint] * item.placement
+    if reference_frame == pin.ReferenceFrame.LOCAL:
+        local = pin.Force(vector)
+    elif reference_frame == pin.ReferenceFrame.LOCAL_WORLD_ALIGNED:
+        local = pin.SE3(placement.rotation, np.zeros(3)).actInv(pin.Force(vector))
+    else:
+        local = placement.actInv(pin.Force(vector))
+    return joint, item.placement.act(local)
+
+
+def rotations(q: Array) -> Array:
+    """Return the base's rotation matrices (m, 3, 3), body to world, of configurations (m, nq): quaternion at 3 to 6."""
+    x, y, z, w = q[:, 3:7].T
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]]) -> list[pin.Force]:
+    """Collect joint wrenches into the `fext` list of `pin.rnea` and `pin.aba`; several on one joint add up."""
+    fext = [pin.Force.Zero() for _ in range(model.njoints)]
+    for joint, wrench in wrenches:
+        fext[joint] += wrench
+    return fext
+
+
+def generalized_force(model: pin.Model, data: pin.Data, fext: Mapping[int, Array]) -> Array:
+    """Return sum J^T f (nv,) of joint wrenches (6,) in joint axes.
+
+    Args:
+        model: any model.
+        data: its data, after `computeJointJacobians`.
+        fext: joint index -> wrench (6,) about the joint's origin in the joint's axes.
+    """
+    force = np.zeros(model.nv)
+    for joint, wrench in fext.items():
+        force += pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL).T @ wrench
+    return force
+
+
+def euler_angles(q: Array) -> Array:
+    """Return roll, pitch (nose-up positive) and yaw (m, 3) [rad] of configurations (m, nq)."""
+    R = rotations(q)
+    up = np.hypot(R[:, 2, 1], R[:, 2, 2])
+    return np.stack(
+        [np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 2, 0], up), np.arctan2(R[:, 1, 0], R[:, 0, 0])], axis=1
+    )
+
+
+def world_velocity(q: Array, v: Array) -> Array:
+    """Return the base's velocity in world axes (m, 3) [m/s]."""
+    return np.asarray(np.einsum("mij,mj->mi", rotations(q), v[:, :3]))

@@ -1,0 +1,38 @@
+"""Prescribed-joint forward dynamics.
+
+The linkage prescribes the joints, so with the rows split into base (b) and joints (j)
+
+    M_bb a_b = F_b - nle_b - M_bj theta''                      six equations for the base acceleration
+    u_m      = M_jb a_b + M_jj theta'' + nle_j - F_j           the motor's generalised torque at the joints
+
+where F is the sum of all other generalised forces and nle = C v + g, so that M a + nle = F + u_m.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array
+
+BASE = 6  # velocities of a free-flyer base
+
+
+def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_acceleration: Array) -> tuple[Array, Array]:
+    """Solve for the base when the joints follow a given motion.
+
+    Args:
+        M: (nv, nv) joint-space inertia, base rows first.
+        nle: (nv,) C v + g.
+        force: (nv,) sum of the generalised forces other than the motor.
+        joint_acceleration: (nv - 6,) prescribed theta'' [rad/s2].
+
+    Returns:
+        Acceleration (nv,) and motor torque u_m (nv,), zero in the base rows [N m].
+    """
+    acceleration = np.empty_like(nle)
+    acceleration[BASE:] = joint_acceleration
+    push = force[:BASE] - nle[:BASE] - M[:BASE, BASE:] @ joint_acceleration
+    acceleration[:BASE] = np.linalg.solve(M[:BASE, :BASE], push)
+    torque = np.zeros_like(nle)
+    torque[BASE:] = M[BASE:] @ acceleration + nle[BASE:] - force[BASE:]
+    return acceleration, torque

@@ -1,0 +1,166 @@
+"""A scenario: what happens to which robot, and who estimates it. TOML in, TOML out, every value checked.
+
+Units are SI; keys ending in `_deg` are degrees, because a person types them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import Field, ValidationError, model_validator
+
+from aerobat_description import MORPHOLOGIES
+from aerobat_description.reading import merge
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.scenario.dotted_keys import with_settings
+from aerobat_pin.scenario.messages import explain, nothing_there
+from aerobat_pin.scenario.tables import (
+    AirSection,
+    BelievedSection,
+    CrankSection,
+    FlightSection,
+    HoldSection,
+    ObserverSection,
+    RobotSection,
+    Section,
+    SensorsSection,
+    SimulationSection,
+)
+from aerobat_pin.scenario.unknown_forces import UnknownForceSection
+
+LONGEST_WARM_UP = 60.0  # [s]
+
+
+class Scenario(Section):
+    """One experiment."""
+
+    name: str = Field(
+        min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder"
+    )
+    description: str = Field("", description="what happens, in a line")
+    robot: RobotSection = RobotSection()
+    flight: FlightSection = FlightSection()
+    crank: CrankSection = CrankSection()
+    air: AirSection = AirSection()
+    hold: HoldSection | None = None
+    unknown_force: tuple[UnknownForceSection, ...] = ()
+    sensors: SensorsSection = SensorsSection()
+    simulation: SimulationSection = SimulationSection()
+    observers: ObserverSection = ObserverSection()
+    believed: BelievedSection = BelievedSection()
+
+    @property
+    def believed_robot(self) -> RobotSection:
+        """The robot that the observers believe in."""
+        return _laid_over(self.robot, self.believed.robot)
+
+    @property
+    def believed_air(self) -> AirSection:
+        """The air that the observers believe in."""
+        return _laid_over(self.air, self.believed.air)
+
+    @model_validator(mode="after")
+    def _believable(self) -> Scenario:
+        for name in ("robot", "air"):
+            try:
+                getattr(self, f"believed_{name}")
+            except ValidationError as error:
+                told = [explain({**item, "loc": (name, *item["loc"])}, Scenario) for item in error.errors()]
+                raise ValueError("; ".join(f"believed: {line}" for line in told)) from error
+        return self
+
+    @model_validator(mode="after")
+    def _short_warm_up(self) -> Scenario:
+        cycles, frequency = self.air.warm_up_cycles, self.crank.frequency
+        if frequency > 0.0 and cycles / frequency > LONGEST_WARM_UP:
+            raise ValueError(
+                f"air.warm_up_cycles = {cycles} at crank.frequency = {frequency} Hz take {cycles / frequency:.0f} s "
+                f"to fly; at most {LONGEST_WARM_UP:.0f} s are allowed"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _sensors_within_the_log(self) -> Scenario:
+        for name, sensor in self.sensors.fitted.items():
+            fastest = 1.0 / self.simulation.dt
+            if sensor.rate is not None and sensor.rate > fastest * (1.0 + 1e-9):
+                raise ValueError(
+                    f"sensors.{name}.rate = {sensor.rate:g} Hz: the log has {fastest:g} samples a second; a smaller "
+                    "simulation.dt, or no rate, were expected"
+                )
+        return self
+
+
+Table = TypeVar("Table", bound=Section)
+
+
+def _laid_over(section: Table, values: Mapping[str, Any]) -> Table:
+    return type(section).model_validate(merge(section.model_dump(exclude_none=True), values)) if values else section
+
+
+def shipped_scenarios() -> dict[str, str]:
+    """Return the shipped scenarios: name -> description."""
+    folder = resources.files("aerobat_pin") / "scenario" / "shipped"
+    names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
+    return {name: load_scenario(name).description for name in names}
+
+
+def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
+    """Read a scenario and apply settings.
+
+    Args:
+        source: shipped name, or path of a TOML file.
+        settings: `dotted.key=value` texts; the value is TOML, or a bare word.
+
+    Raises:
+        ScenarioError: not found, not TOML, or a value that breaks its rule; the message names key, value and rule.
+    """
+    values = _read(str(source))
+    if Path(source).is_file():
+        _find_beside(Path(source).parent, values)
+    return parse_scenario(with_settings(values, settings), str(source))
+
+
+def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
+    """Find the files that plain values name from where the scenario lies; shipped morphologies stay names."""
+    robot, forces = values.get("robot"), values.get("unknown_force")
+    named: list[tuple[Any, str]] = [(robot, "morphology")]
+    named += [(force, "file") for force in forces] if isinstance(forces, list) else []
+    for table, key in named:
+        if isinstance(table, dict) and isinstance(table.get(key), str) and table[key] not in MORPHOLOGIES:
+            table[key] = str((folder / table[key]).resolve())
+
+
+def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
+    """Check plain values. Raises ScenarioError with every broken rule."""
+    try:
+        return Scenario.model_validate(dict(values))
+    except ValidationError as error:
+        lines = dict.fromkeys(
+            explain(dict(item), Scenario) for item in error.errors()
+        )  # each missing number is an error
+        raise ScenarioError(f"scenario {source}: " + "; ".join(lines)) from error
+
+
+def _read(source: str) -> dict[str, Any]:
+    shipped = resources.files("aerobat_pin") / "scenario" / "shipped" / f"{source}.toml"
+    path = Path(source)
+    if "/" not in source and shipped.is_file():
+        text = shipped.read_text(encoding="utf-8")
+    elif path.is_file():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScenarioError(f"scenario file {path}: cannot be read: {error}") from error
+    else:
+        folder = resources.files("aerobat_pin") / "scenario" / "shipped"
+        names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
+        raise ScenarioError(nothing_there("scenario", source, names))
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"scenario {source}: not valid TOML: {error}") from error

@@ -1,0 +1,265 @@
+"""The tables of a scenario file, each value with its default, rule, unit and meaning."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Positive = Annotated[Number, Field(gt=0.0)]
+NonNegative = Annotated[Number, Field(ge=0.0)]
+Triple = tuple[Number, Number, Number]
+PerAxis = Annotated[
+    tuple[Number, ...], BeforeValidator(lambda given: (given,) if isinstance(given, int | float) else given)
+]
+Limits = tuple[Positive, Positive, Positive]
+
+
+class Section(BaseModel):
+    """A table of a scenario file: no unknown keys, no changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RobotSection(Section):
+    """Which robot flies."""
+
+    morphology: str = Field("aerobat", description="shipped name or TOML file")
+    changes: dict[str, Any] = Field(default_factory=dict, description="nested values laid over the morphology")
+
+
+class FlightSection(Section):
+    """How the flight starts."""
+
+    position: Triple = Field((0.0, 0.0, 0.0), description="body COM in world [m]")
+    velocity: Triple = Field((3.0, 0.0, 0.0), description="of the body COM in world axes [m/s]")
+    roll_deg: Number = Field(0.0, description="positive: right wing down [deg]")
+    pitch_deg: Number = Field(0.0, description="positive: nose up [deg]")
+    yaw_deg: Number = Field(0.0, description="positive: nose to the left [deg]")
+    angular_velocity: Triple = Field((0.0, 0.0, 0.0), description="of the body in body axes [rad/s]")
+    gravity: NonNegative = Field(9.81, description="downward, along -z of the world [m/s2]")
+
+
+class SpinUpSection(Section):
+    """A crank that rests until t = 0 and speeds up smoothly; see `aerobat_pin.flight.crank`."""
+
+    duration: Positive = Field(0.5, description="until the crank turns at its frequency [s]")
+
+
+class MotorSection(Section):
+    """A motor that holds the crank's rate against the wings' inertia; see `aerobat_pin.flight.crank.motor`."""
+
+    start_frequency: NonNegative = Field(0.0, description="of the crank at t = 0, and steadily before [Hz]")
+    rotor_inertia: Positive = Field(5.0e-5, description="seen at the crank: rotor times gear ratio squared [kg m2]")
+    torque_limit: Positive = Field(0.15, description="at the crank [N m]")
+    lag: Positive = Field(0.005, description="time constant of the torque [s]")
+    gain: Positive = Field(0.01, description="on the miss of the rate [N m s/rad]")
+    integral_gain: NonNegative = Field(0.1, description="on its integral [N m/rad]")
+
+
+class CrankSection(Section):
+    """How the crank turns. The table named after the drive holds its numbers."""
+
+    drive: Literal["constant", "spin_up", "motor"] = Field("constant", description="steady, from rest, or by a motor")
+    frequency: NonNegative = Field(4.75, description="flapping frequency, one turn a flap; where a drive leads to [Hz]")
+    start_deg: Number = Field(-90.0, description="absolute crank angle t1 at the start [deg]")
+    spin_up: SpinUpSection | None = None
+    motor: MotorSection | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _drives_own_table(cls, values: Any) -> Any:
+        """Give a drive its table of defaults where none is written."""
+        if isinstance(values, dict) and values.get("drive") in ("spin_up", "motor"):
+            return {values["drive"]: {}, **values}
+        return values
+
+    @model_validator(mode="after")
+    def _no_other_table(self) -> CrankSection:
+        for name in ("spin_up", "motor"):
+            if getattr(self, name) is not None and self.drive != name:
+                raise ValueError(f'crank.{name} is given, but crank.drive = "{self.drive}"; write drive = "{name}"')
+        return self
+
+
+class GustSection(Section):
+    """A gust, the same everywhere: half a cosine up and half down."""
+
+    amplitude: Triple = Field(description="largest velocity beside the wind, world axes [m/s]")
+    start: Number = Field(0.5, description="of the gust [s]")
+    duration: Positive = Field(0.5, description="of the gust [s]")
+
+
+class AirSection(Section):
+    """The air."""
+
+    density: Positive = Field(1.225, description="of the air [kg/m3]")
+    model: Literal["lifting_line", "quasi_steady"] = Field("lifting_line", description="what the strips obey")
+    added_mass: NonNegative = Field(1.0, description="factor of pi rho b^2 per span; 0 leaves it out [-]")
+    lift_limit: Positive | None = Field(None, description="largest lift coefficient of a strip of the lifting line [-]")
+    wind: Triple = Field((0.0, 0.0, 0.0), description="velocity of the air, world axes [m/s]")
+    gust: GustSection | None = None
+    strips: Whole = Field(16, ge=2, le=200, description="strips over the full span")
+    warm_up_cycles: Whole = Field(6, ge=0, description="flapping cycles flown with the body held before t = 0")
+
+
+class HoldSection(Section):
+    """Ideal attitude hold about the flight's start, a known body wrench; see `aerobat_pin.flight.attitude_hold`."""
+
+    attitude_stiffness: tuple[NonNegative, NonNegative, NonNegative] = Field(description="roll, pitch, yaw [N m/rad]")
+    attitude_damping: tuple[NonNegative, NonNegative, NonNegative] = Field(description="roll, pitch, yaw [N m s/rad]")
+    torque_limit: Limits = Field(description="roll, pitch, yaw [N m]")
+    speed_gain: NonNegative = Field(description="world x [N s/m]")
+    thrust_limit: Positive = Field(description="world x [N]")
+    lift: Number = Field(description="constant, world z [N]")
+    height_stiffness: NonNegative = Field(description="world z [N/m]")
+    height_damping: NonNegative = Field(description="world z [N s/m]")
+    lift_limit: Positive = Field(description="of stiffness and damping together, world z [N]")
+
+
+class SensorSection(Section):
+    """One sensor: what it makes of the true value, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
+
+    rate: Positive | None = Field(None, description="of its samples [Hz]; one at every time of the log, when left out")
+    noise: PerAxis = Field((0.0,), description="standard deviation of each sample; one number, or one per axis [unit]")
+    bias: PerAxis = Field((0.0,), description="constant; one number, or one per axis [unit]")
+    walk: NonNegative = Field(0.0, description="random walk of the bias: its deviation after one second [unit/sqrt(s)]")
+    quantum: NonNegative = Field(0.0, description="step to whose multiples samples are rounded; 0 does not [unit]")
+    delay: NonNegative = Field(0.0, description="from taking a sample to showing it [s]")
+    dropout: Annotated[Number, Field(ge=0.0, lt=1.0)] = Field(0.0, description="probability to lose a sample [-]")
+
+
+class SensorsSection(Section):
+    """What the measured channels went through; without a table a channel is exact."""
+
+    position: SensorSection | None = Field(None, description="of the body's COM in world axes [m]")
+    attitude: SensorSection | None = Field(None, description="small turns about body axes; rounded: Euler angles [rad]")
+    velocity: SensorSection | None = Field(None, description="of the body's COM in body axes [m/s]")
+    gyro: SensorSection | None = Field(None, description="body rate in body axes [rad/s]")
+    joint_angle: SensorSection | None = Field(None, description="left shoulder, elbow, right shoulder, elbow [rad]")
+    joint_rate: SensorSection | None = Field(None, description="of the same joints [rad/s]")
+    crank_angle: SensorSection | None = Field(None, description="absolute crank angle t1 [rad]")
+    airspeed: SensorSection | None = Field(None, description="along the body's x axis [m/s]")
+    motor_torque: SensorSection | None = Field(None, description="at the same joints, mean over each interval [N m]")
+
+    @model_validator(mode="after")
+    def _as_many_as_axes(self) -> SensorsSection:
+        for name, sensor in self.fitted.items():
+            axes = AXES_OF_SENSOR[name]
+            for key in ("noise", "bias"):
+                given = getattr(sensor, key)
+                if len(given) not in (1, axes):
+                    expected = "one number was" if axes == 1 else f"one number, or {axes}, were"
+                    raise ValueError(f"sensors.{name}.{key} = {list(given)}: {expected} expected")
+            if min(sensor.noise) < 0.0:
+                raise ValueError(f"sensors.{name}.noise = {list(sensor.noise)}: deviations are not negative")
+        return self
+
+    @property
+    def fitted(self) -> dict[str, SensorSection]:
+        """The channels that are not exact: name -> sensor."""
+        return {name: getattr(self, name) for name in AXES_OF_SENSOR if getattr(self, name) is not None}
+
+
+AXES_OF_SENSOR = {
+    "position": 3,
+    "attitude": 3,
+    "velocity": 3,
+    "gyro": 3,
+    "joint_angle": 4,
+    "joint_rate": 4,
+    "crank_angle": 1,
+    "airspeed": 1,
+    "motor_torque": 4,
+}
+
+
+class SimulationSection(Section):
+    """Time and chance."""
+
+    duration: Positive = Field(2.0, description="of the flight [s]")
+    dt: Annotated[Number, Field(gt=0.0, le=0.02)] = Field(1.0e-3, description="integration and logging step [s]")
+    seed: Whole = Field(1, ge=0, description="of all random numbers")
+
+    @property
+    def count(self) -> int:
+        """Number of steps."""
+        return round(self.duration / self.dt)
+
+    @model_validator(mode="after")
+    def _whole_steps(self) -> SimulationSection:
+        steps = self.duration / self.dt
+        if steps < 0.5 or abs(steps - round(steps)) > 1e-6 * steps:
+            raise ValueError(f"duration = {self.duration} s is not a whole number of steps of dt = {self.dt} s")
+        return self
+
+
+class KalmanSection(Section):
+    """What the observers `kalman` and `smoother` believe of sensors and models; see `aerobat_pin.observers.kalman.kalman`."""
+
+    sensor_noise: tuple[Positive, Positive, Positive] = Field(
+        (0.02, 0.01, 0.05), description="deviation of a sample: velocity, gyro, joint rates [m/s, rad/s, rad/s]"
+    )
+    force_walk: Positive | None = Field(
+        None, description="how much a force changes in a second; follows from the gain when left out [N/sqrt(s)]"
+    )
+    prior: Positive = Field(10.0, description="deviation of the forces at the start, with force_walk [N]")
+    known_error: dict[str, Positive] = Field(
+        default_factory=dict, description="deviations of known forces' factors, such as {aerodynamic = 0.2} [-]"
+    )
+    mass_error: NonNegative = Field(0.0, description="deviation of the mass's factor; 0 trusts it [-]")
+    error_time: Positive = Field(1.0, description="how long such a factor stays what it is [s]")
+    misfit: Positive = Field(0.01, description="white noise for what no factor explains [sqrt(s)]")
+    frequency: Positive | None = Field(
+        None, description="flapping frequency, for forces that also swing with it; left out: a plain walk [Hz]"
+    )
+
+
+class SuperTwistingSection(Section):
+    """What the observer `super_twisting` is told."""
+
+    slope: Positive = Field(1.0, description="of a force that is followed exactly [N/s]")
+
+
+class ObserverSection(Section):
+    """Who estimates the unknown forces."""
+
+    names: tuple[str, ...] = Field(("momentum", "force_level"), description="observers to run")
+    gain: Positive = Field(1000.0, description="K: how fast estimates follow; 1/K is the lag [1/s]")
+    torque: Literal["measured", "modelled", "motor_only", "none"] = Field(
+        "measured",
+        description="what is known of the joint torques: all of them; a model without the unknown force; the motor's "
+        "torque at the crank alone; nothing",
+    )
+    frames: tuple[str, ...] = Field(
+        ("left_force_point", "right_force_point"), description="frames at which forces are sought"
+    )
+    kalman: KalmanSection | None = Field(None, description="settings of the observer kalman")
+    smoother: KalmanSection | None = Field(None, description="settings of the observer smoother")
+    super_twisting: SuperTwistingSection | None = Field(None, description="settings of the observer super_twisting")
+
+    def settings(self, name: str) -> dict[str, Any]:
+        """Return an observer's own settings, as its keyword arguments; empty where none are written."""
+        table = getattr(self, name, None)
+        return table.model_dump(exclude_none=True) if isinstance(table, Section) else {}
+
+
+class BelievedSection(Section):
+    """What the observers believe of robot and air where that differs from what flies: a model error, on purpose."""
+
+    robot: dict[str, Any] = Field(default_factory=dict, description="values laid over the table robot")
+    air: dict[str, Any] = Field(default_factory=dict, description="values laid over the table air")
+
+
+def sections_of(annotation: Any) -> dict[str, type[Section]]:
+    """Return the sections that a field may hold: by their `signal` where there are several kinds, else by their name.
+
+    Args:
+        annotation: of the field.
+    """
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        signal = annotation.model_fields.get("signal")
+        return {annotation.__name__ if signal is None else get_args(signal.annotation)[0]: annotation}
+    return {name: kind for inner in get_args(annotation) for name, kind in sections_of(inner).items()}

@@ -1,0 +1,257 @@
+"""Unknown forces of a scenario file, told apart by their `signal`: each knows its impulse exactly, hence every mean.
+
+The paper's signal (its section III-A): f_t = 0.2 sin(q_e) + noise, plus 0.15 while 1 s < t <= 1.6 s, with
+noise ~ N(0, 0.01^2). The sine follows the elbow continuously. Noise, and the paper's step, live on a clock of their
+own, one value held over each of its ticks, so a flight does not depend on the integrator's step. Over one step of the
+integrator every other signal acts with its mean there, so that no impulse falls between two steps.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.numerics import Array
+from aerobat_pin.scenario.csv_rows import read_rows
+from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
+
+Axes = Literal["link", "body", "world"]
+
+
+class UnknownForce(Section):
+    """One unknown force: a signal along a direction at a frame."""
+
+    frame: str = Field(description="frame at whose origin it acts; `base_link` is the body")
+    signal: str = Field("paper", description="one of those below, each with keys of its own")
+    direction: Triple = Field((0.0, 0.0, 1.0), description="normalised on reading [-]")
+    axes: Axes = Field("link", description="axes in which the direction is fixed: of the frame's link, body or world")
+    noise: NonNegative = Field(0.0, description="standard deviation of white noise [N], drawn per force")
+    tick: Annotated[Number, Field(ge=1.0e-5)] = Field(1.0e-3, description="one value of the noise is held so long [s]")
+
+    @property
+    def elbow_amplitude(self) -> float:
+        """Factor of sin(elbow angle) [N], which the plant's kernel adds."""
+        return 0.0
+
+    @property
+    def event(self) -> tuple[str, float, float] | None:
+        """What comes and goes, to be looked at: its name, from when and until when [s], infinity where it stays."""
+        return None
+
+    def impulse_until(self, time: Array) -> Array:
+        """Return the impulse (n,) [N s] from a common start until times (n,) [s], without noise and the elbow's part.
+
+        Times are interval edges: rising, from 0.
+        """
+        raise NotImplementedError
+
+    def held(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Draw the run's noise, and average it and the signal over intervals.
+
+        Args:
+            edges: (n + 1,) interval edges [s], from 0.
+            rng: source of the noise.
+
+        Returns:
+            Mean noise (n,) and mean noise-free force (n,) [N] over each interval, without what follows the elbow.
+
+        Raises:
+            ScenarioError: a recorded series cannot be read.
+        """
+        noise = self.noise * rng.standard_normal(_ticks(edges, self.tick))
+        return held_means(noise, self.tick, edges), _means(self.impulse_until(edges), edges)
+
+
+class PaperForce(UnknownForce):
+    """The paper's: a sine of the elbow angle, noise and a step."""
+
+    signal: Literal["paper"] = Field("paper", description="the paper's: sine of the elbow angle, noise and step")
+    noise: NonNegative = Field(0.01, description="standard deviation of white noise [N], drawn per force")
+    tick: Annotated[Number, Field(ge=1.0e-5)] = Field(
+        1.0e-3, description="one value of noise and step is held this long [s]"
+    )
+    amplitude: Number = Field(0.2, description="factor of sin(elbow angle) [N]")
+    step: Number = Field(0.15, description="height of the step [N]")
+    step_start: Number = Field(1.0, description="on for step_start < t <= step_end [s]")
+    step_end: Number = Field(1.6, description="see step_start [s]")
+
+    @property
+    def elbow_amplitude(self) -> float:
+        """Factor of sin(elbow angle) [N]."""
+        return self.amplitude
+
+    @property
+    def event(self) -> tuple[str, float, float] | None:
+        """The step."""
+        return ("step", self.step_start, self.step_end) if self.step != 0.0 else None
+
+    def impulse_until(self, time: Array) -> Array:
+        """Integrate the step, which is held over ticks."""
+        start = np.arange(_ticks(time, self.tick)) * self.tick
+        # Half a tick in a thousand keeps 1.0 s out of "1 s < t" however it is rounded.
+        on = (start > self.step_start + 5e-4 * self.tick) & (start <= self.step_end + 5e-4 * self.tick)
+        return _held_integral(self.step * on, self.tick, time)
+
+
+class StepForce(UnknownForce):
+    """A force that comes, and may go."""
+
+    signal: Literal["step"] = Field(description="on at a time, and perhaps off again")
+    height: Number = Field(0.1, description="of the step [N]")
+    start: Number = Field(0.5, description="on from here [s]")
+    end: Number | None = Field(None, description="off from here [s]; never, when left out")
+
+    @property
+    def event(self) -> tuple[str, float, float] | None:
+        """The step."""
+        return "step", self.start, self._off
+
+    @model_validator(mode="after")
+    def _ends_after_start(self) -> StepForce:
+        if self.end is not None and self.end <= self.start:
+            raise ValueError(f"unknown_force: step from start = {self.start} s to end = {self.end} s: end comes later")
+        return self
+
+    def impulse_until(self, time: Array) -> Array:
+        """Height times how long it is on."""
+        return np.asarray(self.height * np.clip(time, self.start, self._off))
+
+    @property
+    def _off(self) -> float:
+        return math.inf if self.end is None else self.end
+
+
+class ImpulseForce(UnknownForce):
+    """A short push of a given impulse."""
+
+    signal: Literal["impulse"] = Field(description="a short push of a given impulse")
+    impulse: Number = Field(2.0e-3, description="whole of the push [N s]")
+    start: Number = Field(0.5, description="of the push [s]")
+    duration: Positive = Field(0.01, description="of the push [s]")
+    shape: Literal["half_sine", "boxcar"] = Field("half_sine", description="how the force rises and falls, or is held")
+
+    @property
+    def event(self) -> tuple[str, float, float] | None:
+        """The push."""
+        return "impulse", self.start, self.start + self.duration
+
+    def impulse_until(self, time: Array) -> Array:
+        """The share of the push that is over."""
+        share = np.clip((time - self.start) / self.duration, 0.0, 1.0)
+        return np.asarray(self.impulse * (share if self.shape == "boxcar" else 0.5 * (1.0 - np.cos(np.pi * share))))
+
+
+class SineForce(UnknownForce):
+    """A steady oscillation: amplitude sin(2 pi frequency t + phase)."""
+
+    signal: Literal["sine"] = Field(description="amplitude sin(2 pi frequency t + phase)")
+    amplitude: Number = Field(0.1, description="of the sine [N]")
+    frequency: Positive = Field(10.0, description="of the sine [Hz]")
+    phase_deg: Number = Field(0.0, description="at t = 0 [deg]")
+
+    def impulse_until(self, time: Array) -> Array:
+        """Integrate the sine."""
+        rate = 2.0 * np.pi * self.frequency
+        return np.asarray(-self.amplitude / rate * np.cos(rate * time + np.radians(self.phase_deg)))
+
+
+class OneCosineForce(UnknownForce):
+    """A gust's push: half a cosine up and half down."""
+
+    signal: Literal["one_cosine"] = Field(description="a gust's push: half a cosine up and half down")
+    amplitude: Number = Field(0.1, description="largest force [N]")
+    start: Number = Field(0.5, description="of the push [s]")
+    duration: Positive = Field(0.5, description="of the push [s]")
+
+    @property
+    def event(self) -> tuple[str, float, float] | None:
+        """The push."""
+        return "push", self.start, self.start + self.duration
+
+    def impulse_until(self, time: Array) -> Array:
+        """Integrate amplitude (1 - cos(2 pi share)) / 2."""
+        share = np.clip((time - self.start) / self.duration, 0.0, 1.0)
+        turn = 2.0 * np.pi
+        return np.asarray(0.5 * self.amplitude * self.duration * (share - np.sin(turn * share) / turn))
+
+
+class RecordedForce(UnknownForce):
+    """A series from a file, straight between its samples, nothing before the first and after the last."""
+
+    signal: Literal["recorded"] = Field(description="a series from a file, straight between its samples")
+    file: str = Field(min_length=1, description="CSV with a header: time in s, rising, and columns in N")
+    column: str = Field("force", description="name of the column")
+
+    @cached_property
+    def series(self) -> tuple[Array, Array]:
+        """Times (m,) [s] and forces (m,) [N]. Raises ScenarioError for a file that does not hold them."""
+        return _read_series(Path(self.file), self.column)
+
+    def impulse_until(self, time: Array) -> Array:
+        """Integrate the polygon."""
+        stamps, force = self.series
+        lengths = np.diff(stamps)
+        whole = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * lengths)])
+        at = np.clip(time, stamps[0], stamps[-1])
+        k = np.clip(np.searchsorted(stamps, at, side="right") - 1, 0, len(lengths) - 1)
+        into = at - stamps[k]
+        slope = (force[k + 1] - force[k]) / lengths[k]
+        return np.asarray(whole[k] + into * (force[k] + 0.5 * slope * into))
+
+
+def _signal(values: Any) -> str:
+    """Return which signal a table asks for: the paper's, where it does not say."""
+    return str(values.get("signal", "paper")) if isinstance(values, dict) else str(getattr(values, "signal", "paper"))
+
+
+UnknownForceSection = Annotated[
+    Annotated[PaperForce, Tag("paper")]
+    | Annotated[StepForce, Tag("step")]
+    | Annotated[ImpulseForce, Tag("impulse")]
+    | Annotated[SineForce, Tag("sine")]
+    | Annotated[OneCosineForce, Tag("one_cosine")]
+    | Annotated[RecordedForce, Tag("recorded")],
+    Discriminator(_signal),
+]
+
+
+def held_means(values: Array, tick: float, edges: Array) -> Array:
+    """Average a held series (value i on [i tick, (i + 1) tick)) over intervals given by their edges (n + 1,)."""
+    return _means(_held_integral(values, tick, edges), edges)
+
+
+def _held_integral(values: Array, tick: float, time: Array) -> Array:
+    clock = np.arange(len(values) + 1) * tick
+    return np.asarray(np.interp(time, clock, np.concatenate([[0.0], np.cumsum(values) * tick])))
+
+
+def _means(integral: Array, edges: Array) -> Array:
+    return np.asarray(np.diff(integral) / np.diff(edges))
+
+
+def _ticks(edges: Array, tick: float) -> int:
+    return int(np.ceil(edges[-1] / tick - 1e-6))
+
+
+def _read_series(path: Path, column: str) -> tuple[Array, Array]:
+    """Read `time` and one other column of a CSV. Raises ScenarioError naming what is wrong with the file."""
+    where = f"unknown_force: recorded file {path}"
+    rows, _ = read_rows(path, "unknown_force: recorded file", ScenarioError)
+    names = [cell.partition("[")[0].strip() for cell in rows[0]] if rows else []
+    for name in ("time", column):
+        if name not in names:
+            raise ScenarioError(f"{where}: no column named '{name}'; its header has {', '.join(names) or 'nothing'}")
+    chosen = [names.index("time"), names.index(column)]
+    try:
+        table = np.array([[float(row[at]) for at in chosen] for row in rows[1:]], float).reshape(-1, 2)
+    except (ValueError, IndexError) as error:
+        raise ScenarioError(f"{where}: a number was expected in every row of time and {column}: {error}") from error
+    if len(table) < 2 or not np.all(np.isfinite(table)) or np.any(np.diff(table[:, 0]) <= 0.0):
+        raise ScenarioError(f"{where}: two rows or more of finite numbers with rising times were expected")
+    return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])

@@ -1,0 +1,1 @@
+"""Figures of a flight and of the linkage, for matplotlib."""

@@ -1,0 +1,156 @@
+"""The linkage on one page: the mechanism drawn and named, its joints over a turn (the paper's Fig. 2), its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from aerobat_pin.linkage import Closure, KineticSculpture
+from aerobat_pin.numerics import Array
+from aerobat_pin.visualization import style
+
+SHOWN_DEG = 235.0  # crank angle of the pose that is named
+FAINT_DEG = range(-90, 270, 30)  # crank angles of those behind it
+CLOSE_UP = (0.95, 0.78)  # half width and height of what the inset shows, in lengths of the crank
+BARS = {
+    "L1": ("J1", "J2"),
+    "L2": ("J2", "J3", "J4", "J2"),
+    "L3": ("J4", "J5", "J6", "J4"),
+    "L4": ("J3", "J7"),
+    "L5": ("J7", "J8", "J9", "J7"),
+    "L6": ("J9", "J10"),
+    "L7": ("J6", "J10"),
+}
+GROUND = ("J1", "J5", "J8")
+CHAIN = ("J5", "J6", "J10", "J9", "J8")  # what is seen of the poses behind
+# Where names go, as a way from the pin or from the middle of the bar's last two pins [points].
+NAMES = {
+    "J4": (-4, -12),
+    "J5": (3, -13),
+    "J6": (-5, 6),
+    "J7": (-12, 5),
+    "J8": (2, -13),
+    "J9": (5, 3),
+    "J10": (7, -3),
+    "L2": (9, -8),
+    "L3": (-10, 7),
+    "L4": (-15, 0),
+    "L5": (-6, 5),
+    "L6": (6, 2),
+    "L7": (55, -68),
+}
+CLOSE_NAMES = {"J1": (9, -3), "J2": (-4, -14), "J3": (-16, -2), "L1": (-5, -4)}
+
+
+def draw(linkage: KineticSculpture) -> Figure:
+    """Draw the left wing's linkage at one crank angle, named, over faint poses of a turn, and both joint angles."""
+    with mpl.rc_context(style.RC):
+        figure = Figure(figsize=(10.0, 5.6), layout="constrained")
+        left, right = figure.subplots(1, 2, width_ratios=(1.9, 1.0))
+        _mechanism(left, linkage)
+        _joints(right, linkage)
+    return figure
+
+
+def _mechanism(axis: Axes, linkage: KineticSculpture) -> None:
+    shown = linkage.solve(np.radians(SHOWN_DEG))
+    turn = 1e3 * np.stack([linkage.solve(np.radians(FAINT_DEG)).pins[name] for name in CHAIN])
+    axis.plot(turn[..., 0], turn[..., 1], color=style.FAINT, linewidth=0.7, zorder=0.5)
+    pins = {name: 1e3 * point for name, point in shown.pins.items()}
+    _angles(axis, pins, shown)
+    _bars(axis, pins)
+    _names(axis, pins, NAMES)
+    inset = axis.inset_axes((0.015, 0.03, 0.36, 0.36))
+    _bars(inset, pins)
+    _names(inset, pins, CLOSE_NAMES)
+    x, y = np.mean([pins[name] for name in ("J1", "J2", "J3")], axis=0)
+    wide, high = (1e3 * linkage.lengths.L1 * half for half in CLOSE_UP)
+    inset.set(xlim=(x - wide, x + wide), ylim=(y - high, y + high), xticks=[], yticks=[], aspect="equal")
+    inset.spines[:].set(visible=True, color=style.MUTED, linewidth=0.8)
+    axis.indicate_inset_zoom(inset, edgecolor=style.MUTED)
+    axis.set_aspect("equal")
+    axis.set_xlabel("outboard [mm]")
+    axis.set_ylabel("up [mm]")
+    axis.set_title(f"Left wing, crank at {SHOWN_DEG:g} deg; squares fixed to the body; grey: every 30 deg")
+
+
+def _bars(axis: Axes, pins: Mapping[str, Array]) -> None:
+    for bar, names in BARS.items():
+        points = np.array([pins[name] for name in names])
+        axis.plot(points[:, 0], points[:, 1], "-", color=style.BARS[bar], linewidth=2.2, solid_capstyle="round")
+        if len(names) > 2:
+            axis.fill(points[:, 0], points[:, 1], color=style.BARS[bar], alpha=0.15)
+    for name, point in pins.items():
+        ground = name in GROUND
+        axis.plot(*point, "s" if ground else "o", ms=6 if ground else 4.5, mfc="white", mec=style.INK, zorder=5)
+
+
+def _names(axis: Axes, pins: Mapping[str, Array], names: Mapping[str, tuple[float, float]]) -> None:
+    for name, way in names.items():
+        pin = name in pins
+        x, y = pins[name] if pin else np.mean([pins[end] for end in BARS[name][-2:]], axis=0)
+        axis.annotate(
+            name,
+            (x, y),
+            xytext=way,
+            textcoords="offset points",
+            color=style.INK,
+            fontsize=8 if pin else 9,
+            fontweight="normal" if pin else "bold",
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=6,
+        )
+
+
+def _angles(axis: Axes, pins: Mapping[str, Array], shown: Closure) -> None:
+    """Draw the distal wing as far as L7a, and both joint angles.
+
+    theta_s lies between the horizontal and the proximal frame's y axis, theta_e between that axis and the distal one's.
+    """
+    radius, length = 0.4e3 * shown.lengths.L3a, 1e3 * shown.lengths.L7a
+    theta_s, theta_e = float(shown.theta_s), float(shown.theta_e)
+    for pivot, start, turn, name in (("J5", 0.0, theta_s, "s"), ("J6", theta_s, theta_e, "e")):
+        here = pins[pivot]
+        for way, line in ((start, ":"), (start + turn, "-" if pivot == "J6" else ":")):
+            reach = length if line == "-" else 1.35 * radius
+            end = here + reach * np.array([np.cos(way), np.sin(way)])
+            colour, width = (style.INK, 2.2) if line == "-" else (style.MUTED, 1.0)
+            axis.plot(*zip(here, end, strict=True), line, color=colour, linewidth=width)
+        sweep = start + turn * np.linspace(0.0, 1.0, 40)
+        arc = np.stack([np.cos(sweep), np.sin(sweep)])
+        axis.plot(*(here[:, None] + radius * arc), color=style.AXES[0], linewidth=1.2)
+        middle = here + 1.15 * radius * arc[:, 20]
+        axis.annotate(rf"$\theta_{name}$", (middle[0], middle[1]), color=style.AXES[0], fontsize=11, va="center")
+
+
+def _joints(axis: Axes, linkage: KineticSculpture) -> None:
+    crank = np.linspace(-90.0, 270.0, 721)
+    cycle = linkage.solve(np.radians(crank))
+    axis.plot(crank, np.degrees(cycle.theta_s), color=style.LEFT, label=r"shoulder $\theta_s$")
+    axis.plot(crank, np.degrees(cycle.theta_e), "--", color=style.RIGHT, label=r"elbow $\theta_e$")
+    shown = linkage.solve(np.radians(SHOWN_DEG))
+    both = np.degrees([shown.theta_s, shown.theta_e])
+    axis.plot([SHOWN_DEG] * 2, both, "o", ms=4.5, mfc="white", mec=style.INK, label="pose on the left")
+    axis.set_xlabel("crank angle [deg]")
+    axis.set_ylabel("joint angle [deg]")
+    axis.set_xticks(range(-90, 271, 90))
+    axis.set_title("One turn of the crank")
+    axis.legend()
+
+
+def table(linkage: KineticSculpture) -> str:
+    """Return in words how far joints and transmission angles go in a turn, and at which crank angles."""
+    crank = np.arange(0.0, 360.0, 0.1)
+    turn = linkage.solve(np.radians(crank))
+    rows = {"shoulder theta_s": turn.theta_s, "elbow theta_e": turn.theta_e}
+    rows |= {f"transmission at {pin}": angle for pin, angle in turn.transmission.items()}
+    lines = [f"{'[deg]':<20} {'lowest':>8} {'at crank':>9} {'highest':>8} {'at crank':>9}"]
+    for name, angle in rows.items():
+        cells = [(np.degrees(angle[k]), crank[k]) for k in (np.argmin(angle), np.argmax(angle))]
+        lines.append(f"{name:<20} " + " ".join(f"{value:8.2f} {at:9.1f}" for value, at in cells))
+    return "\n".join(lines)

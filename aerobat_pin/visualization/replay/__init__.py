@@ -1,0 +1,1 @@
+"""A motion to look at in a browser: scene, page, pictures."""

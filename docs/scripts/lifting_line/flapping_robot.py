@@ -1,0 +1,72 @@
+"""The robot flapping along a prescribed motion: what its strips lift, and what they leave behind; for docs/lifting_line.md."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from on_the_robot import fly_strips
+
+from aerobat_pin.aerodynamics import CIRCULATION, FORCE_X, FORCE_Z, LEAD, RobotAir
+from aerobat_pin.flight import Wake
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import LINKS, load_aerobat
+from aerobat_pin.scenario import AirSection
+
+AIRSPEED, PITCH, FREQUENCY = 4.5, np.radians(8.0), 4.75  # [m/s, rad, Hz]
+STEPS, FLAPS = 8400, 4  # a flap at its finest, which 160 strips need; the fourth no longer changes
+
+
+class Motion(NamedTuple):
+    """One flap of the robot at even instants (n,), the links' twists (n, 5, 6), rotations and places in the world."""
+
+    time: Array
+    twist: Array
+    rotation: Array
+    place: Array
+
+
+@cache
+def prescribed() -> Motion:
+    """Return one flap of the default robot, level at a steady speed and pitch, at the half steps of the finest run."""
+    robot, count = load_aerobat(), 2 * STEPS
+    data, frames = robot.model.createData(), [robot.model.getFrameId(link) for link in LINKS]
+    time, rate = np.arange(count) / count / FREQUENCY, 2.0 * np.pi * FREQUENCY
+    crank = robot.linkage.solve(rate * time, rate)
+    attitude = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, -PITCH, 0.0))
+    speed = attitude.matrix().T @ [AIRSPEED, 0.0, 0.0]
+    found = Motion(time, np.empty((count, 5, 6)), np.empty((count, 5, 3, 3)), np.empty((count, 5, 3)))
+    for k, t in enumerate(time):
+        base = [AIRSPEED * t, 0.0, 0.0, *attitude.coeffs()]
+        q = robot.configuration(base, crank.theta_s[k], crank.theta_e[k])
+        v = robot.velocity([*speed, 0.0, 0.0, 0.0], crank.theta_s_dot[k], crank.theta_e_dot[k])
+        pin.forwardKinematics(robot.model, data, q, v)
+        for i, frame in enumerate(frames):
+            place = pin.updateFramePlacement(robot.model, data, frame)
+            found.rotation[k, i], found.place[k, i] = place.rotation, place.translation
+            found.twist[k, i] = pin.getFrameVelocity(robot.model, data, frame, pin.ReferenceFrame.LOCAL).vector
+    return found
+
+
+def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
+    """Fly the robot's strips along the prescribed motion.
+
+    Args:
+        strips: their number.
+        steps: of a flap, a divisor of `STEPS`.
+
+    Returns:
+        Force of the strips, without added mass, in world axes (steps, 3) [N]; what they shed; both over the last flap.
+    """
+    motion, stride = prescribed(), STEPS // steps
+    air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
+    twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])
+    loads = fly_strips(air.arrays, twists, 1.0 / FREQUENCY / steps, steps)
+    rotation, place = (each[:: 2 * stride][:, air.link] for each in (motion.rotation, motion.place))
+    local = np.stack([loads[:, FORCE_X], 0.0 * loads[:, FORCE_X], loads[:, FORCE_Z]], axis=-1)
+    force = np.einsum("tnij,tnj->ti", rotation, local)
+    aft = air.mid_chord - np.sign(loads[:, LEAD])[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
+    position = place + np.einsum("tnij,tnj->tni", rotation, aft)
+    return force, Wake(motion.time[:: 2 * stride], position, loads[:, CIRCULATION], AirSection(strips=strips))

@@ -1,0 +1,335 @@
+"""Write docs/studies.md and its figures: the shipped sweeps, flown and drawn."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from aerobat_pin.experiments import load_sweep, shipped_sweeps
+from aerobat_pin.experiments.sweep import run_sweep
+from aerobat_pin.visualization import style
+
+SPAN, CHORD = "robot.changes.scale.span", "robot.changes.scale.chord"
+SPEED, FREQUENCY = "flight.velocity.0", "crank.frequency"
+NOISE, GAIN, STEP = "unknown_force.*.noise", "observers.gain", "simulation.dt"
+FILTERS = {  # of the study of sensor noise: what the line is called, whose it is
+    "K = 50 1/s": {"observer": "force_level", GAIN: 50.0},
+    "K = 200 1/s": {"observer": "force_level", GAIN: 200.0},
+    "K = 1000 1/s": {"observer": "force_level", GAIN: 1000.0},
+    "`kalman`": {"observer": "kalman", GAIN: 1000.0},
+    "`smoother`": {"observer": "smoother", GAIN: 1000.0},
+}
+AXES = ("x", "y", "z")
+MARKERS = ("o", "s", "^", "D", "v")
+SHADES = ("#000000", "#0072B2", "#009E73", "#E69F00", "#D55E00")
+
+
+def morphology(grid: xr.Dataset, belief: str) -> Figure:
+    """Draw heat maps of R2 per axis over wing, flight condition and elbow timing."""
+    r2 = grid["r2"].sel(observer="momentum", point="left", belief=belief).squeeze("seed")
+    built = {SPAN: 1.0, CHORD: 1.0, "elbow": "as built"}
+    usual = {SPEED: 3.0, FREQUENCY: 4.75}
+    maps = [
+        (
+            "3 m/s, 4.75 Hz",
+            r2.sel({"elbow": "as built", **usual}),
+            (SPAN, CHORD),
+            ("span / as built", "chord / as built"),
+        ),
+        ("span 1.05", r2.sel({**built, SPAN: 1.05}), (SPEED, FREQUENCY), ("airspeed [m/s]", "flapping [Hz]")),
+        (
+            "3 m/s",
+            r2.sel({SPAN: 1.0, CHORD: 1.0, SPEED: 3.0}),
+            ("elbow", FREQUENCY),
+            ("adjustable bar", "flapping [Hz]"),
+        ),
+    ]
+    figure = Figure(figsize=(7.5, 7.4), layout="constrained")
+    for row, (title, values, (down, right), (y, x)) in enumerate(maps):
+        for column, axis in enumerate(AXES):
+            axes = figure.add_subplot(len(maps), 3, 3 * row + column + 1)
+            _heat(axes, values.sel(axis=axis).transpose(down, right))
+            axes.set_title(f"F{axis}, {title}")
+            axes.set_xlabel(x)
+            if column == 0:
+                axes.set_ylabel(y)
+            else:
+                axes.set_yticklabels([])
+    return figure
+
+
+def _heat(axes: Any, values: xr.DataArray) -> None:
+    """Draw one heat map, each cell with its number: readable in grey."""
+    axes.imshow(values, cmap="cividis", vmin=0.0, vmax=1.0, aspect="auto", origin="lower")
+    for (i, k), value in np.ndenumerate(values.values):
+        text = f"{value:.4f}" if value > 0.9 else f"{value:.2f}"
+        axes.text(k, i, text, ha="center", va="center", fontsize=8, color="black" if value > 0.55 else "white")
+    down, right = (values[name].values for name in values.dims)
+    axes.set_yticks(range(len(down)), [str(one) for one in down])
+    axes.set_xticks(range(len(right)), [str(one) for one in right])
+    axes.grid(visible=False)
+
+
+def gain_noise(grid: xr.Dataset) -> Figure:
+    """Draw what is missing to R2 = 1 over the gain, a line per noise."""
+    found = grid.sel(observer="force_level", point="left", axis="z").mean("seed")
+    figure = Figure(figsize=(7.5, 3.4), layout="constrained")
+    for k, (name, title) in enumerate(
+        (("r2_noise_free", "against the force without its noise"), ("r2", "with its noise"))
+    ):
+        axes = figure.add_subplot(1, 2, k + 1)
+        for i, noise in enumerate(found[NOISE].values):
+            label = f"{1e3 * noise:.0f} mN"
+            axes.plot(
+                found[GAIN], 1.0 - found[name].sel({NOISE: noise}), color=SHADES[i], marker=MARKERS[i], label=label
+            )
+        axes.set(xscale="log", yscale="log", xlabel="gain K [1/s]", ylabel="1 - R2 of Fz", title=title)
+    axes.legend(title="noise of the force")
+    return figure
+
+
+def model_error(grid: xr.Dataset) -> Figure:
+    """Draw the error of each axis over each wrong belief."""
+    found = grid["rmse"].sel(observer="force_level", point="left").squeeze("seed")
+    beliefs = {
+        "believed.air.density": (1.225, "air density"),
+        "believed.robot.changes.scale.body_mass": (1.0, "mass of the body"),
+        "believed.robot.changes.scale.wing_mass": (1.0, "mass of the wings"),
+    }
+    figure = Figure(figsize=(7.5, 3.2), layout="constrained")
+    for k, (key, (truth, name)) in enumerate(beliefs.items()):
+        axes = figure.add_subplot(1, 3, k + 1)
+        for i, axis in enumerate(AXES):
+            wrong = 100.0 * (grid[key].values / truth - 1.0)
+            axes.plot(wrong, 1e3 * found.sel(axis=axis), MARKERS[i], ms=3, color=style.AXES[i], label=f"F{axis}")
+        axes.set(xlabel="believed too high [%]", title=name, ylim=(0.0, None))
+        if k == 0:
+            axes.set_ylabel("error rms [mN]")
+    axes.legend()
+    return figure
+
+
+def sample_rate(grid: xr.Dataset) -> Figure:
+    """Draw what is missing to R2 = 1, and the lag, over the sample time."""
+    found = grid.sel(observer="force_level", point="left", axis="z").mean("seed")
+    figure = Figure(figsize=(7.5, 3.2), layout="constrained")
+    parts = (
+        (1.0 - found["r2_noise_free"], "1 - R2 of Fz, noise-free", "log"),
+        (1e3 * found["lag_s"], "lag [ms]", "linear"),
+    )
+    for k, (values, label, scale) in enumerate(parts):
+        axes = figure.add_subplot(1, 2, k + 1)
+        for i, gain in enumerate(found[GAIN].values):
+            line = values.sel({GAIN: gain})
+            axes.plot(1e3 * found[STEP], line, color=SHADES[i], marker=MARKERS[i], label=f"K = {gain:.0f} 1/s")
+        axes.set(xscale="log", yscale=scale, xlabel="sample time [ms]", ylabel=label)
+        axes.set_xticks(1e3 * found[STEP].values, [f"{1e3 * one:g}" for one in found[STEP].values])
+        axes.set_xticks([], minor=True)
+        if scale == "log":
+            axes.set(ylim=(1e-3, 1e-1))
+            axes.set_yticks([1e-3, 1e-2, 1e-1])
+            axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.legend()
+    return figure
+
+
+def sensor_noise(grid: xr.Dataset) -> Figure:
+    """Draw what is missing to R2 = 1 over the noise of the sensors, an axis of the force each."""
+    found = 1.0 - grid["r2_noise_free"].sel(point="left").mean("seed")
+    figure = Figure(figsize=(7.5, 3.4), layout="constrained")
+    for k, axis in enumerate(AXES):
+        axes = figure.add_subplot(1, 3, k + 1)
+        for i, (label, chosen) in enumerate(FILTERS.items()):
+            line = found.sel(chosen).sel(axis=axis)
+            axes.plot(found["noise"], line, color=SHADES[i], marker=MARKERS[i], ms=5, label=label.strip("`"))
+        axes.axhline(1.0, color=style.INK, linestyle="--")
+        axes.set(xscale="log", yscale="log", ylim=(2e-3, 30.0), xlabel="noise / reference", title=f"F{axis}")
+        axes.set_xticks([1e-3, 1e-2, 1e-1, 1.0], ["0.001", "0.01", "0.1", "1"])
+        axes.set_xticks([], minor=True)
+        if k == 0:
+            axes.set_ylabel("1 - R2, noise-free truth")
+            axes.text(1e-3, 1.1, "R2 = 0", fontsize=8)
+        else:
+            axes.set_yticklabels([])
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=len(FILTERS))
+    return figure
+
+
+def noise_table(grid: xr.Dataset, least: float) -> str:
+    """Return the most noise tried that leaves so much R2, filter by filter."""
+    found = grid["r2_noise_free"].sel(point="left").mean("seed")
+    rows = ["| filter | Fx | Fy | Fz |", "|---|---|---|---|"]
+    for label, chosen in FILTERS.items():
+        enough = found["noise"].where(found.sel(chosen) >= least).max("noise")
+        cells = (float(enough.sel(axis=axis)) for axis in AXES)
+        rows.append(f"| {label} | {' | '.join('none' if np.isnan(one) else f'{one:.1g}' for one in cells)} |")
+    return "\n".join(rows)
+
+
+def page(grids: dict[str, xr.Dataset]) -> str:
+    """Return docs/studies.md."""
+    known, built = (
+        grids["morphology"]["r2"].sel(observer="momentum", point="left", belief=name) for name in ("known", "as built")
+    )
+    usual = built.sel({SPAN: 1.05, CHORD: 1.0, "elbow": "as built", SPEED: 3.0, FREQUENCY: 4.75}).squeeze("seed")
+    at = ", ".join(f"{float(usual.sel(axis=axis)):.2f}" for axis in AXES)
+    gains = grids["gain_noise"]["r2_noise_free"].sel(observer="force_level", point="left", axis="z").mean("seed")
+    best = [(float(one), float(gains.sel({NOISE: one}).idxmax(GAIN))) for one in gains[NOISE].values if one > 0.0]
+    rows = "\n".join(f"| {1e3 * one:.0f} mN | {gain:.0f} 1/s |" for one, gain in best)
+    drawn = grids["model_error"]["r2"].sel(observer="force_level", point="left").squeeze("seed")
+    tenth = ", ".join(f"{float(drawn.sel(axis=axis).quantile(0.1)):.2f}" for axis in AXES)
+    tried = load_sweep("sensor_noise").file
+    noise = {name: tried.factors["noise"].of[f"sensors.{name}.noise"] for name in ("velocity", "gyro", "joint_rate")}
+    noisy = grids["sensor_noise"]["r2_noise_free"].sel(point="left", noise=1.0, axis=["y", "z"]).mean("seed")
+    kalman, smoother = (
+        " and ".join(f"{float(one):.2f}" for one in noisy.sel(FILTERS[f"`{name}`"])) for name in ("kalman", "smoother")
+    )
+    counts = {name: int(np.prod(grid["failed"].shape)) for name, grid in grids.items()}
+    return f"""# Studies
+
+Written by `make docs`, which flies the sweeps that it shows. Each is a file of a few lines in
+[`aerobat_pin/sweeps`](../aerobat_pin/sweeps); `aerobat sweep NAME` flies it again, a copy of the file makes it yours.
+
+```sh
+aerobat sweep morphology                        # all processors; a minute on two
+aerobat sweep mine.toml --jobs 4 --out runs/mine
+aerobat sweep mine.toml --cluster tcp://10.0.0.1:8786
+```
+
+Interrupted, whatever the reason, the same command goes on: every finished run is on the disk, none is flown twice. A run
+that fails is in the tables with its reason. `results.nc` is one grid labelled by what was varied, `results.csv` one row a
+run.
+
+```python
+import xarray as xr
+
+grid = xr.load_dataset("runs/morphology/results.nc")
+grid["r2"].sel({{"crank.frequency": 4.75, "observer": "momentum", "axis": "z"}})
+```
+
+## A sweep file
+
+| table or key | makes |
+|---|---|
+| `name` | must be there: of the sweep, and of its folder below `runs/` |
+| `description` | a line that says what it is for; may be missing |
+| `base` | the scenario that every run starts from: a shipped name, or a file beside this one |
+| `[set]` | dotted keys that are set in it |
+| `[ranges]` | a dimension for each dotted key: a list, or `{{from = 50, to = 3200, count = 7, spacing = "log"}}` |
+| `[factors.NAME]` | a dimension NAME of `values`, a list or range of factors, `of` several keys: `[factors.NAME.of]` says what each is at a factor of 1 |
+| `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
+| `[draws]` | the dimension `draw`: `count` draws, with a `seed` of their own, of the keys in `[draws.values]`: `{{distribution = "uniform", low, high}}`, `log_uniform`, or `{{distribution = "normal", mean, deviation}}` |
+| `seeds` | the dimension `seed`: how many, counted up from the base scenario's |
+
+```toml
+# mine.toml
+name = "mine"
+description = "gain against noise, 2 x 3 x 2 runs"
+base = "paper"
+seeds = 2
+[ranges]
+"observers.gain" = {{from = 200, to = 2000, count = 3, spacing = "log"}}
+"unknown_force.*.noise" = [0.01, 0.03]
+```
+
+The runs are all combinations, with the same draws for each. A number in a key is a place in a list
+(`flight.velocity.0`), a `*` all of them (`unknown_force.*.noise`). What the observers *believe* is a key like any other.
+
+On a cluster the workers must have the same versions installed, and see the user's own morphology files under the same
+path. Start each with one thread: flights do not share a processor well.
+
+## Wing morphology and flight condition
+
+`morphology`, {counts["morphology"]} runs of 1 s at K = 1000 1/s, left wing, R2 against the noisy truth. The observer that knows
+the wings finds the forces on all of them, in every flight condition: R2 is {float(known.min()):.4f} at the lowest.
+
+![R2 where the robot is known](figures/studies/morphology_known.png)
+
+The observer that believes every wing to be as built does not: span and chord change masses and air together, and 5 %
+more span leaves {at} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are small beside the forces of inertia and air, so
+they go first. Elbow timing costs less: the joints are measured, and what is wrong is the motion between two samples.
+
+![R2 where the robot is believed to be as built](figures/studies/morphology_as_built.png)
+
+## Gain against the noise of the force
+
+`gain_noise`, {counts["gain_noise"]} runs of 2 s. Noise here is a part of the force: against the noisy truth more gain is always
+better, against the noise-free one there is a best gain, and it falls as the noise grows.
+
+| noise | best gain tried |
+|---|---|
+{rows}
+
+![1 - R2 over the gain](figures/studies/gain_noise.png)
+
+## Noise of the sensors
+
+`sensor_noise`, {counts["sensor_noise"]} runs of 2 s. Every sample of the velocities is noisy: at the reference by {noise["velocity"]} m/s
+(linear), {noise["gyro"]} rad/s (gyro) and {noise["joint_rate"]} rad/s (joints); the scenario `noisy_sensors` has a quarter to two fifths of
+it. Positions and angles are exact. `force_level` has three gains; `kalman` and `smoother` have none, but are told the noise
+and that a force walks {tried.set["observers.kalman.force_walk"]} N in a root second. The most noise tried that leaves an R2 of 0.9:
+
+{noise_table(grids["sensor_noise"], 0.9)}
+
+A filter with a gain is limited by its lag where there is little noise, and by the noise, which it lets
+through nearly in proportion to K, where there is more. Those that weigh one against the other leave {kalman} (`kalman`)
+and {smoother} (`smoother`) of R2 for Fy and Fz at the reference. Fx is a fourteenth of Fy, and drowns first. One walk for all
+axes is too quick for it: a gain can do better there.
+
+![1 - R2 over the noise of the sensors](figures/studies/sensor_noise.png)
+
+## What a wrong belief costs
+
+`model_error`, {counts["model_error"]} runs of 2 s; air density, body and wing masses are drawn with deviations of 5, 2 and 5 %. One
+belief in ten leaves less than {tenth} of R2 for Fx, Fy, Fz. The error of Fz follows the mass of
+the wings, which flapping shakes; Fy takes a share of every wrong belief.
+
+![Error over wrong beliefs](figures/studies/model_error.png)
+
+## Sample rate
+
+`sample_rate`, {counts["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a coarser clock does not
+disturb them; the truth is the interval's mean, and of a longer one the noise averages out. What a coarse clock takes is
+time resolution, and the air's states at more strips or speed.
+
+![1 - R2 and lag over the sample time](figures/studies/sample_rate.png)
+"""
+
+
+def write(docs: Path) -> None:
+    """Fly the shipped sweeps, draw them below `docs`, and write the page."""
+    folder = docs / "figures" / "studies"
+    folder.mkdir(parents=True, exist_ok=True)
+    grids = {}
+    with tempfile.TemporaryDirectory() as work:
+        for name in shipped_sweeps():
+            grids[name] = run_sweep(load_sweep(name), Path(work) / name, jobs=len(os.sched_getaffinity(0)))
+    draw(grids, folder)
+    (docs / "studies.md").write_text(page(grids), encoding="utf-8")
+
+
+def draw(grids: dict[str, xr.Dataset], folder: Path) -> None:
+    """Draw every figure."""
+    with mpl.rc_context(style.RC):
+        figures = {
+            "morphology_known": morphology(grids["morphology"], "known"),
+            "morphology_as_built": morphology(grids["morphology"], "as built"),
+            "gain_noise": gain_noise(grids["gain_noise"]),
+            "model_error": model_error(grids["model_error"]),
+            "sample_rate": sample_rate(grids["sample_rate"]),
+            "sensor_noise": sensor_noise(grids["sensor_noise"]),
+        }
+        for name, figure in figures.items():
+            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    write(Path(__file__).resolve().parents[1])

@@ -1,0 +1,255 @@
+"""Added mass as a part of inertia: its energy, its momentum, and the observer that must not notice it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support import twins
+from support.kernel_cases import instant
+
+from aerobat_pin.estimation.scores import true_force
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.wing import LINKS
+from aerobat_pin.scenario.scenario import load_scenario
+
+LOCAL = pin.ReferenceFrame.LOCAL
+STILL = np.zeros((2, 3))
+SEEDS = range(4)
+
+
+def plant_of(*settings: str) -> Plant:
+    """Build the paper's plant with settings."""
+    scenario = load_scenario("paper", ["air.warm_up_cycles=0", *settings])
+    return Plant(load_robot(scenario), scenario)
+
+
+@pytest.fixture(scope="module")
+def plant() -> Plant:
+    """Return the paper's plant."""
+    return plant_of()
+
+
+def link_energy(plant: Plant, q: np.ndarray, v: np.ndarray) -> float:
+    """Return the kinetic energy of the added mass, from the links' twists and the constant matrices G."""
+    data = plant.model.createData()
+    pin.forwardKinematics(plant.model, data, q, v)
+    energy = 0.0
+    for link, G in zip(LINKS, plant.air.added_mass, strict=True):
+        seen = pin.getFrameVelocity(plant.model, data, plant.model.getFrameId(link), LOCAL).vector[2:5]
+        energy += 0.5 * seen @ G @ seen
+    return float(energy)
+
+
+def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None:
+    """Pi rho b^2 per span at mid-chord: a cylinder of air on each chord; 8 g in all, a fifth of the 42 g robot.
+
+    The factor scales it, and 0 takes it away.
+    """
+    line = plant.air.line
+    total = float(np.sum(np.pi * 1.225 * (line.chord / 2.0) ** 2 * line.width))
+    assert sum(G[0, 0] for G in plant.air.added_mass) == pytest.approx(total, rel=1e-12)
+    assert 1e3 * total == pytest.approx(7.985, abs=1e-3)
+    part = plant_of("air.added_mass=0.85")
+    np.testing.assert_allclose(part.air.added_mass, 0.85 * plant.air.added_mass, rtol=1e-12, atol=1e-18)
+    assert not plant_of("air.added_mass=0.0").air.added_mass.any()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_constant_matrices_of_the_links_hold_the_energy_of_all_strips(plant: Plant, seed: int) -> None:
+    """V M_a v / 2, M_a strip by strip from Pinocchio's Jacobians, against the sum over links of G."""
+    q, v, *_ = instant(plant, seed)
+    M, _ = twins.added_mass(plant, q, v, STILL)
+    assert 0.5 * v @ M @ v == pytest.approx(link_energy(plant, q, v), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_rate_of_inertia_with_added_mass_is_coriolis_plus_its_transpose(plant: Plant, seed: int) -> None:
+    """On the total, M + M_a and C + C_a with C_a = sum m n^T n': the ground on which momentum observers stand.
+
+    The rate by central differences of the total along exp(h v), extrapolated: error O(h^4).
+    """
+    model, data = plant.model, plant.model.createData()
+    q, v, *_ = instant(plant, seed)
+
+    def total(at: np.ndarray) -> np.ndarray:
+        return pin.crba(model, data, at).copy() + twins.added_mass(plant, at, v, STILL)[0]
+
+    def difference(h: float) -> np.ndarray:
+        return (total(pin.integrate(model, q, h * v)) - total(pin.integrate(model, q, -h * v))) / (2.0 * h)
+
+    rate = (4.0 * difference(1e-4) - difference(2e-4)) / 3.0
+    C = pin.computeCoriolisMatrix(model, data, q, v).copy()
+    pin.computeJointJacobiansTimeVariation(model, data, q, v)
+    for link, (x, y, _), m in zip(plant.air.link, plant.air.mid_chord, strip_masses(plant), strict=True):
+        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
+        choose = np.array([0.0, 0.0, 1.0, y, -x, 0.0])
+        n, n_rate = (
+            choose @ matrix(model, data, joint, LOCAL)
+            for matrix in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
+        )
+        C += m * np.outer(n, n_rate)
+    np.testing.assert_allclose(rate, C + C.T, rtol=0.0, atol=1e-8 * np.abs(rate).max())
+
+
+def strip_masses(plant: Plant) -> np.ndarray:
+    """Return pi rho b^2 times the width of each strip [kg]."""
+    line = plant.air.line
+    return np.asarray(np.pi * line.air_density * line.semichord**2 * line.width)
+
+
+def normal_velocities(plant: Plant, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return each strip's velocity at mid-chord along its normal (N,), by forward kinematics alone."""
+    data = plant.model.createData()
+    pin.forwardKinematics(plant.model, data, q, v)
+    found = []
+    for link, point in zip(plant.air.link, plant.air.mid_chord, strict=True):
+        twist = pin.getFrameVelocity(plant.model, data, plant.model.getFrameId(LINKS[link]), LOCAL)
+        found.append((twist.linear + np.cross(twist.angular, point))[2])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("settings", [(), ("air.wind=[1.5, -0.6, 0.4]",), ("air.gust.amplitude=[2.0, 1.0, -1.0]",)])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
+    seed: int, settings: tuple[str, ...]
+) -> None:
+    """What the plant logs against finite differences of kinematics along its own motion; neither M_a nor C_a is used.
+
+    Along q(t) with v(t) = v + a t the force of a strip is -m d/dt(normal . (velocity - wind)), a central difference.
+    """
+    plant, time = plant_of(*settings), 0.6
+    q, v, joints, air, held = instant(plant, seed)
+    acceleration, _, forces = plant.rates(q, v, joints, air, held, time)
+    a = plant.robot.velocity(acceleration, *joints[2])
+    model, data, h = plant.model, plant.model.createData(), 1e-5
+
+    def seen(t: float) -> np.ndarray:
+        here = pin.integrate(model, q, t * v + 0.5 * t * t * a)
+        pin.framesForwardKinematics(model, data, here)
+        wind = plant.wind(np.array([time + t]))[0, 0]
+        normals = [data.oMf[model.getFrameId(LINKS[link])].rotation[:, 2] for link in plant.air.link]
+        return normal_velocities(plant, here, v + t * a) - np.array(normals) @ wind
+
+    pushes = -strip_masses(plant) * (seen(h) - seen(-h)) / (2.0 * h)
+    expected = np.zeros(model.nv)
+    pin.computeJointJacobians(model, data, q)
+    for link, point, push in zip(plant.air.link, plant.air.mid_chord, pushes, strict=True):
+        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
+        force = np.array([0.0, 0.0, push])
+        expected += pin.getJointJacobian(model, data, joint, LOCAL).T @ np.concatenate([force, np.cross(point, force)])
+    found = forces.added_mass[0]
+    for rows in (slice(0, 3), slice(3, 10)):
+        np.testing.assert_allclose(found[rows], expected[rows], rtol=0.0, atol=1e-6 * np.abs(expected[rows]).max())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_rigid_body_of_the_same_inertia_differs_by_forces_that_do_no_work(plant: Plant, seed: int) -> None:
+    """Kirchhoff's equations for the energy v M_a v / 2 have omega x (G v) and v x (G v) besides.
+
+    Munk's moment among them is the moment of circulatory lift about mid-chord, which the strips have: to add it would
+    count it twice. Here: Lagrange's equations by an inertia that Pinocchio can hold, from many point masses.
+    """
+    q, v, *_ = instant(plant, seed)
+    model, data = plant.model, plant.model.createData()
+    pin.computeJointJacobiansTimeVariation(model, data, q, v)
+    pin.forwardKinematics(model, data, q, v)
+    power, size = 0.0, 0.0
+    for link, G in zip(LINKS, plant.air.added_mass, strict=True):
+        twist = pin.getFrameVelocity(model, data, model.getFrameId(link), LOCAL).vector
+        impulse = np.zeros(6)
+        impulse[2:5] = G @ twist[2:5]
+        gyroscopic = pin.Motion(twist).cross(pin.Force(impulse)).vector
+        power += float(gyroscopic @ twist)
+        size += float(np.abs(gyroscopic) @ np.abs(twist))
+    assert abs(power) < 1e-12 * size
+
+
+def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
+    """Over a flap the work of its force is the fall of v M_a v / 2: power means from the stages, energy at the ends."""
+    log = simulate(load_scenario("paper", ["simulation.dt=0.0005", "simulation.duration=0.2"]))
+    plant = plant_of()
+    q, v = (log.measured[name].values for name in ("q", "v"))
+    energy = np.array([link_energy(plant, *both) for both in zip(q, v, strict=True)])
+    force = log.truth["added_mass"].values
+    # The force varies little within a step: its mean times the mean velocity is its work to second order.
+    work = np.cumsum(np.sum(force * 0.5 * (v[1:] + v[:-1]), axis=1)) * 5e-4
+    np.testing.assert_allclose(work, energy[0] - energy[1:], rtol=0.0, atol=2e-4 * energy.max())
+
+
+def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_acceleration() -> None:
+    """-(p_a,k+1 - p_a,k) / dt + mean(C_a^T v), p_a = M_a v, by Simpson's rule.
+
+    Its middle comes from the run at half the step. Independent
+    of the accelerations that the plant knows; this is how a recorded flight would find the channel.
+    """
+    dt, plant = 1e-3, plant_of()
+    logs = [
+        simulate(load_scenario("paper", [f"simulation.dt={step}", "simulation.duration=0.2"])) for step in (dt, dt / 2)
+    ]
+    q, v = (logs[1].measured[name].values for name in ("q", "v"))
+    p, turning = np.empty_like(v), np.empty_like(v)
+    data = plant.model.createData()
+    for k, (at, speed) in enumerate(zip(q, v, strict=True)):
+        p[k] = twins.added_mass(plant, at, speed, STILL)[0] @ speed
+        pin.computeJointJacobiansTimeVariation(plant.model, data, at, speed)
+        turning[k] = 0.0
+        for link, (x, y, _), m in zip(plant.air.link, plant.air.mid_chord, strip_masses(plant), strict=True):
+            joint = plant.model.frames[plant.model.getFrameId(LINKS[link])].parentJoint
+            choose = np.array([0.0, 0.0, 1.0, y, -x, 0.0])
+            n, n_rate = (
+                choose @ matrix(plant.model, data, joint, LOCAL)
+                for matrix in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
+            )
+            turning[k] += m * n_rate * (n @ speed)
+    simpson = (turning[:-2:2] + 4.0 * turning[1::2] + turning[2::2]) / 6.0
+    expected = -(p[2::2] - p[:-2:2]) / dt + simpson
+    found = logs[0].truth["added_mass"].values
+    scale = np.abs(expected).max(axis=0) + 1e-6
+    assert np.max(np.abs(found - expected) / scale) < 1e-4
+
+
+def scores(settings: list[str]) -> np.ndarray:
+    """Return R2 of the paper's forces, both observers, wings and axes."""
+    experiment = run(load_scenario("paper", ["simulation.duration=1.2", *settings]))
+    metrics: dict[str, Any] = experiment.metrics["observers"]
+    return np.array(
+        [metrics[o][w][f"F{x}"]["r2"] for o in experiment.estimates for w in ("left", "right") for x in "xyz"]
+    )
+
+
+def test_the_observer_finds_the_forces_as_well_with_added_mass_as_without() -> None:
+    """It knows nothing of air: a known channel more, and the same R2 to 2e-4."""
+    with_it, without = scores([]), scores(["air.added_mass=0.0"])
+    assert with_it.min() > 0.999
+    np.testing.assert_allclose(with_it, without, atol=2e-4)
+
+
+def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:
+    """The channel matters: without it the residual is wrong by tens of millinewton, several times the noise."""
+    from aerobat_pin.estimation.known_inputs import known_inputs
+    from aerobat_pin.observers import ForceLevelObserver
+
+    experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))
+    inputs, frames = known_inputs(experiment.log, experiment.robot), experiment.scenario.observers.frames
+    ignorant = {name: value for name, value in inputs.known.items() if name != "added_mass"}
+    truth = np.stack([true_force(experiment.log, frame)[0] for frame in frames], axis=1)
+    missed = []
+    for known in (inputs.known, ignorant):
+        observer = ForceLevelObserver(experiment.robot.model, frames, 2000.0)
+        force = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known).force
+        missed.append(float(np.sqrt(np.mean((force - truth) ** 2))))
+    assert missed[0] < 2e-3
+    assert missed[1] > 10.0 * missed[0]
+
+
+def test_wings_lighter_than_their_air_fly_without_trouble() -> None:
+    """Ten times the air's mass on 42 g of robot: as an explicit force this would diverge within a few steps."""
+    log = simulate(load_scenario("paper", ["air.added_mass=10.0", "simulation.duration=0.3", "simulation.dt=0.002"]))
+    assert np.all(np.isfinite(log.measured["q"].values))
+    assert np.max(np.abs(log.measured["v"].values[:, :3])) < 10.0

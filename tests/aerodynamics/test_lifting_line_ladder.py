@@ -1,0 +1,166 @@
+"""The lifting line agrees with the classics: Wagner, Theodorsen and Garrick in two dimensions, Prandtl in three.
+
+Two dimensions are the limit of a span far larger than the chord (1e9 m here), which leaves no downwash. Angles are
+small: the normal velocity of a section at incidence a and speed U is U a. Flapping is in test_stroke.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerobat_pin.aerodynamics import LiftingLine
+from aerobat_pin.aerodynamics.references import (
+    LATTICE_START,
+    elliptic,
+    jones,
+    jones_harmonic,
+    plunge,
+    rectangular,
+    theodorsen,
+    wagner,
+)
+from aerobat_pin.robot.aerobat import load_aerobat
+
+ENDLESS = 1e9  # [m]
+INCIDENCE = np.radians(5.0)
+
+
+def section(chord: float = 2.0, air_density: float = 1.0) -> LiftingLine:
+    """Return a wing without ends."""
+    return LiftingLine(ENDLESS, chord, strips=1, air_density=air_density)
+
+
+def rectangle(aspect_ratio: float, **options: Any) -> LiftingLine:
+    """Return a rectangular wing of unit chord in air of unit density."""
+    return LiftingLine(aspect_ratio, 1.0, air_density=1.0, **options)
+
+
+def test_lift_after_a_step_is_jones_function() -> None:
+    """Two-dimensional step of incidence, R. T. Jones (1938): c_l/c_l(inf) .500, .794, .973 at s = 0, 5, 40; to 1e-4."""
+    airspeed, chord = 4.0, 0.1
+    s = np.array([0.0, 5.0, 40.0])
+    lift = section(chord, 1.225).step_response(s * chord / 2.0 / airspeed, airspeed, 0.2)[:, 0]
+    ratio = lift / (np.pi * 1.225 * chord * airspeed * 0.2)
+    assert ratio == pytest.approx(jones(s), rel=0.0, abs=1e-6)
+    assert ratio == pytest.approx([0.500, 0.794, 0.973], rel=0.0, abs=5e-4)  # as printed
+    assert 1.0 - 0.165 * np.exp(-0.0455 * s) - 0.335 * np.exp(-0.3 * s) == pytest.approx(ratio, abs=1e-4)
+
+
+@pytest.mark.parametrize(("s", "exact"), [(0.0, 0.5), (1.0, 0.60061), (5.0, 0.78820), (10.0, 0.87504), (50.0, 0.97676)])
+def test_lift_after_a_step_is_near_wagners_exact_function(s: float, exact: float) -> None:
+    """Wagner (1925), exact to 1e-5; the fit of Jones is within 1.1 % of it."""
+    assert wagner(s) == pytest.approx(exact, rel=0.0, abs=1e-5)
+    assert section().step_response([s], 1.0, 1.0)[0, 0] / (2.0 * np.pi) == pytest.approx(exact, rel=0.011)
+
+
+def test_harmonic_lift_is_theodorsens() -> None:
+    """Lift over quasi-steady lift: C(k) of Jones to 1e-4, of Theodorsen (1935) to 2.34 %, worst near k = 0.5."""
+    k = np.geomspace(0.01, 10.0, 400)
+    lift = section().frequency_response(k, 1.0)[:, 0] / (2.0 * np.pi)
+    fit = 1.0 - 0.165j * k / (1j * k + 0.0455) - 0.335j * k / (1j * k + 0.300)
+    assert np.max(np.abs(lift - fit)) < 1e-4
+    assert np.max(np.abs(lift - jones_harmonic(k))) < 1e-8
+    error = np.abs(lift / theodorsen(k) - 1.0)
+    assert error.max() == pytest.approx(0.0234, abs=5e-5)
+    assert 0.4 < k[np.argmax(error)] < 0.6
+
+
+@pytest.mark.parametrize(
+    ("k", "real", "imaginary"), [(0.1, 0.8319, -0.1723), (0.5, 0.5979, -0.1507), (1.0, 0.5394, -0.1003)]
+)
+def test_theodorsens_function_has_its_tabulated_values(k: float, real: float, imaginary: float) -> None:
+    """Theodorsen, NACA report 496 (1935), table of F and G."""
+    assert complex(theodorsen(k)) == pytest.approx(complex(real, imaginary), abs=1e-4)
+
+
+def test_plunging_section_lifts_and_pulls_as_theodorsen_and_garrick_say() -> None:
+    """Plunge 10 mm at 5 Hz, 4 m/s, chord 0.1 m, 1.225 kg/m3; each within 1 %.
+
+    Lift amplitude 0.3139 N/m circulatory, 0.3038 N/m with added mass (Theodorsen 1935); mean thrust 0.0080 N/m (Garrick
+    1936).
+    """
+    theory = plunge(0.010, 5.0, 4.0, 0.1, 1.225)
+    assert [round(value, 4) for value in theory[:3]] == [0.3139, 0.3038, 0.0080]
+    line, omega = section(0.1, 1.225), 2.0 * np.pi * 5.0
+    lift = line.frequency_response(omega, 4.0, 0.010 * omega)[0]
+    assert abs(lift) == pytest.approx(theory.circulatory, rel=0.01)
+    assert abs(lift + 1j * omega * line.added_mass[0] * 0.010 * omega) == pytest.approx(theory.lift, rel=0.01)
+    w_eff = abs(lift) / (2.0 * np.pi * 1.225 * 0.05 * 4.0)
+    assert line.suction(w_eff)[0] / 2.0 == pytest.approx(theory.thrust, rel=0.01)  # the mean of a squared sine is half
+
+
+@pytest.mark.parametrize("strips", [1, 7, 16])
+@pytest.mark.parametrize(("aspect_ratio", "printed"), [(4.0, 0.36554), (6.0, 0.41123), (10.0, 0.45693)])
+def test_steady_elliptic_wing_is_prandtls(aspect_ratio: float, printed: float, strips: int) -> None:
+    """Closed form: CL = a0 a / (1 + a0/(pi AR)), CDi = CL^2/(pi AR), for any number of strips."""
+    root = 4.0 / (np.pi * aspect_ratio)
+    line = LiftingLine(1.0, lambda y: root * np.sqrt(1.0 - 4.0 * y**2), strips=strips, air_density=1.0)
+    lift, drag = elliptic(aspect_ratio, INCIDENCE)
+    assert round(lift, 5) == printed
+    assert line.steady_coefficients(INCIDENCE) == pytest.approx((lift, drag), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("aspect_ratio", "lift", "drag"),
+    [(4.0, 0.35154, 0.01011), (6.0, 0.39535, 0.00869), (10.0, 0.44042, 0.00670)],
+)
+def test_steady_rectangular_wing_is_glauerts(aspect_ratio: float, lift: float, drag: float) -> None:
+    """Prandtl's equation for a rectangle at 5 deg, by Glauert's series (1926) at other angles than the line's own."""
+    glauert = rectangular(aspect_ratio, INCIDENCE)
+    assert glauert == pytest.approx((lift, drag), rel=0.0, abs=5e-6)
+    assert rectangle(aspect_ratio, strips=60).steady_coefficients(INCIDENCE) == pytest.approx(glauert, rel=2e-6)
+    assert rectangle(aspect_ratio, strips=16).steady_coefficients(INCIDENCE) == pytest.approx(glauert, rel=1e-3)
+
+
+def test_impulsive_start_grows_as_the_vortex_lattice_says() -> None:
+    """Rectangle of aspect ratio 4 at 5 deg against an unsteady vortex lattice; s in semichords.
+
+    The line, which has one vortex per section, starts 11, 5 and 2 % above the lattice at s = 0.25, 1 and 2; at 5 and
+    10 the two agree within 0.5 %.
+    """
+    assert LATTICE_START == {0.25: 0.2476, 1.0: 0.2701, 2.0: 0.2894, 5.0: 0.3153, 10.0: 0.3270}
+    line = rectangle(4.0)
+    lift = 2.0 * line.step_response(np.array(list(LATTICE_START)) / 2.0, 1.0, INCIDENCE) @ line.width / line.area
+    ratio = lift / np.array(list(LATTICE_START.values())) - 1.0
+    assert ratio == pytest.approx([0.11, 0.05, 0.02, 0.0, 0.0], abs=0.005)
+
+
+def test_lag_is_shorter_on_a_short_wing() -> None:
+    """R. T. Jones (1940): of the final lift, a wing of finite span has more at the start than Wagner's half.
+
+    The downwash that has not come yet: at s = 0 the line has Phi0 U w_n, of a final lift that downwash has reduced.
+    """
+    starts = []
+    for line in (section(), rectangle(10.0), rectangle(4.0)):
+        lift = line.step_response([0.0, 1e4], 1.0, 1.0) @ line.width
+        starts.append(lift[0] / lift[1])
+    assert starts[0] == pytest.approx(0.5, abs=1e-6)
+    assert starts[0] < starts[1] < starts[2] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("strips", "rectangle_error", "aerobat_error"),
+    [(8, 3.1e-4, 8e-3), (12, 7e-5, 8e-3), (16, 2.3e-5, 4e-3), (20, 1e-5, 4e-3), (40, 1e-6, 1e-3)],
+)
+def test_sixteen_strips_are_enough_for_steady_lift(strips: int, rectangle_error: float, aerobat_error: float) -> None:
+    """Measured, against 200 strips: kinks of a planform, not its span, ask for strips."""
+    wing = load_aerobat().wing
+
+    def error(span: float, chord: Any) -> float:
+        lift = [LiftingLine(span, chord, strips=count).steady_coefficients(0.1)[0] for count in (strips, 200)]
+        return abs(lift[0] / lift[1] - 1.0)
+
+    assert error(0.4, 0.1) < rectangle_error
+    assert error(0.4, lambda y: 0.1 * np.sqrt(1.0 - (y / 0.2) ** 2)) < 1e-12
+    assert error(wing.span, wing.chord) < aerobat_error
+
+
+@pytest.mark.parametrize(("strips", "limit_ms"), [(16, 6.5), (40, 1.2)])
+def test_runge_kuttas_largest_stable_step_falls_with_the_square_of_the_strips(strips: int, limit_ms: float) -> None:
+    """Rectangle 0.40 m x 0.10 m at 4 m/s: the eigenvalues of A are near the real axis, whose limit is 2.785."""
+    values = np.linalg.eigvals(LiftingLine(0.4, 0.1, strips=strips).state_space(4.0).A)
+    assert 2785.0 / np.abs(values).max() == pytest.approx(limit_ms, abs=0.05)
+    assert np.all(values.real < 0.0)

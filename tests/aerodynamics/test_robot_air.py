@@ -1,0 +1,339 @@
+"""The air pushes each link of the robot where it should, mirrors with the motion, and never divides by a speed.
+
+Twists are those of each link at and in its own frame, linear part first, as Pinocchio's LOCAL velocities; still air.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.kernel_cases import instant
+
+from aerobat_description.morphology import Morphology
+from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
+from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.wing import LINKS, Wing
+from aerobat_pin.scenario.scenario import load_scenario
+
+SHAPE = Morphology.load("aerobat")
+WING = Wing(SHAPE)
+AIR = RobotAir(WING)
+NO_DRAG = replace(SHAPE.aerodynamics, profile_drag=0.0, body_drag_area=0.0)
+BARE = RobotAir(Wing(replace(SHAPE, tail=None, aerodynamics=NO_DRAG)), air_density=1.0)
+DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)
+MIRRORED_LINKS = [0, 3, 4, 1, 2]
+POLAR, AXIAL = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Aerobat:
+    """Load the default robot."""
+    return load_aerobat("aerobat")
+
+
+def twists_of(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return every link's twist in its own frame (5, 6)."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, q, v)
+    frames = [robot.model.getFrameId(link) for link in LINKS]
+    local = pin.ReferenceFrame.LOCAL
+    return np.array([pin.getFrameVelocity(robot.model, data, frame, local).vector for frame in frames])
+
+
+def gliding(speed: float, incidence: float) -> np.ndarray:
+    """Return the twists of a spread wing that glides straight at an incidence [rad] of the body."""
+    twist = np.array([speed * np.cos(incidence), 0.0, -speed * np.sin(incidence), 0.0, 0.0, 0.0])
+    return np.tile(twist, (5, 1))
+
+
+def settled(air: RobotAir, twists: np.ndarray) -> np.ndarray:
+    """Return the aerodynamic state that no longer changes under steady twists: the rates are affine in the state."""
+    size = air.state_size
+    offset = air.evaluate(twists, np.zeros(size))[1]
+    matrix = np.column_stack([air.evaluate(twists, unit)[1] - offset for unit in np.eye(size)])
+    return -np.linalg.solve(matrix, offset)
+
+
+def mirror_state(state: np.ndarray) -> np.ndarray:
+    """Swap left and right strips in each of the three kinds of state."""
+    return state.reshape(3, -1)[:, ::-1].ravel()
+
+
+def test_the_planform_has_the_published_area_and_spans() -> None:
+    """239.15 cm2 a wing; arc of 20.67 (shoulder), 69.47 (elbow) and 201.47 mm (tip) along the joint axes."""
+    assert 1e4 * WING.area == pytest.approx(239.15, abs=5e-3)
+    assert 1e3 * np.array(WING.breaks) == pytest.approx([20.6732, 69.4657, 201.4657], abs=5e-5)
+    assert 1e3 * WING.span == pytest.approx(402.93, abs=5e-3)
+    proximal, distal = SHAPE.wing.proximal_stations[-1], SHAPE.wing.distal_stations[-1]
+    assert 2.0 * (25e-3 + proximal + distal) == pytest.approx(0.414)  # the drawing's own span
+
+
+def test_each_strip_rides_on_the_link_under_it() -> None:
+    """Of 16 cosine strips 2 lie over the body, 1 on each proximal and 6 on each distal panel."""
+    assert np.bincount(AIR.link).tolist() == [2, 1, 6, 1, 6]
+    shoulder, elbow, tip = WING.breaks
+    for y, link, point in zip(AIR.line.y, AIR.link, AIR.mid_chord, strict=True):
+        start, stop = [(0.0, shoulder), (shoulder, elbow), (elbow, tip)][[0, 1, 2, 1, 2][link]]  # in the order of LINKS
+        assert start <= abs(y) <= stop
+        assert link == 0 or LINKS[link].startswith("left" if y > 0.0 else "right")
+        assert point[1] * y > 0.0
+
+
+def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
+    """Chords equal the planform's at root, elbow and mid-span; mid-chords lie half a chord behind the leading edge."""
+    shoulder, elbow, tip = WING.breaks
+    assert WING.chord([0.0, shoulder, elbow, elbow + 84e-3, tip]) == pytest.approx(
+        [159.1e-3, 159.1e-3, 187.5e-3, 100.95e-3, 25e-3]
+    )
+    assert AIR.line.chord == pytest.approx(WING.chord(AIR.line.y))
+    # In world axes, wings spread, a strip's leading edge lies where the arc and the planform put it.
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    for y, link, point, chord in zip(AIR.line.y, AIR.link, AIR.mid_chord, AIR.line.chord, strict=True):
+        place = data.oMf[robot.model.getFrameId(LINKS[link])].act(point)
+        assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
+
+
+def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
+    """Steady lifting line on the planform, 5 deg, 3 m/s, 1 kg/m3, body gap at root chord: 78.6 mN upward.
+
+    Independent solution: rho U times the integral of Prandtl's circulation. The figure is the vertical force, lift
+    and suction together; the normal force alone is 0.1 % less.
+    """
+    speed, incidence = 3.0, np.radians(5.0)
+    twists = gliding(speed, incidence)
+    state = settled(BARE, twists)
+    wrenches, rates, strips = BARE.evaluate(twists, state)
+    assert np.max(np.abs(rates)) < 1e-12
+    upward = strips.force_z.sum() * np.cos(incidence) + strips.force_x.sum() * np.sin(incidence)
+    assert 1e3 * upward == pytest.approx(78.6, abs=0.05)
+    assert 1e3 * strips.force_z.sum() == pytest.approx(78.52, abs=0.05)
+    # Prandtl's equation for the same chords, written out with its sines.
+    n, theta = np.arange(1, 17), BARE.line.theta
+    sines = np.sin(np.outer(theta, n))
+    chord = WING.chord(0.5 * WING.span * np.cos(theta))
+    induced = sines * n / (2.0 * WING.span * np.sin(theta)[:, None])
+    normal = speed * np.sin(incidence) * np.cos(incidence)
+    modes = np.linalg.solve(sines / (np.pi * chord[:, None]) + induced, np.full(16, normal))
+    assert strips.force_z.sum() == pytest.approx(speed * np.pi * WING.span / 4.0 * modes[0], rel=1e-9)
+    assert wrenches[:, [0, 2]].sum(axis=0) == pytest.approx([strips.force_x.sum(), strips.force_z.sum()], rel=1e-12)
+
+
+@settings(max_examples=20, derandomize=True)
+@given(SEEDS)
+def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
+    """A loop over strips: force (f_x, 0, f_z) of each at its own point, moment about its own link's origin."""
+    rng = np.random.default_rng(seed)
+    wrenches, _, strips = BARE.evaluate(rng.normal(size=(5, 6)), 0.1 * rng.normal(size=BARE.state_size))
+    expected = np.zeros((5, 6))
+    for i, link in enumerate(BARE.link):
+        force = np.array([strips.force_x[i], 0.0, strips.force_z[i]])
+        point = BARE.mid_chord[i] + [strips.lead[i] * BARE.line.chord[i] / 4.0, 0.0, 0.0]
+        expected[link] += np.concatenate([force, np.cross(point, force)])
+    assert wrenches == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
+
+
+@settings(max_examples=20, derandomize=True)
+@given(SEEDS)
+def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
+    """A loop over strips: speed of the 3/4-chord point, incidence, lift a0 rho b U w_eff, suction a0 rho b w_eff^2."""
+    rng = np.random.default_rng(seed)
+    twists, state = gliding(4.0, 0.0) + rng.normal(size=(5, 6)), 0.01 * rng.normal(size=AIR.state_size)
+    _, rates, strips = AIR.evaluate(twists, state)
+    line, cd0 = AIR.line, SHAPE.aerodynamics.profile_drag
+    for i, link in enumerate(AIR.link):
+        middle = twists[link, :3] + np.cross(twists[link, 3:], AIR.mid_chord[i])
+        speed, b = np.hypot(middle[0], middle[2]), line.chord[i] / 2.0
+        lead = 0.5 * middle[0] / speed * (3.0 - (middle[0] / speed) ** 2)
+        aft = AIR.mid_chord[i] - [lead * line.chord[i] / 4.0, 0.0, 0.0]
+        velocity = twists[link, :3] + np.cross(twists[link, 3:], aft)
+        u, w = velocity[0], -velocity[2]
+        zeta1, zeta2, circulation = state.reshape(3, -1)[:, i]
+        w_n = w * abs(u) / speed - line.downwash[i] @ state.reshape(3, -1)[2]
+        w_eff = 0.5 * w_n + speed / b * (0.165 * 0.0455 * zeta1 + 0.335 * 0.300 * zeta2)
+        assert strips.incidence[i] == pytest.approx(np.arctan2(w, u), rel=1e-12)
+        assert strips.effective_velocity[i] == pytest.approx(w_eff, rel=1e-9, abs=1e-12)
+        assert strips.circulation[i] == circulation
+        drag = 1.225 * b * cd0 * speed * np.array([-u, w])
+        lift = 2.0 * np.pi * 1.225 * b * speed * w_eff
+        suction = lead * 2.0 * np.pi * 1.225 * b * w_eff**2
+        assert strips.force_x[i] / line.width[i] == pytest.approx(suction + drag[0], rel=1e-9, abs=1e-9)
+        assert strips.force_z[i] / line.width[i] == pytest.approx(lift + drag[1], rel=1e-9, abs=1e-9)
+        kutta = 1.225 * (speed * circulation + 2.0 * b * rates.reshape(3, -1)[2, i])
+        assert kutta == pytest.approx(lift, rel=1e-9, abs=1e-9)
+
+
+@settings(max_examples=30, derandomize=True)
+@given(SEEDS)
+def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
+    """Reflection in the x-z plane: velocities and forces flip y, rates and moments flip x and z, sides change."""
+    rng = np.random.default_rng(seed)
+    twists, state = 3.0 * rng.normal(size=(5, 6)), 0.1 * rng.normal(size=AIR.state_size)
+    flip = np.concatenate([POLAR, AXIAL])
+    wrenches, rates, strips = AIR.evaluate(twists, state)
+    mirrored, mirrored_rates, mirrored_strips = AIR.evaluate(twists[MIRRORED_LINKS] * flip, mirror_state(state))
+    assert mirrored == pytest.approx(wrenches[MIRRORED_LINKS] * flip, rel=1e-9, abs=1e-9 * np.abs(wrenches).max())
+    assert mirrored_rates == pytest.approx(mirror_state(rates), rel=1e-9, abs=1e-9 * np.abs(rates).max())
+    assert mirrored_strips.force_z == pytest.approx(strips.force_z[::-1], rel=1e-9, abs=1e-9)
+
+
+def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Aerobat) -> None:
+    """Equal joint angles and rates on both sides: total wrench on the base has no y force, x and z moment."""
+    closure = robot.linkage.solve(0.7, 30.0)
+    q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
+    v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
+    wrenches, _, _ = AIR.evaluate(twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
+    total = sum(place.act(pin.Force(wrench)).vector for place, wrench in zip(places, wrenches, strict=True))
+    assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
+
+
+def test_the_air_does_not_care_where_the_robot_is_or_heads(robot: Aerobat) -> None:
+    """Loads follow from link twists alone: another place and attitude with the same body twist changes nothing."""
+    rng = np.random.default_rng(6)
+    q, v, state = pin.neutral(robot.model), rng.normal(size=10), 0.1 * rng.normal(size=AIR.state_size)
+    q[7:] = rng.uniform(-1.0, 0.5, 4)
+    moved = q.copy()
+    moved[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)))
+    here, there = (AIR.evaluate(twists_of(robot, place, v), state) for place in (q, moved))
+    assert there[0] == pytest.approx(here[0], abs=1e-12)
+    assert there[1] == pytest.approx(here[1], abs=1e-12)
+
+
+@settings(max_examples=30, derandomize=True)
+@given(SEEDS)
+def test_drag_alone_never_gives_energy(seed: int) -> None:
+    """Power of body and profile drag is negative: wrench . twist <= 0 for a wing that carries no lift states.
+
+    With w_eff = 0, the state that cancels it, lift and suction vanish and only drag is left.
+    """
+    rng = np.random.default_rng(seed)
+    air = RobotAir(Wing(replace(SHAPE, tail=None)))
+    twist = np.concatenate([3.0 * rng.normal(size=3), np.zeros(3)])
+    twists = np.tile(twist, (5, 1))
+    line, (u, w) = air.line, (twist[0], -twist[2])
+    speed = np.hypot(u, w)
+    normal = np.full(line.strips, w * abs(u) / speed)
+    zeta = -0.5 * normal / (speed / line.semichord * 0.335 * 0.300)
+    wrenches, _, strips = air.evaluate(twists, np.concatenate([0.0 * zeta, zeta, 0.0 * zeta]))
+    assert np.max(np.abs(strips.effective_velocity)) < 1e-14
+    power = float(np.sum(wrenches[:, :3] * twists[:, :3]))
+    body = -0.5 * 1.225 * SHAPE.aerodynamics.body_drag_area * np.linalg.norm(twist[:3]) ** 3
+    profile = -0.5 * 1.225 * SHAPE.aerodynamics.profile_drag * float(line.width @ line.chord) * speed**3
+    assert power == pytest.approx(body + profile, rel=1e-9)
+    assert power < 0.0
+
+
+def test_body_drag_opposes_the_motion_of_the_body() -> None:
+    """Force -rho/2 CdA |v| v at the body's centre of mass, whatever the direction, and no moment."""
+    air, without = (
+        RobotAir(Wing(replace(SHAPE, aerodynamics=replace(NO_DRAG, body_drag_area=area)))) for area in (8e-4, 0.0)
+    )
+    twists, state = np.random.default_rng(10).normal(size=(5, 6)), np.zeros(AIR.state_size)
+    drag = air.evaluate(twists, state)[0] - without.evaluate(twists, state)[0]
+    velocity = twists[0, :3]
+    expected = -0.5 * 1.225 * 8e-4 * np.linalg.norm(velocity) * velocity
+    assert drag[0] == pytest.approx([*expected, 0.0, 0.0, 0.0], abs=1e-15)
+    assert not drag[1:].any()
+
+
+@pytest.mark.parametrize("span_chord", [(0.1, 0.06), (0.05, 0.03)])
+def test_the_tail_pushes_against_sink_and_pitching(span_chord: tuple[float, float]) -> None:
+    """Flat plate 2 pi/(1 + 2/AR): sinking lifts it (nose down), pitching nose up is damped, its nose-up angle lifts."""
+    span, chord = span_chord
+    tail = replace(SHAPE.tail, span=span, chord=chord)
+    air, without = (RobotAir(Wing(replace(DRAGLESS, tail=t))) for t in (tail, None))
+
+    def push(twists: np.ndarray, which: RobotAir = air) -> np.ndarray:
+        state = np.zeros(air.state_size)
+        return which.evaluate(twists, state)[0][0] - without.evaluate(twists, state)[0][0]
+
+    twists, slope = gliding(3.0, 0.0) + np.random.default_rng(11).normal(size=(5, 6)), 2.0 / (1.0 + 2.0 * chord / span)
+    velocity = twists[0, :3] + np.cross(twists[0, 3:], tail.position)
+    lift = np.array([0.0, 0.0, -0.5 * 1.225 * span * chord * np.pi * slope * velocity[0] * velocity[2]])
+    assert push(twists) == pytest.approx([*lift, *np.cross(tail.position, lift)], rel=1e-9, abs=1e-15)
+    sinking = push(gliding(3.0, np.radians(2.0)))
+    assert min(sinking[2], sinking[4]) > 0.0
+    pitching = gliding(3.0, 0.0)
+    pitching[:, 4] = -1.0  # nose up, so the tail moves down
+    assert push(pitching)[4] > 0.0
+    raised = RobotAir(Wing(replace(DRAGLESS, tail=replace(tail, incidence=0.03))))
+    assert push(gliding(3.0, 0.0), raised)[2] > 0.0
+    wash = np.concatenate([np.zeros(32), np.full(16, 0.1)])  # lifting wing: its downwash presses the tail
+    washed, clear = (which.evaluate(gliding(3.0, 0.0), wash)[0][0, 2] for which in (air, without))
+    down = SHAPE.aerodynamics.tail_downwash_factor * 0.1 * air.line.centre_downwash.sum()
+    assert washed - clear == pytest.approx(-0.5 * 1.225 * span * chord * np.pi * slope * 3.0 * down, rel=1e-9)
+
+
+@pytest.mark.parametrize("incidence", [0.0, 30.0, 90.0, 150.0, 180.0, -90.0])
+@pytest.mark.parametrize("speed", [0.0, 1e-300, 1e-9, 5.0])
+def test_any_speed_and_incidence_gives_finite_loads_without_a_warning(speed: float, incidence: float) -> None:
+    """Rest, creeping, broadside and backward flight, and one link still among moving ones.
+
+    Only at 1e-300 m/s, whose square is no longer a number, may a product round to zero.
+    """
+    twists = gliding(speed, np.radians(incidence))
+    state = 0.1 * np.random.default_rng(9).normal(size=AIR.state_size)
+    with np.errstate(all="raise", under="ignore" if speed == 1e-300 else "raise"):
+        for still in (None, 0, 2):
+            if still is not None:
+                twists[still] = 0.0
+            for array in AIR.evaluate(twists, state)[:2]:
+                assert np.all(np.isfinite(array))
+    if speed == 0.0:
+        wrenches, _, _ = AIR.evaluate(gliding(0.0, 0.0), np.zeros(AIR.state_size))
+        assert not wrenches.any()
+
+
+def test_broadside_flow_makes_no_lift_but_drag() -> None:
+    """At 90 deg the normal velocity along the chord is nil: from rest, only drag acts, against the motion."""
+    wrenches, rates, strips = AIR.evaluate(gliding(2.0, np.pi / 2.0), np.zeros(AIR.state_size))
+    assert np.max(np.abs(strips.effective_velocity)) < 1e-15
+    assert np.all(strips.force_z > 0.0)
+    assert wrenches[0, 2] > 0.0
+    assert np.max(np.abs(rates)) < 1e-14
+
+
+def test_the_logged_power_is_wrench_times_twist_and_what_the_added_mass_takes(robot: Aerobat) -> None:
+    """At one instant in a wind: sum over links of wrench . twist, and the same power by way of generalised forces."""
+    scenario = load_scenario("paper", ["air.wind=[1.0, 0.5, -0.3]", "air.warm_up_cycles=1"])
+    plant = Plant(load_robot(scenario), scenario)
+    q, v, joints, air, held = instant(plant, 5)
+    forces = plant.rates(q, v, joints, air, held)[2]
+    loads, twists = forces.link_wrench[0], twists_of(plant.robot, q, v)
+    assert forces.aerodynamic[0] @ v == pytest.approx(float(np.sum(loads * twists)), rel=1e-11)
+    assert forces.air_power[0] == pytest.approx(float(np.sum(loads * twists) + forces.added_mass[0] @ v), rel=1e-11)
+    assert forces.motor_power[0] == pytest.approx(forces.motor[0] @ v, rel=1e-11)
+
+
+def test_the_log_holds_what_each_strip_and_link_does() -> None:
+    """Incidence, downwash, circulation and forces per strip; wrench per link; power; as the object gives them."""
+    scenario = load_scenario("paper", ["simulation.duration=0.01"])
+    log, plant = simulate(scenario), Plant(load_robot(scenario), scenario)
+    twists = twists_of(plant.robot, log.measured["q"].values[7], log.measured["v"].values[7])
+    _, _, strips = plant.air.evaluate(twists, log.truth["air_state"].values[7])
+    for name, found in (
+        ("airspeed", strips.airspeed),
+        ("incidence", strips.incidence),
+        ("downwash", strips.downwash),
+        ("circulation", strips.circulation),
+        ("strip_force_x", strips.force_x),
+        ("strip_force_z", strips.force_z),
+    ):
+        assert log.truth[name].dims == ("interval", "strip")
+        assert log.truth[name].values[7] == pytest.approx(found, rel=1e-9, abs=1e-12)
+    downwash = plant.air.line.downwash @ strips.circulation
+    assert strips.downwash == pytest.approx(downwash, rel=1e-9, abs=1e-12)
+    assert log.truth["link_wrench"].shape == (10, 5, 6)
+    assert log.truth["air_power"].attrs["units"] == "W"

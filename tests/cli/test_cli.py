@@ -1,0 +1,297 @@
+"""The command line: what it writes, and that a mistake costs one message, exit code 2 and nothing else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from support.commands import call, interrupted
+
+from aerobat_pin.cli import app as cli
+from aerobat_pin.experiments.experiment import run, write_metrics
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.scenario.scenario import load_scenario
+
+SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
+
+
+def test_a_run_writes_what_it_promises(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Log, estimates, metrics and scenario; the table ends with the list of files."""
+    out = tmp_path / "result"
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--seed", "5", *SHORT) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["estimate.nc", "flight.nc", "metrics.json", "scenario.toml"]
+    printed = capsys.readouterr().out
+    assert "attitude held, 79 % thruster-borne" in printed
+    assert "force_level" in printed
+    assert str(out / "flight.nc") in printed
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["scenario"] == "paper"
+    assert metrics["seed"] == 5
+    assert set(metrics["observers"]) == {"momentum", "force_level"}
+    one = metrics["observers"]["momentum"]
+    assert set(one["left"]["Fx"]) == {"r2", "r2_noise_free", "rmse", "lag_s"}
+    assert {"rank", "condition", "null_direction"} <= set(one)
+    keys = {"position_end", "z_range", "roll_range", "pitch_range", "yaw_range"}
+    assert keys <= set(metrics["flight"])
+    log = FlightLog.load(out / "flight.nc")
+    assert log.truth is not None
+    assert log.measured["q"].attrs["units"]
+    assert log.measured["q"].shape == (21, 11)
+    estimate = xr.load_dataset(out / "estimate.nc", engine="h5netcdf")
+    assert estimate["force_W"].dims == ("observer", "interval", "point", "axis")
+    assert bool(np.isfinite(estimate["force_W"]).all())
+
+
+def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Running `scenario.toml` reproduces `metrics.json` to the last bit."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert call(monkeypatch, "run", "paper", "--out", str(first), "--no-report", *SHORT) == 0
+    assert call(monkeypatch, "run", str(first / "scenario.toml"), "--out", str(second), "--no-report") == 0
+    assert (first / "metrics.json").read_bytes() == (second / "metrics.json").read_bytes()
+
+
+def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> None:
+    """To the last bit, with noisy forces and sensors: two fresh processes, and this one, twice."""
+    program, written = [sys.executable, "-m", "aerobat_pin.cli.app", "run", "noisy_sensors", "--no-report", *SHORT], []
+    for name in ("first", "second"):
+        subprocess.run([*program, "--out", str(tmp_path / name)], check=True, capture_output=True)
+        written.append((tmp_path / name / "metrics.json").read_bytes())
+    for _ in range(2):
+        write_metrics(run(load_scenario("noisy_sensors", SHORT[1::2])).metrics, tmp_path)
+        written.append((tmp_path / "metrics.json").read_bytes())
+    assert len(set(written)) == 1
+
+
+def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, only where sensors err and an R2 is below 0."""
+    for name, settings, hints in (
+        ("noisy", ["sensors.gyro.noise=1.0"], 1),
+        ("fine", ["sensors.gyro.noise=1e-9"], 0),
+    ):
+        words = [word for one in settings for word in ("--set", one)]
+        out = str(tmp_path / name)
+        assert call(monkeypatch, "run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
+        printed = capsys.readouterr().out
+        assert printed.count("a smaller observers.gain follows the sensors' noise less") == hints
+        clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum ")]
+        assert (min(clean) < 0.0) == bool(hints)
+
+
+def test_only_the_observers_asked_for_are_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`--observer` may be repeated and replaces the scenario's choice."""
+    out = tmp_path / "one"
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--observer", "momentum", *SHORT) == 0
+    assert list(json.loads((out / "metrics.json").read_text())["observers"]) == ["momentum"]
+
+
+def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without --force the folder is refused untouched; with it only our own files change."""
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    (out / "report.html").write_text("old")
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 2
+    assert "not empty; --force" in capsys.readouterr().err
+    assert sorted(path.name for path in out.iterdir()) == ["notes.txt", "report.html"]
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 0
+    assert (out / "notes.txt").read_text() == "mine"
+    assert not (out / "report.html").exists(), "an old report would not belong to the new numbers"
+    assert (out / "metrics.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "papr"], "no scenario 'papr'"),
+        (["run", "paper", "--set", "simulation.dt=-1"], "simulation.dt = -1"),
+        (["run", "paper", "--set", "observers.gain=-1"], "observers.gain = -1"),
+        (["run", "paper", "--set", "unknown_force.0.frame=wing"], "the robot's frames are"),
+        (["run", "paper", "--set", "robot.changes.linkage.L3b=0.002"], "cannot close at J4"),
+        (["run", "paper", "--observer", "magic"], "choose from momentum, force_level"),
+        (["run", "paper", "--seed", "-3"], "simulation.seed = -3"),
+        (["run", "paper", "--set", "air.strips=60"], "the flight diverged at t = "),
+        (["run", "paper", "--set", "flight.velocity=[300, 0, 0]"], "the flight diverged at t = "),
+        (["run", "paper", "--set", "simulation.dt=0.0015"], "duration = 0.01 s is not a whole number of steps"),
+        (["run", "paper", "--set", "crank.frequency=0.001"], "at most 60 s are allowed"),
+    ],
+)
+def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
+    arguments: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """No traceback, no folder, not even `runs/`."""
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, *arguments, *(["--set", "simulation.duration=0.01"] if len(arguments) > 2 else [])) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert "Traceback" not in printed.err
+    assert printed.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file in the way, as the folder itself or as one of its parents."""
+    (tmp_path / "file").write_text("")
+    for out in ("file", "file/below"):
+        assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / out), *SHORT) == 2
+        assert "error: output" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == ""
+
+
+def test_a_way_that_leads_through_a_missing_folder_is_followed_before_it_is_judged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`missing/../mine` is `mine`: not empty, so refused, and nothing is made on the way."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "metrics.json").write_text("mine")
+    assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / "missing" / ".." / "mine"), *SHORT) == 2
+    assert "not empty" in capsys.readouterr().err
+    assert (tmp_path / "mine" / "metrics.json").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_what_a_killed_run_left_is_swept_away(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A work folder of a run that was killed does not make the folder count as full."""
+    (tmp_path / ".aerobat-dead").mkdir()
+    assert call(monkeypatch, "run", "paper", "--out", str(tmp_path), "--no-report", *SHORT) == 0
+    assert not (tmp_path / ".aerobat-dead").exists()
+
+
+def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_results(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A relative morphology means: relative to the scenario file; the results hold a copy and run again anywhere."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "bird.toml").write_text('extends = "aerobat_guard"\nname = "bird"\n[body]\nmass = 0.09\n')
+    scenario = '[robot]\nmorphology = "bird.toml"\n[simulation]\nduration = 0.01\n[air]\nwarm_up_cycles = 0\n'
+    (mine / "flight.toml").write_text(f'name = "flight"\n{scenario}')
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "run", "mine/flight.toml", "--no-report") == 0
+    first = tmp_path / "runs" / "flight"
+    (mine / "bird.toml").unlink()
+    moved = tmp_path / "moved"
+    first.rename(moved)
+    assert call(monkeypatch, "run", "moved/scenario.toml", "--out", "again", "--no-report") == 0
+    assert (moved / "metrics.json").read_bytes() == (tmp_path / "again" / "metrics.json").read_bytes()
+
+
+def test_nan_in_a_scenario_file_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """TOML knows nan; a scenario does not."""
+    file = tmp_path / "nan.toml"
+    file.write_text('name = "nan"\n[flight]\nvelocity = [nan, 0.0, 0.0]\n')
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "run", "nan.toml") == 2
+    assert "flight.velocity.0 = nan: input should be a finite number" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["nan.toml"]
+
+
+def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What was written before the failure goes away with it, and the folder is as it was."""
+    from aerobat_pin.experiments import experiment
+
+    out = tmp_path / "run"
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("disk on fire")
+
+    monkeypatch.setattr(experiment, "estimate_dataset", fail)
+    monkeypatch.setattr(sys, "argv", ["aerobat", "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT])
+    with pytest.raises(RuntimeError):
+        cli.main()
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_ctrl_c_leaves_a_line_and_nothing_else(tmp_path: Path) -> None:
+    """While it flies: exit code 130, no traceback, no folder."""
+    words = ["run", "paper", "--out", "result", "--set", "simulation.duration=100"]
+    done = interrupted(*words, cwd=tmp_path, at="result/*")
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert done.stderr.endswith("interrupted: nothing was written\n")
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_trim_writes_a_scenario_that_flies(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Standard output alone is the scenario; with --out it is a file, and the summary is printed."""
+    assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 0
+    assert "6.696 Hz, wing offset -80.02 mm" in capsys.readouterr().out
+    assert call(monkeypatch, "trim", "paper_open_loop", "--set", "crank.frequency=6.8") == 0
+    assert capsys.readouterr().err.startswith("from a first guess of 6.8 Hz: 6.696 Hz, ")
+    assert call(monkeypatch, "trim", "paper_open_loop") == 0
+    printed = capsys.readouterr()
+    assert printed.out == (tmp_path / "found.toml").read_text()
+    assert "doubles in" in printed.err
+    out = str(tmp_path / "run")
+    short = ["--set", "simulation.duration=0.02"]
+    assert call(monkeypatch, "run", str(tmp_path / "found.toml"), "--out", out, "--no-report", *short) == 0
+    assert call(monkeypatch, "trim", "paper", "--set", "crank.frequency=0") == 2
+    before = sorted(path.name for path in tmp_path.iterdir())
+    for target, message in (("found.toml", "exists; --force"), ("run", "is a folder"), ("no/where.toml", "no folder")):
+        capsys.readouterr()
+        assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / target)) == 2
+        assert message in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert call(monkeypatch, "trim", "paper_open_loop", "--force", "--out", str(tmp_path / "found.toml")) == 0
+
+
+def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder that takes no files, as one of somebody else's; the search takes a minute, the answer does not."""
+    from aerobat_pin.experiments import output_folder as output
+    from aerobat_pin.flight import trim
+
+    monkeypatch.setattr(trim, "trim", lambda *_: pytest.fail("it was sought"))
+    monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
+    assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
+    assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err
+
+
+def test_doctor_finds_this_installation_healthy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line per finding; exit code 0 where all is well."""
+    code = call(monkeypatch, "doctor")
+    printed = capsys.readouterr().out
+    assert "pinocchio" in printed
+    assert code == 0, printed
+
+
+def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Scenarios, sweeps, morphologies, observers."""
+    assert call(monkeypatch, "list") == 0
+    printed = capsys.readouterr().out
+    for name in ("paper", "observer_benchmark", "gain_noise", "aerobat_guard", "momentum", "force_level"):
+        assert name in printed
+
+
+def test_the_program_starts_without_importing_what_it_does_not_need() -> None:
+    """`import aerobat_pin` and the command line's own import pull in neither Pinocchio nor matplotlib nor meshcat."""
+    heavy = "{'pinocchio', 'matplotlib', 'meshcat', 'scipy', 'xarray', 'numpy'}"
+    code = f"import sys, aerobat_pin, aerobat_pin.cli.app; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

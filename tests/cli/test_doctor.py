@@ -1,0 +1,304 @@
+"""The doctor, in installations that are sick in a known way."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from aerobat_pin.cli import doctor
+from aerobat_pin.cli.doctor import Finding, check, satisfies, satisfies_by_release
+
+FAKE = "__version__ = {version!r}\ndef crba(): ...\n"
+
+
+@pytest.fixture(autouse=True)
+def clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Start from a shell that sets nothing."""
+    for variable in ("PYTHONPATH", "LD_LIBRARY_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+def by_name(findings: list[Finding]) -> dict[str, Finding]:
+    """Return findings by name; two of one name would hide one."""
+    named = {one.name: one for one in findings}
+    assert len(named) == len(findings)
+    return named
+
+
+def distribution(folder: Path, name: str, version: str) -> None:
+    """Write the metadata of an installed distribution."""
+    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+
+
+def foreign_pinocchio(folder: Path, source: str) -> Path:
+    """Write a package `pinocchio` into a folder as a foreign installation has it."""
+    (folder / "pinocchio").mkdir(parents=True)
+    (folder / "pinocchio" / "__init__.py").write_text(source)
+    return folder
+
+
+def test_this_installation_is_healthy() -> None:
+    """Where the tests run, everything is found, and every finding has its advice in one line."""
+    findings = by_name(check())
+    assert [str(one) for one in findings.values() if not one.ok] == []
+    assert all(one.detail and one.advice and "\n" not in one.detail + one.advice for one in findings.values())
+    expected = {"python", "platform", "pinocchio", "pin", "numpy", "typer", "viewer", "description", "URDF", "browser"}
+    assert expected <= set(findings)
+    assert "cmeel.prefix" in findings["pinocchio"].detail
+    assert "42.132 g" in findings["URDF"].detail
+
+
+def test_a_finding_prints_its_advice_only_when_it_is_needed() -> None:
+    """One line if well, two if not."""
+    assert str(Finding("numpy", True, "2.4", "pip install numpy")) == "ok   numpy: 2.4"
+    assert str(Finding("numpy", False, "1.0", "pip install numpy")) == "BAD  numpy: 1.0\n  -> pip install numpy"
+
+
+@pytest.mark.parametrize("compare", [satisfies, satisfies_by_release])
+@pytest.mark.parametrize(
+    ("version", "rule", "expected"),
+    [
+        ("4.10.0", ">=4.9", True),  # as text, 4.10 comes before 4.9
+        ("4.1", ">=4.1.0,<5", True),
+        ("4.1.0", ">4.1", False),
+        ("3.9.0", ">=4.1,<5", False),
+        ("5.0", "<5,>=4.1", False),
+        ("3.11.7", "<3.14, >=3.11", True),
+        ("2026.9.0", ">=2024.1", True),
+        ("2.0.0", "!=2.0", False),
+        ("27.3.0.post1", ">=27", True),
+        ("1.0", "", True),
+        ("", ">=1", False),
+        ("", "", False),
+    ],
+)
+def test_versions_are_compared_by_numbers_with_and_without_packaging(
+    version: str, rule: str, expected: bool, compare: object
+) -> None:
+    """Both ways agree."""
+    assert callable(compare)
+    assert compare(version, rule) is expected
+
+
+def test_versions_can_be_compared_where_packaging_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`packaging` comes with matplotlib: a broken installation may not have it."""
+    monkeypatch.setitem(sys.modules, "packaging.specifiers", None)
+    assert satisfies("4.10", ">=4.9")
+    assert not satisfies("4.8", ">=4.9")
+
+
+def test_an_old_pin_is_named_with_the_version_that_is_wanted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The distribution found first counts."""
+    distribution(tmp_path, "pin", "3.9.0")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    finding = by_name(check())["pin"]
+    assert not finding.ok
+    assert "3.9.0" in finding.detail
+    assert ">=4.1" in finding.advice
+
+
+def test_the_package_called_pinocchio_is_unmasked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """It is a plugin of a test runner; whoever installs it wanted `pin`."""
+    distribution(tmp_path, "pinocchio", "0.5.1")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    finding = by_name(check())["pinocchio's namesake"]
+    assert not finding.ok
+    assert "uninstall pinocchio" in finding.advice
+
+
+def test_a_real_pinocchio_that_registers_under_that_name_is_left_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Builds from source may call themselves so."""
+    distribution(tmp_path, "pinocchio", "4.1.0")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert by_name(check())["pinocchio's namesake"].ok
+
+
+def test_a_module_that_is_not_the_robot_library_is_recognised(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """It imports, but it has no algorithm; the checks that need one are left out."""
+    monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(tmp_path, "")))
+    findings = by_name(check())
+    assert not findings["pinocchio"].ok
+    assert "something else" in findings["pinocchio"].detail
+    assert "URDF" not in findings
+
+
+def test_pinocchio_from_ros_is_named_with_its_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A sourced ROS shell puts its own Pinocchio before pip's."""
+    folder = tmp_path / "opt" / "ros" / "jazzy" / "lib" / "python3.12" / "site-packages"
+    monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(folder, FAKE.format(version="3.4.0"))))
+    findings = by_name(check())
+    assert not findings["pinocchio"].ok
+    assert "3.4.0" in findings["pinocchio"].detail
+    assert not findings["pinocchio's sources"].ok
+    assert "of ROS" in findings["pinocchio's sources"].detail
+    assert not findings["PYTHONPATH"].ok
+    assert str(folder / "pinocchio") in findings["PYTHONPATH"].detail
+    assert "unset PYTHONPATH" in findings["PYTHONPATH"].advice
+
+
+def test_a_second_pinocchio_of_the_right_version_is_a_clash_too(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Conda's beside pip's: both have libraries of the same names."""
+    (tmp_path / "conda-meta").mkdir()
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    folder = foreign_pinocchio(tmp_path / "lib", FAKE.format(version="4.1.0"))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    findings = by_name(check())
+    assert findings["pinocchio"].ok
+    assert not findings["pinocchio's sources"].ok
+    assert "of conda" in findings["pinocchio's sources"].detail
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("raise ImportError('libboost_python311.so: cannot open shared object file')", "libboost_python311.so"),
+        ("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)", "ends the process with code -11"),
+    ],
+)
+def test_an_import_that_fails_or_crashes_is_a_finding(
+    source: str, message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The doctor survives it."""
+    monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(tmp_path, source)))
+    findings = by_name(check())
+    assert not findings["pinocchio"].ok
+    assert message in findings["pinocchio"].detail
+    assert "URDF" not in findings
+
+
+def test_a_search_path_that_brings_nothing_of_ours_is_no_complaint(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Other people's folders, folders that do not exist, and this package itself unpacked with what it needs."""
+    together = tmp_path / "together"
+    for name in ("numpy", "aerobat_pin"):
+        (together / name).mkdir(parents=True)
+    (tmp_path / "other").mkdir()
+    monkeypatch.setattr(doctor, "_pinocchio", lambda: iter(()))  # its import would meet the empty numpy
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path / 'missing'}:{tmp_path / 'other'}::{together}")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path / "other"))
+    findings = by_name(check())
+    assert findings["PYTHONPATH"].ok
+    assert findings["LD_LIBRARY_PATH"].ok
+
+
+def test_foreign_libraries_before_ours_are_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The loader takes them from LD_LIBRARY_PATH, whatever Python imports."""
+    (tmp_path / "libpinocchio_default.so.3.4.0").write_bytes(b"")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    finding = by_name(check())["LD_LIBRARY_PATH"]
+    assert not finding.ok
+    assert "libpinocchio_default" in finding.detail
+
+
+def test_a_requirement_that_is_missing_or_old_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """By the project's own metadata; extras are not required."""
+    distribution(tmp_path, "pydantic", "1.10.2")
+    distribution(tmp_path, "aerobat-pinocchio", "0.1.0")
+    with (tmp_path / "aerobat_pinocchio-0.1.0.dist-info" / "METADATA").open("a") as file:
+        file.write("Requires-Python: >=3.11\nRequires-Dist: pydantic<3,>=2.7\nRequires-Dist: nosuchthing[fast]>=1.2\n")
+        file.write('Requires-Dist: norsuch>=1; extra == "test"\n')
+    monkeypatch.syspath_prepend(str(tmp_path))
+    findings = by_name(check())
+    assert not findings["pydantic"].ok
+    assert "1.10.2" in findings["pydantic"].detail
+    assert findings["nosuchthing"].detail == "not installed (wanted: >=1.2)"
+    assert findings["nosuchthing"].advice == "pip install 'nosuchthing>=1.2'"
+    assert "norsuch" not in findings
+
+
+def test_a_python_that_is_not_supported_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the project's own metadata."""
+    monkeypatch.setattr("platform.python_version", lambda: "3.10.4")
+    assert not by_name(check())["python"].ok
+
+
+def test_a_platform_without_wheels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An old glibc, another libc, another system."""
+    for libc in (("glibc", "2.17"), ("", "")):
+        monkeypatch.setattr("platform.libc_ver", lambda libc=libc: libc)
+        assert not by_name(check())["platform"].ok
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert not by_name(list(doctor._platform()))["platform"].ok
+
+
+def test_a_pyzmq_that_dropped_what_meshcat_needs_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The replay would fail with an import error that names neither."""
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None if "ioloop" in name else find_spec(name))
+    finding = by_name(check())["viewer"]
+    assert not finding.ok
+    assert "ioloop" in finding.detail
+
+
+def test_a_mesh_that_is_only_a_pointer_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A clone without large files has a line of text where the mesh should be."""
+    import aerobat_description
+
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "urdf" / "aerobat.urdf").write_text('<mesh filename="package://aerobat_description/meshes/a.stl" />')
+    (tmp_path / "meshes" / "a.stl").write_text("version 1\noid sha256:0\nsize 684\n")
+    monkeypatch.setattr(aerobat_description, "PACKAGE_PATH", str(tmp_path))
+    finding = by_name(check())["description"]
+    assert not finding.ok
+    assert "a.stl" in finding.detail
+    assert "aerobat_light.srdf" in finding.detail
+
+
+def test_a_robot_of_the_wrong_mass_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some readers of URDF give a link without an inertial one kilogram."""
+    import pinocchio
+
+    monkeypatch.setattr(pinocchio, "computeTotalMass", lambda _: 1.042)
+    finding = by_name(check())["URDF"]
+    assert not finding.ok
+    assert "1042.000 g" in finding.detail
+
+
+def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It works all the same, and says why every start is slow."""
+    from aerobat_pin.flight.plant import kernels as plant_kernels
+
+    monkeypatch.setattr(plant_kernels, "advance", plant_kernels.advance.py_func)
+    finding = by_name(check())["kernel cache"]
+    assert not finding.ok
+    assert "NUMBA_CACHE_DIR" in finding.advice
+
+
+def test_no_browser_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any browser opens the replay; what pictures of it take is named all the same."""
+    real = doctor.metadata.version
+
+    def version(name: str) -> str:
+        if name == "playwright":
+            raise doctor.metadata.PackageNotFoundError(name)
+        return real(name)
+
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(doctor.metadata, "version", version)
+    browser, playwright = (by_name(check())[name] for name in ("browser", "playwright"))
+    assert browser.ok
+    assert playwright.ok
+    assert "no Chromium in PATH: only `aerobat play --frames`" in browser.detail
+    assert "pip install 'aerobat-pinocchio[frames]'" in playwright.detail
+
+
+def test_a_check_that_fails_is_a_finding_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a broken installation raises, the other findings are still printed."""
+
+    def _broken() -> None:
+        raise OSError("no such thing")
+
+    monkeypatch.setattr(doctor, "_viewer", _broken)
+    findings = by_name(check())
+    assert findings["broken"].detail == "OSError: no such thing"
+    assert findings["URDF"].ok

@@ -1,0 +1,227 @@
+"""Other people's tools take the description as it is: same mass, joints and places.
+
+The robot's own figures are worked out here from the published numbers, without any of the tools. Crocoddyl's and
+PlaCo's wheels want other releases of Pinocchio than this project; the description needs neither, so these tests also
+run in an environment of theirs: `python -m pytest --noconftest tests/test_other_tools.py`.
+"""
+
+from __future__ import annotations
+
+import sys
+from os.path import join
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.tools import need
+
+import aerobat_description as description
+
+JOINTS = {"left_shoulder", "left_elbow", "right_shoulder", "right_elbow"}
+ANGLES = {"left_shoulder": 0.3, "left_elbow": -0.8, "right_shoulder": -0.2, "right_elbow": 0.5}  # [rad]
+MASS = 31.3e-3 + 2.0 * (1.70505e-3 + 3.71107e-3)  # [kg], Flappy_v8.xml: body, proximal and distal wing
+UP = np.array([0.0, 0.0, 0.02])  # [m], where the force point is sent
+VISIBLE_PARTS = Path(description.URDF_PATH).read_text().count("<mesh ")
+
+
+def force_point(shoulder: float = 0.0, elbow: float = 0.0) -> np.ndarray:
+    """Return the left force point from the body's COM [m].
+
+    Pins J5 and J6 of Aerobat_MuJoCo's parameter.py; distal COM, mean of left and right, of its Flappy_v8.xml.
+    """
+    twenty, fifteen = np.radians([20.0, 15.0])
+    to_shoulder = np.array([7.5, 22.0 * np.cos(twenty), 22.0 * np.sin(twenty)])
+    to_elbow = np.array([0.0, 50.0 - 6.0 * np.sin(fifteen), 6.0 * np.cos(fifteen)])
+    to_point = np.array([(-0.409 + 8.003) / 2.0, 52.524, -4.401])
+    return 1e-3 * (to_shoulder + lift(shoulder) @ (to_elbow + lift(elbow) @ to_point))
+
+
+def lift(angle: float) -> np.ndarray:
+    """Return the rotation about x."""
+    return np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+
+
+def assert_is_aerobat(model: pin.Model) -> None:
+    """Mass, size, joint names, and the left force point with bent wings, in a floating Pinocchio model."""
+    assert pin.computeTotalMass(model) == pytest.approx(MASS, rel=1e-12, abs=0)
+    assert (model.nq, model.nv) == (11, 10)
+    assert set(model.names) == {"universe", "root_joint", *JOINTS}
+    data, q = model.createData(), pin.neutral(model)
+    for joint, angle in ANGLES.items():
+        q[model.joints[model.getJointId(joint)].idx_q] = angle
+    pin.framesForwardKinematics(model, data, q)
+    place = data.oMf[model.getFrameId("left_force_point")]
+    np.testing.assert_allclose(place.translation, force_point(0.3, -0.8), atol=1e-15, rtol=0)
+    np.testing.assert_allclose(place.rotation, lift(0.3 - 0.8), atol=1e-15, rtol=0)
+
+
+def test_robot_wrapper_builds_from_the_urdf() -> None:
+    """Pinocchio's own wrapper, with a free base, every visible part and a collision box on each link of weight."""
+    robot = pin.RobotWrapper.BuildFromURDF(description.URDF_PATH, description.PACKAGE_DIRS, pin.JointModelFreeFlyer())
+    assert_is_aerobat(robot.model)
+    assert len(robot.visual_model.geometryObjects) == VISIBLE_PARTS
+    assert len(robot.collision_model.geometryObjects) == 5
+
+
+def test_pink_moves_the_force_point_where_it_is_told() -> None:
+    """Inverse kinematics with one frame task, 2 cm up, solved by a quadratic program at each of 30 steps."""
+    need("pink")
+    need("quadprog")
+    import pink
+
+    robot = pin.RobotWrapper.BuildFromURDF(description.URDF_PATH, description.PACKAGE_DIRS, pin.JointModelFreeFlyer())
+    configuration = pink.Configuration(robot.model, robot.data, robot.q0)
+    assert_is_aerobat(configuration.model)
+    target = configuration.get_transform_frame_to_world("left_force_point")
+    np.testing.assert_allclose(target.translation, force_point(), atol=1e-15, rtol=0)
+    target.translation = target.translation + UP
+    task = pink.FrameTask("left_force_point", position_cost=1.0, orientation_cost=0.0)
+    task.set_target(target)
+    for _ in range(30):
+        velocity = pink.solve_ik(configuration, [task], 0.1, solver="quadprog")
+        configuration.integrate_inplace(velocity, 0.1)
+    reached = configuration.get_transform_frame_to_world("left_force_point").translation
+    np.testing.assert_allclose(reached, force_point() + UP, atol=1e-6, rtol=0)
+
+
+def test_crocoddyl_finds_a_motion_that_reaches_a_point() -> None:
+    """Optimal control of the free robot over 20 ms: the force point ends 2 cm higher, and the cost at rest is known."""
+    need("crocoddyl")
+    import crocoddyl
+
+    model = pin.buildModelFromUrdf(description.URDF_PATH, pin.JointModelFreeFlyer())
+    state = crocoddyl.StateMultibody(model)
+    assert_is_aerobat(state.pinocchio)
+    actuation, frame = crocoddyl.ActuationModelFloatingBase(state), model.getFrameId("left_force_point")
+    goal = force_point() + UP
+    reach = crocoddyl.ResidualModelFrameTranslation(state, frame, goal, actuation.nu)
+
+    def node(weight: float, dt: float) -> crocoddyl.IntegratedActionModelEuler:
+        costs = crocoddyl.CostModelSum(state, actuation.nu)
+        costs.addCost("reach", crocoddyl.CostModelResidual(state, reach), weight)
+        if dt > 0.0:
+            effort = crocoddyl.ResidualModelControl(state, actuation.nu)
+            costs.addCost("effort", crocoddyl.CostModelResidual(state, effort), 1e-3)
+        dynamics = crocoddyl.DifferentialActionModelFreeFwdDynamics(state, actuation, costs)
+        return crocoddyl.IntegratedActionModelEuler(dynamics, dt)
+
+    start = np.concatenate([pin.neutral(model), np.zeros(model.nv)])
+    problem = crocoddyl.ShootingProblem(start, [node(0.0, 1e-3)] * 20, node(1e3, 0.0))
+    states, controls = [start] * 21, [np.zeros(actuation.nu)] * 20
+    assert problem.calc(states, controls) == pytest.approx(0.5 * 1e3 * 0.02**2, rel=1e-12, abs=0)
+    solver = crocoddyl.SolverFDDP(problem)
+    solver.solve(states, controls, 100)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, solver.xs[-1][: model.nq])
+    np.testing.assert_allclose(data.oMf[frame].translation, goal, atol=1e-3, rtol=0)
+
+
+def test_placo_moves_the_force_point_where_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PlaCo asks ROS's variable for packages, brings its own free base, and solves one position task."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", description.REPOSITORY_PATH)
+    need("placo")
+    import placo
+
+    robot = placo.RobotWrapper(description.URDF_PATH)
+    assert robot.total_mass() == pytest.approx(MASS, rel=1e-12, abs=0)
+    assert len(robot.state.q) == 11
+    assert set(robot.joint_names()) == JOINTS
+    for joint, angle in ANGLES.items():
+        robot.set_joint(joint, angle)
+    robot.update_kinematics()
+    start = robot.get_T_world_frame("left_force_point")[:3, 3]
+    np.testing.assert_allclose(start, force_point(0.3, -0.8), atol=1e-15, rtol=0)
+    goal = start + UP
+    solver = placo.KinematicsSolver(robot)
+    solver.add_position_task("left_force_point", goal)
+    solver.add_regularization_task(1e-6)
+    for _ in range(20):
+        solver.solve(True)
+        robot.update_kinematics()
+    np.testing.assert_allclose(robot.get_T_world_frame("left_force_point")[:3, 3], goal, atol=1e-6, rtol=0)
+
+
+class Loader:
+    """A loader as example-robot-data has them: a subclass names folder, files, base and posture, and makes a robot."""
+
+    path = "aerobat_description"
+    urdf_filename = "aerobat.urdf"
+    srdf_filename = "aerobat.srdf"
+    free_flyer = True
+    ref_posture = "neutral"
+
+    def __init__(self) -> None:
+        root = pin.JointModelFreeFlyer() if self.free_flyer else None
+        folder, packages = join(description.REPOSITORY_PATH, self.path), [description.REPOSITORY_PATH]
+        self.robot = pin.RobotWrapper.BuildFromURDF(join(folder, "urdf", self.urdf_filename), packages, root)
+        srdf = join(folder, "srdf", self.srdf_filename)
+        pin.loadReferenceConfigurations(self.robot.model, srdf)
+        self.robot.q0 = self.robot.model.referenceConfigurations[self.ref_posture]
+        self.robot.collision_model.addAllCollisionPairs()
+        self.pairs = len(self.robot.collision_model.collisionPairs)
+        pin.removeCollisionPairs(self.robot.model, self.robot.collision_model, srdf)
+
+
+def test_a_loader_shaped_like_example_robot_datas_loads_it() -> None:
+    """Folder `<package>/urdf`, `<package>/srdf`, packages beside each other, reference posture and pairs from SRDF."""
+    loader = Loader()
+    assert_is_aerobat(loader.robot.model)
+    assert np.array_equal(loader.robot.q0, pin.neutral(loader.robot.model))
+    assert loader.pairs > 0
+    assert len(loader.robot.collision_model.collisionPairs) == 0
+    assert len(loader.robot.visual_model.geometryObjects) == VISIBLE_PARTS
+
+
+@pytest.fixture
+def named_for_robot_descriptions(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Put our module where robot_descriptions' loaders import a robot by name; nothing is fetched."""
+    need("robot_descriptions")
+    monkeypatch.setitem(sys.modules, "robot_descriptions.aerobat_description", description)
+    return "aerobat_description"
+
+
+def test_robot_descriptions_loads_it_in_pinocchio(named_for_robot_descriptions: str) -> None:
+    """Its loader hands Pinocchio our constants as they are."""
+    from robot_descriptions.loaders.pinocchio import load_robot_description
+
+    robot = load_robot_description(named_for_robot_descriptions, root_joint=pin.JointModelFreeFlyer())
+    assert_is_aerobat(robot.model)
+    assert len(robot.visual_model.geometryObjects) == VISIBLE_PARTS
+
+
+def test_robot_descriptions_loads_it_in_yourdfpy(named_for_robot_descriptions: str) -> None:
+    """Its loader passes the package's folder as mesh folder; the meshes still arrive."""
+    need("yourdfpy")
+    from robot_descriptions.loaders.yourdfpy import load_robot_description
+
+    tree = load_robot_description(named_for_robot_descriptions)
+    assert sum(link.inertial.mass for link in tree.robot.links) == pytest.approx(MASS, rel=1e-12, abs=0)
+    assert set(tree.actuated_joint_names) == JOINTS
+    tree.update_cfg(ANGLES)
+    place = tree.get_transform("left_force_point", "base_link")
+    np.testing.assert_allclose(place[:3, 3], force_point(0.3, -0.8), atol=1e-15, rtol=0)
+    assert len(tree.scene.geometry) == VISIBLE_PARTS
+
+
+def test_robot_descriptions_loads_it_in_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its loader wants an `MJCF_PATH`: MuJoCo reads the URDF as well, with the base fixed, since a URDF has no root."""
+    need("mujoco")
+    need("robot_descriptions")
+    import mujoco
+    from robot_descriptions.loaders.mujoco import load_robot_description
+
+    fixed = ModuleType("robot_descriptions.aerobat_mj_description")
+    fixed.MJCF_PATH = description.URDF_PATH
+    monkeypatch.setitem(sys.modules, fixed.__name__, fixed)
+    model = load_robot_description("aerobat_mj_description")
+    assert model.body_mass.sum() == pytest.approx(MASS, rel=1e-12, abs=0)
+    assert model.nq == 4
+    assert {model.joint(i).name for i in range(model.njnt)} == JOINTS
+    assert model.nmesh == VISIBLE_PARTS
+    data = mujoco.MjData(model)
+    for joint, angle in ANGLES.items():
+        data.joint(joint).qpos[0] = angle
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(data.body("left_force_point").xpos, force_point(0.3, -0.8), atol=1e-12, rtol=0)

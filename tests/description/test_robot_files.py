@@ -1,0 +1,132 @@
+"""`aerobat urdf`: a robot as files that every tool loads from anywhere."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import pinocchio as pin
+import pytest
+import yourdfpy
+from support.commands import aerobat
+
+from aerobat_description import URDF_PATH
+from aerobat_pin.robot.aerobat import load_aerobat
+
+MINE = 'extends = "aerobat_guard"\nname = "mine"\n[scale]\nspan = 1.1\n[body]\nmass = 0.09\n'
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a folder with a morphology file of somebody's own, and stand elsewhere."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "my_robot.toml").write_text(MINE)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    return folder
+
+
+def in_pinocchio(file: Path, dirs: list[str]) -> tuple[float, int]:
+    """Return mass [kg] and number of meshes."""
+    model, _, visual = pin.buildModelsFromUrdf(str(file), package_dirs=dirs, root_joint=pin.JointModelFreeFlyer())
+    assert all(item.geometry.num_tris > 0 for item in visual.geometryObjects)
+    return pin.computeTotalMass(model), visual.ngeoms
+
+
+def in_mujoco(file: Path, _: list[str]) -> tuple[float, int]:
+    """Return mass [kg] and number of meshes."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    return model.body_mass.sum(), model.nmesh
+
+
+def in_yourdfpy(file: Path, _: list[str]) -> tuple[float, int]:
+    """Return mass [kg] and number of meshes."""
+    tree = yourdfpy.URDF.load(str(file))
+    return sum(link.inertial.mass for link in tree.robot.links), len(tree.scene.geometry)
+
+
+@pytest.mark.parametrize("read", [in_pinocchio, in_mujoco, in_yourdfpy])
+@pytest.mark.parametrize("meshes", ["package", "relative", "absolute"])
+def test_a_robot_of_ones_own_loads_from_another_folder(
+    meshes: str, read: Callable[[Path, list[str]], tuple[float, int]], mine: Path
+) -> None:
+    """Same mass and all visible parts in each tool; Pinocchio needs package folders unless paths are absolute."""
+    target = mine / "x.urdf"
+    done = aerobat("urdf", str(mine / "my_robot.toml"), "--meshes", meshes, "-o", str(target), cwd=Path.cwd())
+    assert done.returncode == 0, done.stderr
+    dirs = {"package": [str(mine.parent)], "relative": [str(mine)], "absolute": []}[meshes]
+    robot = load_aerobat(mine / "my_robot.toml")
+    mass, count = read(target, dirs)
+    assert mass == pytest.approx(robot.mass, rel=1e-12)
+    assert count == robot.visual_model.ngeoms
+    assert os.listdir() == []
+
+
+def test_a_shipped_robot_is_printed_as_it_was_committed(tmp_path: Path) -> None:
+    """`aerobat urdf` is the committed file; with absolute paths it loads from anywhere."""
+    assert aerobat("urdf", cwd=tmp_path).stdout == Path(URDF_PATH).read_text()
+    printed = aerobat("urdf", "aerobat_light", "--meshes", "absolute", cwd=tmp_path).stdout
+    (tmp_path / "light.urdf").write_text(printed)
+    assert in_pinocchio(tmp_path / "light.urdf", []) == in_yourdfpy(tmp_path / "light.urdf", [])
+    assert in_mujoco(tmp_path / "light.urdf", [])[0] == pytest.approx(0.020, rel=1e-12)
+
+
+def test_the_reference_configurations_lie_beside_the_robot(mine: Path) -> None:
+    """The SRDF has the poses of this robot's linkage, and the names of its joints."""
+    aerobat("urdf", str(mine / "my_robot.toml"), "-o", str(mine / "x.urdf"), cwd=mine)
+    model = pin.buildModelFromUrdf(str(mine / "x.urdf"), pin.JointModelFreeFlyer())
+    pin.loadReferenceConfigurations(model, str(mine / "x.srdf"))
+    own = load_aerobat(mine / "my_robot.toml").model
+    assert {str(item.key()) for item in model.referenceConfigurations} == {
+        str(item.key()) for item in own.referenceConfigurations
+    }
+    assert ET.parse(mine / "x.srdf").getroot().get("name") == "mine"
+
+
+def test_the_linkage_comes_with_its_meshes_and_leaves_the_morphology_alone(mine: Path) -> None:
+    """A URDF named like the morphology beside it: the linkage goes to a folder, and finds its meshes from there."""
+    own = (mine / "my_robot.toml").read_text()
+    done = aerobat("urdf", str(mine / "my_robot.toml"), "-o", str(mine / "my_robot.urdf"), cwd=mine)
+    assert done.returncode == 0, done.stderr
+    assert (mine / "my_robot.toml").read_text() == own
+    bars = tomllib.loads((mine / "linkage" / "my_robot.toml").read_text())["bars"]
+    assert [bar["name"] for bar in bars] == [f"L{i}" for i in range(1, 8)]
+    assert all((mine / bar[f"{side}_mesh"]).is_file() for bar in bars for side in ("left", "right"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("my_robot.toml",), "robot mine: its meshes must be written somewhere; give --output FILE"),
+        (("no_robot.toml",), "morphology file no_robot.toml: there is no such file"),
+        (("my_robot.toml", "-o", "nowhere/x.urdf"), "there is no folder nowhere"),
+        (("my_robot.toml", "-o", "there.urdf"), "there.urdf exists; --force overwrites it"),
+        (("my_robot.toml", "--meshes", "somewhere"), "'package'"),
+    ],
+)
+def test_what_cannot_be_written_is_said_once_and_nothing_is(words: tuple[str, ...], message: str, mine: Path) -> None:
+    """Exit code 2, one message, no traceback, no file."""
+    (mine / "there.urdf").write_text("somebody's")
+    before = sorted(mine.rglob("*"))
+    done = aerobat("urdf", *words, cwd=mine)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(mine.rglob("*")) == before
+    assert (mine / "there.urdf").read_text() == "somebody's"
+
+
+def test_force_overwrites_and_another_robots_meshes_are_not_overwritten_without_it(mine: Path) -> None:
+    """Every file that would be replaced counts, not the URDF alone."""
+    aerobat("urdf", "aerobat", "-o", str(mine / "a.urdf"), cwd=mine)
+    again = aerobat("urdf", "aerobat", "-o", str(mine / "b.urdf"), cwd=mine)
+    assert again.returncode == 2
+    assert "exists; --force" in again.stderr
+    assert not (mine / "b.urdf").exists()
+    assert aerobat("urdf", "aerobat", "-o", str(mine / "b.urdf"), "--force", cwd=mine).returncode == 0

@@ -1,0 +1,173 @@
+"""`aerobat estimate`: a recorded flight in, forces out; a known force tells sign, frame and unit."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from support.commands import aerobat
+
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation.estimate import belief_about, estimate_log, who_is_believed
+from aerobat_pin.estimation.self_check import Check, self_check
+from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.robot.load import believed_robot
+
+HEADER = ("time [s]", "x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw", "crank_angle [rad]", "airspeed [m/s]")
+THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))
+
+
+@pytest.fixture
+def recorded(paper: Experiment, tmp_path: Path) -> Path:
+    """Write what a hall records of the first 0.4 s of the paper's flight, with the thrusters' known wrench, as CSV."""
+    log, count = paper.log.measured, 401
+    thrust = log["known_thrusters"].values[:, :6]
+    ends = np.vstack([thrust[:1], 0.5 * (thrust[1:] + thrust[:-1]), thrust[-1:]])[:count]
+    columns = [log.time[:count], log["q"].values[:count, :7], log["crank_angle"][:count], log["airspeed"][:count], ends]
+    with (tmp_path / "hall.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*HEADER, *THRUST])
+        writer.writerows(np.column_stack(columns).tolist())
+    return tmp_path / "hall.csv"
+
+
+def test_a_simulated_log_gives_again_what_its_run_gave(paper: Experiment, tmp_path: Path) -> None:
+    """Belief from the log's own notes; the same forces to the last bit, scored against the truth that is there."""
+    paper.log.save(tmp_path / "flight.nc")
+    done = aerobat("estimate", "flight.nc", "--set", "observers.gain=2000", "--out", "found", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = xr.load_dataset(tmp_path / "found" / "estimate.nc", engine="h5netcdf")
+    for name, estimate in paper.estimates.items():
+        np.testing.assert_array_equal(found["force_W"].sel(observer=name).values, estimate.force)
+    metrics = json.loads((tmp_path / "found" / "metrics.json").read_text())
+    assert metrics["observers"] == paper.metrics["observers"]
+    names = {path.relative_to(tmp_path / "found").as_posix() for path in (tmp_path / "found").rglob("*.*")}
+    figures = {"figures/estimation.png", "figures/estimation.pdf"}
+    assert names == {"belief.toml", "estimate.nc", "estimate.csv", "metrics.json", *figures}
+
+
+def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path, paper: Experiment) -> None:
+    """Poses, crank, airspeed and thrust: no torque, so the squeeze is named, and what is seen is right."""
+    folder = recorded.parent
+    words = ["--set", "robot.changes={wing={offset_x=-0.06}}", "--set", "observers.gain=500"]
+    done = aerobat("estimate", "hall.csv", "--morphology", "aerobat_guard", *words, "--out", "found", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("believed: aerobat_guard with changes, 92.1 g, as --morphology says\n")
+    assert "cannot be seen at all: equal and opposite along the line" in done.stdout
+    for line in ("q              reconstructed", "aerodynamic    reconstructed", "thrusters      measured"):
+        assert line in done.stdout
+    with (folder / "found" / "estimate.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0][:3] == ["start [s]", "end [s]", "momentum.left_force_point.Fx [N]"]
+    at = rows[0].index("force_level.left_force_point.Fz [N]")
+    left, right = (np.array([float(row[k]) for row in rows[1:]]) for k in (at, at + 3))
+    assert paper.log.truth is not None
+    truth = paper.log.truth["force_noise_free_W"].values[:400].sum(axis=1)[:, 2]
+    settled = slice(20, None)  # the first derivative of a pose is one-sided
+    assert np.corrcoef((left + right)[settled], truth[settled])[0, 1] > 0.99
+    metrics = json.loads((folder / "found" / "metrics.json").read_text())
+    assert metrics["torque"] == "none"
+    assert metrics["observers"]["force_level"]["rank"] == 5
+    assert metrics["seed"] is None
+
+
+@pytest.mark.parametrize(
+    ("noted", "morphology", "settings", "told"),
+    [
+        (False, None, [], "aerobat, 42.1 g, as nobody said otherwise: --morphology"),
+        (False, "aerobat_guard", [], "aerobat_guard, 92.1 g, as --morphology says"),
+        (False, None, ["robot.morphology=aerobat_light"], "aerobat_light, 20.0 g, as --set says"),
+        (True, None, [], "aerobat_guard with changes, 92.1 g, as the log notes"),
+        (True, "aerobat_guard", [], "aerobat_guard, 92.1 g, as --morphology says"),
+        (True, None, ["robot.changes.body.mass=0.07"], "aerobat_guard with changes, 80.8 g, as the log notes"),
+    ],
+)
+def test_who_is_believed_is_said_with_the_reason(
+    noted: bool, morphology: str | None, settings: list[str], told: str, paper: Experiment
+) -> None:
+    """A robot of another mass makes other forces: nobody is to believe one without knowing."""
+    belief = belief_about(paper.log if noted else None, "x", morphology, [], settings)
+    assert who_is_believed(belief, morphology, settings) == f"believed: {told}"
+
+
+@pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
+def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
+    """The message names the key and what may be set; gravity may, for the believed robot falls by it."""
+    with pytest.raises(ScenarioError, match=f"'{key}' is nothing .* keys of robot, air, observers, and flight.gravity"):
+        belief_about(None, "x", None, [], [f"{key}=1"])
+    assert belief_about(None, "x", None, [], ["flight.gravity=1.62"]).flight.gravity == 1.62
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "a recorded flight was expected, or --self-check"),
+        (("nowhere.csv",), "there is no such file"),
+        (("hall.csv", "--observer", "oracle"), "choose from momentum, force_level"),
+        (("hall.csv", "--morphology", "aerobot"), "no morphology named 'aerobot'"),
+        (("hall.csv", "--set", "observers.gian=1"), "did you mean 'gain'"),
+        (("hall.csv", "--set", "crank.frequency=50"), "'crank.frequency' is nothing to believe of a recorded flight"),
+        (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
+        (("broken.csv",), "unknown column 'height'"),
+        (("notes.nc",), "cannot be read as NetCDF-4"),
+    ],
+)
+def test_what_cannot_be_estimated_is_said_once_and_nothing_is_written(
+    words: tuple[str, ...], message: str, recorded: Path
+) -> None:
+    """Exit code 2, one message, no traceback, no folder."""
+    folder = recorded.parent
+    (folder / "broken.csv").write_text(recorded.read_text().replace("x [m]", "height", 1))
+    (folder / "notes.nc").write_text("a note")
+    before = sorted(folder.rglob("*"))
+    done = aerobat("estimate", *words, cwd=folder)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_known_force_is_found_where_it_acts(tmp_path: Path) -> None:
+    """`--self-check` without a log: a tenth of the weight, at both wings, along every world axis."""
+    done = aerobat("estimate", "--self-check", "--morphology", "aerobat_light", "--observer", "momentum", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("ok   momentum: +0.0196 N") == 6
+    assert done.stdout.endswith("self-check: sign, frame and unit are right\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wrong_sign_frame_or_unit_does_not_pass() -> None:
+    """Minus the force, the force in another axis or at the other point, grams for newtons."""
+    good = Check("momentum", "left", "y", 0.1, (0.0, 0.1, 0.0), 0.0)
+    assert good.ok
+    for found, elsewhere in (
+        ((0.0, -0.1, 0.0), 0.0),
+        ((0.1, 0.0, 0.0), 0.0),
+        ((0.0, 0.1, 0.0), 0.1),
+        ((0.0, 10.0, 0.0), 0.0),
+    ):
+        bad = Check("momentum", "left", "y", 0.1, found, elsewhere)
+        assert not bad.ok
+        assert str(bad).startswith("BAD")
+
+
+def test_the_self_check_waits_for_slow_observers() -> None:
+    """At K = 30 1/s an estimate takes a tenth of a second to rise; it is right then, and not called wrong before."""
+    belief = belief_about(None, "slow", "aerobat", ["force_level", "kalman"], ["observers.gain=30"])
+    assert all(check.ok for check in self_check(believed_robot(belief), belief))
+
+
+def test_a_wrong_belief_is_what_the_self_check_is_blind_to_and_the_log_is_not(paper: Experiment) -> None:
+    """It simulates the belief itself; a log flown by another robot does not agree with it."""
+    belief = belief_about(None, "x", "aerobat", ["force_level"], [])
+    assert all(check.ok for check in self_check(believed_robot(belief), belief))
+    own = belief_about(FlightLog(paper.log.measured), "x", None, ["force_level"], [])
+    heavy = belief_about(paper.log, "x", None, ["force_level"], ["robot.changes.body.mass=0.1"])
+    right, wrong = (estimate_log(paper.log, believed_robot(one), one)[1]["force_level"].force for one in (own, heavy))
+    weight = (0.1 - 0.0813) * 9.81  # the joint rows know that it does not hang on the wings: part of it shows
+    assert 0.3 * weight < np.mean((wrong - right).sum(axis=1)[:, 2]) < weight

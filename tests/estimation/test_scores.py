@@ -1,0 +1,97 @@
+"""The scores: R2, lag and what counts as no signal."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.signal import lfilter
+
+from aerobat_pin.estimation.scores import TrueEvent, lag, r_squared, true_events
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.robot.frames import euler_angles, world_velocity
+from aerobat_pin.scenario.scenario import load_scenario, parse_scenario
+
+
+def test_r_squared_is_one_for_the_truth_and_zero_for_its_mean() -> None:
+    """Definition: 1 - SSE / SST."""
+    truth = np.sin(np.linspace(0.0, 9.0, 400))
+    assert r_squared(truth, truth) == 1.0
+    assert r_squared(np.full_like(truth, truth.mean()), truth) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_truth_that_hardly_varies_has_no_r_squared() -> None:
+    """Below 1 mN of standard deviation the ratio says nothing, so it is None and not a number."""
+    truth = 0.9e-3 * np.sqrt(2.0) * np.sin(np.linspace(0.0, 60.0, 4000)) + 5.0
+    assert r_squared(truth, truth) is None
+    assert lag(truth, truth, 1e-3) is None
+
+
+@pytest.mark.parametrize("gain", [100.0, 300.0])
+def test_the_lag_of_a_first_order_filter_is_its_time_constant(gain: float) -> None:
+    """Closed form: an exact-exponential low-pass delays slow signals by a/(1-a) steps with a = exp(-K dt)."""
+    dt = 1e-3
+    t = np.arange(4000) * dt
+    truth = np.sin(2 * np.pi * 1.5 * t) + 0.3 * np.sin(2 * np.pi * 0.7 * t + 1.0)
+    a = np.exp(-gain * dt)
+    estimate = lfilter([1.0 - a], [1.0, -a], truth)
+    assert lag(estimate, truth, dt) == pytest.approx(a / (1.0 - a) * dt, rel=0.05)
+
+
+def test_pitch_is_reported_nose_up_and_roll_right_wing_down() -> None:
+    """With x forward, y left, z up a turn about -y lifts the nose, a turn about +x drops the right wing."""
+    half = np.radians(5.0)
+    up = np.array([[0, 0, 0, 0, -np.sin(half), 0, np.cos(half), 0, 0, 0, 0]])
+    np.testing.assert_allclose(np.degrees(euler_angles(up)), [[0.0, 10.0, 0.0]], atol=1e-12)
+    right = np.array([[0, 0, 0, np.sin(half), 0, 0, np.cos(half), 0, 0, 0, 0]])
+    np.testing.assert_allclose(np.degrees(euler_angles(right)), [[10.0, 0.0, 0.0]], atol=1e-12)
+
+
+def test_attitude_and_velocity_are_pinocchios_own() -> None:
+    """Random attitudes through `pin.rpy` and `pin.Quaternion`."""
+    random = np.random.default_rng(4)
+    q, v = random.standard_normal((50, 11)), random.standard_normal((50, 10))
+    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    R = [pin.Quaternion(one[3:7]).matrix() for one in q]
+    rpy = np.array([pin.rpy.matrixToRpy(one) for one in R])
+    np.testing.assert_allclose(euler_angles(q), rpy * [1.0, -1.0, 1.0], atol=1e-13)
+    np.testing.assert_allclose(world_velocity(q, v), [one @ two[:3] for one, two in zip(R, v, strict=True)], atol=1e-13)
+
+
+def test_the_lag_compares_the_estimate_with_the_truth_rolled_sample_by_sample() -> None:
+    """The definition, written as a loop: of a noisy series delayed by five samples, to the last bit."""
+    random, dt, longest = np.random.default_rng(5), 1e-3, 50
+    truth = np.cumsum(random.standard_normal(400))
+    estimate = np.roll(truth, 5) + 0.1 * random.standard_normal(400)
+    window = slice(longest, -1)
+    errors = [np.mean((estimate[window] - np.roll(truth, shift)[window]) ** 2) for shift in range(-1, longest + 1)]
+    before, here, after = errors[5:8]
+    assert int(np.argmin(errors)) == 6
+    assert lag(estimate, truth, dt) == (5 + 0.5 * (before - after) / (before - 2.0 * here + after)) * dt
+
+
+def test_a_log_knows_everything_that_comes_and_goes(tmp_path: Path) -> None:
+    """Several forces, in order of time, through the file; two wings struck at once are one event, a sine is none."""
+    left, right, body = "left_force_point", "right_force_point", "base_link"
+    values = load_scenario("paper", ["simulation.duration=0.02"]).model_dump(exclude_none=True)
+    values["unknown_force"] = [
+        {"frame": body, "signal": "step", "start": 0.01},
+        {"frame": left, "signal": "impulse", "start": 0.004, "duration": 0.002},
+        {"frame": right, "signal": "impulse", "start": 0.004, "duration": 0.002},
+        {"frame": left, "signal": "one_cosine", "start": 0.5, "duration": 0.25},
+        {"frame": right, "signal": "sine"},
+    ]
+    simulate(parse_scenario(values, "several")).save(tmp_path / "flight.nc")
+    log = FlightLog.load(tmp_path / "flight.nc")
+    assert true_events(log) == [
+        TrueEvent("impulse", (left, right), 0.004, 0.006),
+        TrueEvent("step", (body,), 0.01, math.inf),
+        TrueEvent("push", (left,), 0.5, 0.75),
+    ]
+    assert true_events(FlightLog(log.measured)) == []
+    values["unknown_force"] = values["unknown_force"][-1:]
+    assert true_events(simulate(parse_scenario(values, "none"))) == []

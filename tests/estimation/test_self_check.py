@@ -1,0 +1,21 @@
+"""`--self-check`: how hard it pushes."""
+
+from __future__ import annotations
+
+import pytest
+
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation.estimate import belief_about
+from aerobat_pin.estimation.self_check import self_check
+from aerobat_pin.robot.load import believed_robot
+
+
+def test_it_pushes_with_a_tenth_of_the_weight_that_is_believed() -> None:
+    """On the moon as well; where nothing weighs anything there is no tenth of it."""
+    moon, space = (belief_about(None, "x", None, ["momentum"], [f"flight.gravity={g}"]) for g in (1.62, 0.0))
+    robot = believed_robot(moon)
+    checks = self_check(robot, moon)
+    assert [check.applied for check in checks] == [pytest.approx(0.162 * robot.mass)] * 6
+    assert all(check.ok for check in checks)
+    with pytest.raises(ScenarioError, match=r"flight\.gravity = 0"):
+        self_check(believed_robot(space), space)

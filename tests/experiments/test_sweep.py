@@ -1,0 +1,306 @@
+"""Sweep files and their tables: what is varied becomes a label, what fails a reason, what is wrong a message."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aerobat_pin.cli import main as cli
+from aerobat_pin.errors import OutputError, WorkersLostError
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps
+from aerobat_pin.experiments.sweep.columns import TAKEN
+from aerobat_pin.experiments.sweep.sweep_file import SweepFile
+
+SHORT = """
+name = "short"
+base = "paper"
+seeds = 2
+[set]
+"simulation.duration" = 0.05
+"air.strips" = 4
+"air.warm_up_cycles" = 1
+"""
+RANGES = """
+[ranges]
+"observers.gain" = {from = 100, to = 1000, count = 2, spacing = "log"}
+[variants.who]
+both = {}
+one = {"observers.names" = ["momentum"], "unknown_force.*.noise" = 0.02}
+"""
+BROKEN = """
+[ranges]
+"robot.changes.linkage.L3b" = [0.002, 6.71e-3]
+"""
+FACTORS = """
+[factors.noise]
+values = [0.5, 2.0]
+[factors.noise.of]
+"sensors.gyro.noise" = 0.01
+"observers.kalman.sensor_noise" = [0.02, 0.01, 0.05]
+"unknown_force.*.noise" = 0.03
+"""
+DRAWS = """
+[draws]
+count = 3
+seed = 5
+[draws.values]
+"believed.air.density" = {distribution = "uniform", low = 1.0, high = 1.4}
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    """Write a sweep file."""
+    path = folder / "short.toml"
+    path.write_text(text)
+    return path
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Run the command line in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["aerobat", "sweep", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    return int(stop.value.code or 0)
+
+
+def test_the_example_of_the_page_is_a_whole_sweep_file(tmp_path: Path) -> None:
+    """It plans as many runs as it says; and the page names every key that a sweep file may have."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "studies.md").read_text()
+    [example] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    sweep = load_sweep(written(tmp_path, example))
+    assert sweep.file.name == "mine"
+    assert len(sweep.indices) == 2 * 3 * 2
+    assert "2 x 3 x 2 runs" in sweep.file.description
+    for key in SweepFile.model_fields:
+        assert re.search(rf"^\| `\[?{key}(\.NAME)?\]?` \|", page, re.MULTILINE), key
+
+
+def test_the_grid_holds_the_numbers_of_the_single_runs_under_their_labels(tmp_path: Path) -> None:
+    """Each run of the sweep against `run` of its scenario, to the last bit; NaN where an observer was not asked for."""
+    sweep = load_sweep(written(tmp_path, SHORT + RANGES))
+    run_sweep(sweep, tmp_path / "out")
+    grid = xr.load_dataset(tmp_path / "out" / "results.nc", engine="h5netcdf")
+    assert dict(grid.sizes) == {
+        "observers.gain": 2,
+        "who": 2,
+        "seed": 2,
+        "observer": 2,
+        "point": 2,
+        "axis": 3,
+        "bound": 2,
+    }
+    np.testing.assert_allclose(grid["observers.gain"], [100.0, 1000.0])
+    for number, index in enumerate(sweep.indices):
+        labels = sweep.labels(index)
+        scenario = sweep.scenarios[number]
+        assert scenario.simulation.seed == labels["seed"]
+        assert [force.noise for force in scenario.unknown_force] == [0.02 if labels["who"] == "one" else 0.01] * 2
+        metrics = run(scenario).metrics
+        here = grid.sel(labels)
+        for axis in "xyz":
+            for score in ("r2", "r2_noise_free", "rmse", "lag_s"):
+                found = float(here[score].sel(observer="momentum", point="right", axis=axis))
+                expected = metrics["observers"]["momentum"]["right"][f"F{axis}"][score]
+                assert found == expected or (expected is None and np.isnan(found))
+        assert np.isnan(here["r2"].sel(observer="force_level")).all() == (labels["who"] == "one")
+        np.testing.assert_array_equal(here["position_end"], metrics["flight"]["position_end"])
+        assert float(here["motor_power_mean"]) == metrics["flight"]["motor_power_mean"]
+    own = {str(name) for name in grid.variables} - {one.name for one in sweep.dimensions}
+    assert own <= TAKEN, "another name that no dimension may have"
+
+
+def test_a_run_that_fails_is_in_the_tables_with_its_reason(tmp_path: Path) -> None:
+    """A linkage that cannot close costs its own runs and no others."""
+    grid = run_sweep(load_sweep(written(tmp_path, SHORT + BROKEN)), tmp_path / "out")
+    reasons = grid["failed"].transpose("robot.changes.linkage.L3b", "seed").values
+    assert all("cannot close at J4" in one for one in reasons[0])
+    assert list(reasons[1]) == ["", ""]
+    assert np.isnan(grid["rmse"].values[0]).all()
+    assert np.isfinite(grid["rmse"].values[1]).all()
+    rows = list(csv.DictReader((tmp_path / "out" / "results.csv").open()))
+    assert [row["run"] for row in rows] == ["0", "1", "2", "3"]
+    assert "cannot close at J4" in rows[0]["failed"]
+    assert rows[0]["momentum.left.Fx.rmse"] == ""
+    assert float(rows[3]["momentum.left.Fx.rmse"]) == float(grid["rmse"].values[1, 1, 0, 0, 0])
+
+
+def test_a_factor_scales_several_keys_from_their_references(tmp_path: Path) -> None:
+    """One number, the coordinate; a number, a list and every item of a list of tables follow it."""
+    sweep = load_sweep(written(tmp_path, SHORT + FACTORS))
+    for number, index in enumerate(sweep.indices):
+        factor, scenario = sweep.labels(index)["noise"], sweep.scenarios[number]
+        assert factor in (0.5, 2.0)
+        assert scenario.sensors.fitted["gyro"].noise == (factor * 0.01,)
+        assert scenario.observers.settings("kalman")["sensor_noise"] == (factor * 0.02, factor * 0.01, factor * 0.05)
+        assert [force.noise for force in scenario.unknown_force] == [factor * 0.03] * 2
+    noise = run_sweep(sweep, tmp_path / "out")["noise"]
+    np.testing.assert_array_equal(noise, [0.5, 2.0])
+    assert "sensors.gyro.noise = 0.01, observers.kalman.sensor_noise = [0.02" in noise.attrs["long_name"]
+
+
+def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(tmp_path: Path) -> None:
+    """The drawn values are coordinates along `draw`."""
+    alone = load_sweep(written(tmp_path, SHORT + DRAWS))
+    drawn = [one.believed_air.density for one in alone.scenarios]
+    assert drawn[0::2] == drawn[1::2]
+    assert len(set(drawn)) == 3
+    assert all(1.0 < one < 1.4 for one in drawn)
+    more = '"believed.air.added_mass" = {distribution = "normal", mean = 1.0, deviation = 0.1}\n'
+    both = load_sweep(written(tmp_path, SHORT + DRAWS + more))
+    assert [one.believed_air.density for one in both.scenarios] == drawn
+    grid = run_sweep(alone, tmp_path / "out")
+    np.testing.assert_array_equal(grid["believed.air.density"], drawn[0::2])
+    assert grid["believed.air.density"].dims == ("draw",)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[rages]", "unknown key 'rages'; did you mean 'ranges'?"),
+        ('[ranges]\n"observers.gain" = {from = 1, too = 2, count = 3}', "unknown key 'ranges.observers.gain.too'"),
+        ('[ranges]\n"observers.gain" = {from = 1, to = 2, count = 1}', "ranges.observers.gain.count = 1: "),
+        ('[ranges]\n"observers.gain" = {from = 0, to = 2, count = 3, spacing = "log"}', "wants both above 0"),
+        ('[ranges]\n"observers.gain" = 3', "ranges.observers.gain = 3: "),
+        ('[ranges]\n"observers.gain" = [1, 1]', "each value once"),
+        ('[ranges]\n"observers.gain" = [-1.0]', "observers.gain = -1.0: input should be greater than 0"),
+        ('[ranges]\n"observers.gian" = [1.0]', "unknown key 'observers.gian'; did you mean 'gain'?"),
+        ('[ranges]\n"flight.velocity.3" = [1.0]', "'3' is not an index of 'flight.velocity', a list of 3"),
+        ('[ranges]\n"flight.gravity.x" = [1.0]', "'flight.gravity' is a value, not a table"),
+        ('[ranges]\n"simulation.seed" = [1, 2]', "counted up by `seeds`"),
+        ("[ranges]\nseed = [1]", "'seed' is the name of two dimensions"),
+        (
+            '[ranges]\n"observers.gain" = [1, 2]\n[variants.a]\nb = {"observers.gain" = 3}',
+            "'observers.gain' is varied by two dimensions",
+        ),
+        ("[variants.observer]\na = {}", "'observer' is a name in the results"),
+        ("[factors.noise]\nvalues = [1]", "missing key 'factors.noise.of'"),
+        ("[factors.noise]\nvalue = [1]\nof = {x = 1}", "'factors.noise.value'; did you mean 'values'?"),
+        ('[factors.noise]\nvalues = ["a"]\nof = {"air.density" = 1}', "factors.noise.values.0 = 'a': "),
+        ("[factors.noise]\nvalues = {from = 1, too = 2, count = 3}\nof = {x = 1}", "'factors.noise.values.too'"),
+        (
+            '[factors.noise]\nvalues = [1, 1]\nof = {"air.density" = 1}',
+            "factors.noise.values = [1.0, 1.0]: each value once",
+        ),
+        ('[factors.noise]\nvalues = [1]\nof = {"air.density" = "b"}', "factors.noise.of.air.density = 'b': "),
+        ('[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = "unifrm"}', "'uniform'"),
+        (
+            '[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = "uniform", low = 2, high = 1}',
+            "low < high",
+        ),
+        ('[ranges]\n"air.density" = {from = 1, to = 2, count = 1000000}', "at most 100000"),
+    ],
+)
+def test_a_wrong_sweep_costs_one_message_exit_code_2_and_leaves_nothing(
+    text: str, message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Key, value and rule, before anything flies."""
+    path = written(tmp_path, SHORT + text)
+    assert call(monkeypatch, str(path), "--out", str(tmp_path / "out")) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert "Traceback" not in printed.err
+    assert [one.name for one in tmp_path.iterdir()] == ["short.toml"]
+
+
+def test_a_folder_keeps_to_its_sweep(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another sweep and a folder of something else are refused; --force starts anew and leaves foreign files alone."""
+    out = tmp_path / "out"
+    path = str(written(tmp_path, SHORT))
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 2
+    assert "holds no sweep; --force" in capsys.readouterr().err
+    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1", "--force") == 0
+    kept = (out / "finished.jsonl").read_bytes()
+    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
+    assert "going on: 2 of 2 runs are finished" in capsys.readouterr().out
+    written(tmp_path, SHORT.replace("seeds = 2", "seeds = 3"))
+    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 2
+    assert "holds another sweep: seeds differ" in capsys.readouterr().err
+    assert (out / "finished.jsonl").read_bytes() == kept
+    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1", "--force") == 0
+    assert len((out / "finished.jsonl").read_text().splitlines()) == 3
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9999])
+def test_a_line_that_was_cut_off_is_flown_again(share: float, tmp_path: Path) -> None:
+    """As a power failure leaves it: a part of a line, or all but its end; nothing else is repeated."""
+    sweep, out = load_sweep(written(tmp_path, SHORT)), tmp_path / "out"
+    run_sweep(sweep, out)
+    whole = (out / "finished.jsonl").read_bytes()
+    first, second = whole.splitlines(keepends=True)
+    (out / "finished.jsonl").write_bytes(first + second[: int(share * len(second))])
+    seen: list[int] = []
+    run_sweep(sweep, out, progress=lambda finished, count, failed: seen.append(finished))
+    assert seen == [1, 2]
+    assert (out / "finished.jsonl").read_bytes() == whole
+
+
+def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
+    """The second one is told so while the first one flies."""
+    sweep, told = load_sweep(written(tmp_path, SHORT)), []
+
+    def progress(*_: int) -> None:
+        with pytest.raises(OutputError, match="another process is sweeping in it"):
+            run_sweep(sweep, tmp_path / "out")
+        told.append(True)
+
+    run_sweep(sweep, tmp_path / "out", progress=progress)
+    assert told
+
+
+def test_a_fault_of_ours_in_one_run_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Whatever is raised is a reason, with its name."""
+    from aerobat_pin.experiments.sweep import one_run as worker
+
+    def faulty(scenario: Any, **more: Any) -> Any:
+        if scenario.simulation.seed == 1:
+            raise ZeroDivisionError("ours")
+        return run(scenario, **more)
+
+    monkeypatch.setattr(worker, "run", faulty)
+    grid = run_sweep(load_sweep(written(tmp_path, SHORT)), tmp_path / "out")
+    assert list(grid["failed"].values) == ["ZeroDivisionError: ours", ""]
+
+
+def test_where_all_runs_fail_the_exit_code_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The tables are there, with the reasons."""
+    path = written(tmp_path, SHORT + BROKEN.replace(", 6.71e-3", ""))
+    assert call(monkeypatch, str(path), "--out", str(tmp_path / "out"), "--jobs", "1") == 2
+    printed = capsys.readouterr()
+    assert "2 of 2 runs are finished, 2 of them failed" in printed.out
+    assert "cannot close at J4" in printed.err
+
+
+def test_a_cluster_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """It names the address and what was expected."""
+    from aerobat_pin.experiments.sweep import executors as workers
+
+    monkeypatch.setattr(workers, "CONNECT", 0.3)
+    with pytest.raises(WorkersLostError, match=r"tcp://127.0.0.1:9: cannot be reached"):
+        run_sweep(load_sweep(written(tmp_path, SHORT)), tmp_path / "out", cluster="tcp://127.0.0.1:9")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["morphology", "gain_noise", "model_error", "sample_rate", "sensor_noise"])
+def test_a_shipped_sweep_is_listed_and_every_run_of_it_is_a_scenario(name: str) -> None:
+    """With a description; all runs parse."""
+    assert shipped_sweeps()[name]
+    sweep = load_sweep(name)
+    assert sweep.file.name == name
+    assert len(sweep.scenarios) == np.prod(sweep.shape)
+    assert len({json.dumps(one.model_dump()) for one in sweep.scenarios}) > 0.5 * len(sweep.scenarios)

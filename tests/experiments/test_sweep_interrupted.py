@@ -1,0 +1,161 @@
+"""Sweeps by one process or many, undisturbed or killed in the middle: what is finished stays, the end is the same."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from distributed import LocalCluster
+
+from aerobat_pin.experiments.sweep import load_sweep, run_sweep
+
+RUNS = 40
+PROGRAM = [sys.executable, "-m", "aerobat_pin.cli.app", "sweep"]
+SWEEP = """
+name = "short"
+base = "paper"
+seeds = 10
+[set]
+"simulation.duration" = 0.05
+"air.strips" = 4
+"air.warm_up_cycles" = 1
+[ranges]
+"observers.gain" = [500.0, 1000.0]
+"robot.changes.scale.span" = [1.0, 1.1]
+"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the sweep."""
+    path = tmp_path_factory.mktemp("sweep") / "short.toml"
+    path.write_text(SWEEP)
+    return path
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(file: Path) -> Path:
+    """Fly it in this process, undisturbed."""
+    run_sweep(load_sweep(file), file.parent / "uninterrupted")
+    return file.parent / "uninterrupted"
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    """Start a real cluster of two processes."""
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as running:
+        yield running
+
+
+def lines(folder: Path) -> list[str]:
+    """Return the finished lines."""
+    path = folder / "finished.jsonl"
+    return path.read_text().splitlines(keepends=True) if path.exists() else []
+
+
+def wait_for(folder: Path, count: int, process: subprocess.Popen[bytes]) -> None:
+    """Wait until so many runs are finished, or the process is."""
+    end = time.monotonic() + 60.0
+    while len(lines(folder)) < count and process.poll() is None and time.monotonic() < end:
+        time.sleep(0.002)
+
+
+def workers_of(process: psutil.Process) -> list[psutil.Process]:
+    """Return the processes that fly for a process, whether they are ready or just starting."""
+    return [one for one in process.children() if "popen_loky_posix" in " ".join(one.cmdline())]
+
+
+def same_tables(one: Path, other: Path) -> None:
+    """Compare both tables to the last bit."""
+    for name in ("results.csv", "results.nc"):
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+
+
+def test_a_sweep_killed_three_times_ends_as_if_it_had_not_been(file: Path, uninterrupted: Path, tmp_path: Path) -> None:
+    """`kill -9` at random moments of a sweep on two processes; no line that was finished is lost or flown again."""
+    command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(tmp_path)]
+    chance = random.Random(time.time_ns())
+    kept: list[str] = []
+    for k in range(3):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for(tmp_path, len(kept) + 1 + chance.randrange(8), process)
+        time.sleep(chance.uniform(0.0, 0.05))
+        assert process.poll() is None, f"killed too late, the {k}th time"
+        workers = psutil.Process(process.pid).children()
+        process.kill()
+        process.wait()
+        assert not psutil.wait_procs(workers, timeout=20.0)[1], "its workers outlive it"
+        now = lines(tmp_path)
+        assert now[: len(kept)] == kept
+        kept = [line for line in now if line.endswith("\n")]
+        assert not (tmp_path / "results.nc").exists()
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert f"going on: {len(kept)} of {RUNS} runs are finished" in done.stdout
+    assert lines(tmp_path)[: len(kept)] == kept
+    assert sorted(json.loads(line)["run"] for line in lines(tmp_path)) == list(range(RUNS))
+    same_tables(tmp_path, uninterrupted)
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_ctrl_c_says_how_to_go_on(count: int, file: Path, uninterrupted: Path, tmp_path: Path) -> None:
+    """Exit code 130, one line and no traceback of a worker, not even of one that is just starting; and it goes on."""
+    command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(tmp_path)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=False, start_new_session=True
+    )
+    while process.poll() is None and len(workers_of(psutil.Process(process.pid))) < 2:
+        time.sleep(0.002)
+    wait_for(tmp_path, count, process)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers too
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    progress, told = rb"(\d+ of 40 runs are finished, \d+ s left\n)*", rb"\d+ of 40 runs are finished"
+    assert re.fullmatch(progress + rb"\ninterrupted: " + told + rb"; the same command goes on from there\n", said), said
+    assert count <= len(lines(tmp_path)) < RUNS
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+    same_tables(tmp_path, uninterrupted)
+
+
+def test_a_killed_worker_costs_nothing_but_time(file: Path, uninterrupted: Path, tmp_path: Path) -> None:
+    """A process of the pool dies, as if the machine had taken its memory: new ones fly what is left."""
+
+    def progress(finished: int, count: int, failed: int) -> None:
+        if finished == 5:
+            workers_of(psutil.Process())[0].kill()
+
+    run_sweep(load_sweep(file), tmp_path, jobs=2, progress=progress)
+    same_tables(tmp_path, uninterrupted)
+
+
+def test_whoever_flies_an_undisturbed_sweep_the_tables_are_the_same(
+    file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
+) -> None:
+    """This process, two processes, a cluster."""
+    run_sweep(load_sweep(file), tmp_path / "processes", jobs=2)
+    same_tables(tmp_path / "processes", uninterrupted)
+    run_sweep(load_sweep(file), tmp_path / "cluster", cluster=cluster.scheduler_address)
+    same_tables(tmp_path / "cluster", uninterrupted)
+
+
+def test_a_cluster_survives_the_death_of_a_worker(
+    file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
+) -> None:
+    """One of two workers is killed in the middle."""
+    pids = [worker.pid for worker in cluster.workers.values()]
+
+    def progress(finished: int, count: int, failed: int) -> None:
+        if finished == 5:
+            os.kill(pids[0], signal.SIGKILL)
+
+    run_sweep(load_sweep(file), tmp_path, cluster=cluster.scheduler_address, progress=progress)
+    same_tables(tmp_path, uninterrupted)

@@ -1,0 +1,182 @@
+"""A recorded flight as a table: read as it was written, or refused with file, line, column and what was expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerobat_pin.errors import LogError, OutputError
+from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.flight.csv_log import UNITS, read_csv, write_csv
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.robot.aerobat import JOINTS
+
+HEADER = ["time [s]", "x [m]", "y", "z", "qx", "qy", "qz", "qw [-]", "crank_angle [rad]", "airspeed [m/s]"]
+
+
+def table(count: int = 20) -> list[list[float]]:
+    """Return rows of a level flight at 3 m/s with the crank turning at 5 Hz, 100 samples a second."""
+    t = 0.01 * np.arange(count)
+    crank = (-1.5 + 2.0 * np.pi * 5.0 * t + np.pi) % (2.0 * np.pi) - np.pi
+    return np.column_stack([t, 3.0 * t, 0 * t, 0 * t, 0 * t, 0 * t, 0 * t, 1 + 0 * t, crank, 3 + 0 * t]).tolist()
+
+
+def write(path: Path, header: list[str], rows: list[list[float]]) -> Path:
+    """Write a CSV file."""
+    path.write_text("\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def test_a_table_becomes_a_log_with_units(tmp_path: Path) -> None:
+    """Channels, units and time; the crank angle is unwrapped, quaternions are normalised, wrenches become means."""
+    rows = [[*row, *(10.0 * row[0] + k for k in range(6))] for row in table()]
+    header = [*HEADER, *(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))]
+    log = read_csv(write(tmp_path / "hall.csv", header, rows))
+    np.testing.assert_allclose(log.time, 0.01 * np.arange(20))
+    np.testing.assert_allclose(log.measured["pose"].values[:, 0], 3.0 * log.time)
+    np.testing.assert_allclose(np.diff(log.measured["crank_angle"].values), 0.1 * np.pi)
+    np.testing.assert_allclose(log.measured["known_thrusters"].values[:, 2], 10.0 * (log.time[1:] - 0.005) + 2.0)
+    assert log.measured["airspeed"].attrs["units"] == "m/s"
+    assert log.measured.attrs["scenario"] == "hall"
+    assert log.truth is None
+
+
+def test_every_column_has_a_unit_and_can_be_read(tmp_path: Path) -> None:
+    """All columns at once, each with its unit in the header, in any order, after a byte-order mark."""
+    names = sorted(UNITS, reverse=True)
+    t = 0.01 * np.arange(5)
+    values = {"time": t, "qw": np.ones(5)}
+    rows = np.column_stack([values.get(name, 0.1 * t) for name in names]).tolist()
+    file = write(tmp_path / "all.csv", [f"{name} [{UNITS[name]}]" for name in names], rows)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    channels = {"pose", "twist", "joint_angle", "joint_rate", "wind_W", "airspeed", "crank_angle", "crank_rate"}
+    channels |= {"crank_torque", "joint_torque", "known_thrusters"}
+    assert set(read_csv(file).measured.data_vars) == channels
+
+
+def changed(row: int, column: int, value: object) -> list[list[float]]:
+    """Return the table with one value changed."""
+    rows = table()
+    rows[row][column] = value  # type: ignore[call-overload]
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "message"),
+    [
+        ([*HEADER[:-1], "air_speed"], table(), r"unknown column 'air_speed'; did you mean 'airspeed'\?"),
+        ([*HEADER[:-1], "colour"], table(), r"unknown column 'colour'; known are time, x"),
+        (["time [ms]", *HEADER[1:]], table(), r"column 'time \[ms\]': s was expected"),
+        (["time", "x [mm]", *HEADER[2:]], table(), r"column 'x \[mm\]': m was expected"),
+        ([*HEADER[:8], "crank_angle [deg]", "airspeed"], table(), r"'crank_angle \[deg\]': rad was expected"),
+        (["x", *HEADER[1:]], table(), "column 'x' is there twice"),
+        (HEADER[:9], [row[:9] for row in changed(0, 0, 0)][:2], r"2 samples: a header and 3 rows or more"),
+        (HEADER, [], r"0 samples"),
+        (HEADER, changed(4, 1, "nan"), r"line 6: x is not finite \(1 such rows\): leave those rows out"),
+        (HEADER, changed(4, 1, "far"), r"line 6: x = 'far': a number was expected"),
+        (HEADER, changed(4, 1, ""), r"line 6: x = '': a number was expected"),
+        (HEADER, changed(7, 0, 0.06), r"line 9: time = 0\.06 s is repeated: rising stamps"),
+        (HEADER, changed(7, 0, 0.02), r"line 9: time = 0\.02 s runs backwards"),
+        (HEADER, [[1000.0 * row[0], *row[1:]] for row in table()], "time rises by 10 from row to row: seconds were"),
+        (HEADER, changed(2, 7, 0.5), r"line 4: the quaternion has length 0\.5: 1 was expected"),
+        (HEADER, [*table(), [1.0, 2.0]], r"line 22: 2 values: 10 were expected"),
+        (HEADER[:8], [row[:8] for row in table()], "neither crank_angle nor the joints"),
+        ([*HEADER[:8], *JOINTS, "crank_rate"], [[*row[:8], *[0.1] * 5] for row in table()], "without crank_angle"),
+        (HEADER[1:], [row[1:] for row in table()], "no column named time"),
+        ([*HEADER, "wx"], [[*row, 0.0] for row in table()], "wx without vx, vy, vz, wy, wz: all of them or none"),
+        (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], "crank_angle turns at .* Hz: radians"),
+    ],
+)
+def test_what_is_not_a_flight_is_refused_in_one_message(
+    tmp_path: Path, header: list[str], rows: list[list[float]], message: str
+) -> None:
+    """File, line and column, and what was expected."""
+    file = write(tmp_path / "hall.csv", header, rows)
+    with pytest.raises(LogError, match=f"hall.csv.*{message}"):
+        read_csv(file)
+
+
+def test_joints_in_degrees_and_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
+    """An elbow at 40 is in degrees; a picture is not a table."""
+    joints = ["left_shoulder", "left_elbow", "right_shoulder", "right_elbow"]
+    rows = [[*row[:8], 10.0, 40.0, 10.0, 40.0] for row in table()]
+    with pytest.raises(LogError, match="left_shoulder = 10: radians were expected"):
+        read_csv(write(tmp_path / "hall.csv", [*HEADER[:8], *joints], rows))
+    (tmp_path / "hall.csv").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(LogError, match="cannot be read as CSV"):
+        read_csv(tmp_path / "hall.csv")
+    with pytest.raises(LogError, match=r"^log .*missing\.csv: there is no such file$"):
+        read_csv(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize(("sign", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_another_sign_between_columns_is_recognised(sign: str, name: str, tmp_path: Path) -> None:
+    """As a spreadsheet writes it where numbers have commas."""
+    file = write(tmp_path / "hall.csv", HEADER, table())
+    file.write_text(file.read_text().replace(",", sign))
+    with pytest.raises(LogError, match=rf"hall\.csv: {name} separate its columns: commas were expected"):
+        read_csv(file)
+
+
+def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
+    """Header and empty lines too."""
+    file = write(tmp_path / "hall.csv", HEADER, changed(4, 1, "far"))
+    file.write_text("\n" + file.read_text().replace("\n", "\n\n", 3))
+    wrong = next(k for k, line in enumerate(file.read_text().splitlines(), start=1) if "far" in line)
+    with pytest.raises(LogError, match=f"hall.csv, line {wrong}: x = 'far'"):
+        read_csv(file)
+
+
+def test_a_simulated_flight_comes_back_from_its_table(paper: Experiment, tmp_path: Path) -> None:
+    """Samples to ten digits, each under its channel; forces and torques over their neighbours, [1, 2, 1] / 4."""
+    write_csv(paper.log, tmp_path / "hall.csv")
+    again, measured = read_csv(tmp_path / "hall.csv").measured, paper.log.measured
+    joints = list(JOINTS)
+    for name, values in {
+        "pose": measured["q"].values[:, :7],
+        "twist": measured["v"].values[:, :6],
+        "joint_angle": measured["q"].sel(q_axis=joints).values,
+        "joint_rate": measured["v"].sel(v_axis=joints).values,
+        "crank_angle": measured["crank_angle"].values,
+        "airspeed": measured["airspeed"].values,
+    }.items():
+        np.testing.assert_allclose(again[name].values, values, rtol=1e-9, atol=1e-9, err_msg=name)
+    for name, values in {
+        "joint_torque": measured["motor_torque"].sel(v_axis=joints).values,
+        "known_thrusters": measured["known_thrusters"].values[:, :6],
+    }.items():
+        smooth = 0.25 * (values[:-2] + 2.0 * values[1:-1] + values[2:])
+        np.testing.assert_allclose(again[name].values[1:-1], smooth, rtol=1e-7, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(again[name].values[[0, -1]], values[[0, -1]], rtol=1e-7, atol=1e-9)
+
+
+def test_a_recorded_table_comes_back_as_it_was_read(tmp_path: Path) -> None:
+    """Every column there is: read, written, read."""
+    rng = np.random.default_rng(1)
+    t = 0.01 * np.arange(30)
+    quaternion = rng.normal(size=(4, 30)) * 0.1 + np.array([[0.0], [0.0], [0.0], [1.0]])
+    quaternion /= np.linalg.norm(quaternion, axis=0)
+    values = {name: np.polyval(rng.normal(size=2), t) for name in UNITS}
+    values |= {"time": t, **dict(zip(("qx", "qy", "qz", "qw"), quaternion, strict=True))}
+    header, rows = [f"{name} [{UNITS[name]}]" for name in UNITS], np.column_stack(list(values.values())).tolist()
+    log = read_csv(write(tmp_path / "all.csv", header, rows))
+    write_csv(log, tmp_path / "again.csv")
+    again = read_csv(tmp_path / "again.csv")
+    for name in log.measured.data_vars:
+        np.testing.assert_allclose(again.measured[name], log.measured[name], rtol=1e-8, atol=1e-8, err_msg=str(name))
+    assert set(again.measured.data_vars) == set(log.measured.data_vars)
+    header_again = (tmp_path / "again.csv").read_text().splitlines()[0].split(",")
+    assert sorted(header_again) == sorted(header)
+
+
+def test_what_a_table_cannot_hold_is_refused(paper: Experiment, tmp_path: Path) -> None:
+    """A known force without a column; a folder that is not there."""
+    measured = paper.log.measured
+    rope = FlightLog(measured.assign(known_rope=measured["known_thrusters"]))
+    with pytest.raises(LogError, match="no column for known_rope"):
+        write_csv(rope, tmp_path / "rope.csv")
+    with pytest.raises(OutputError, match=r"no/hall\.csv: cannot be written"):
+        write_csv(paper.log, tmp_path / "no" / "hall.csv")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,51 @@
+"""The flight log keeps channels, units and truth through a file, and refuses what is not a flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.known_inputs import known_inputs
+from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.flight.flight_log import FlightLog
+
+
+def test_a_log_survives_its_file(paper: Experiment, tmp_path: Path) -> None:
+    """NetCDF-4 and back: every number, unit and attribute, measured and true."""
+    paper.log.save(tmp_path / "flight.nc")
+    again = FlightLog.load(tmp_path / "flight.nc")
+    xr.testing.assert_identical(again.measured, paper.log.measured)
+    assert again.truth is not None
+    assert paper.log.truth is not None
+    xr.testing.assert_equal(again.truth, paper.log.truth)
+
+
+def test_an_observer_is_fed_from_the_measured_side_alone(paper: Experiment) -> None:
+    """Without its truth a log gives the same inputs, each with its source."""
+    whole, blind = (known_inputs(log, paper.robot) for log in (paper.log, FlightLog(paper.log.measured)))
+    np.testing.assert_array_equal(whole.tau, blind.tau)
+    assert set(blind.known) == {"aerodynamic", "added_mass", "thrusters"}
+    assert blind.source["motor_torque"] == "measured"
+    assert blind.source["aerodynamic"] == "reconstructed"
+
+
+def test_what_is_not_a_flight_is_refused(paper: Experiment, tmp_path: Path) -> None:
+    """Missing channels, missing or backward time, intervals that do not fit, and files of another kind."""
+    measured = paper.log.measured
+    with pytest.raises(LogError, match="no channel named q or pose"):
+        FlightLog(measured.drop_vars("q"))
+    with pytest.raises(LogError, match="no coordinate named time"):
+        FlightLog(measured.drop_vars("time"))
+    with pytest.raises(LogError, match="must not decrease"):
+        FlightLog(measured.assign_coords(time=measured["time"].values[::-1]))
+    with pytest.raises(LogError, match="intervals between"):
+        FlightLog(measured.isel(interval=slice(0, -2)))
+    (tmp_path / "flight.nc").write_text("not a flight")
+    with pytest.raises(LogError, match="cannot be read"):
+        FlightLog.load(tmp_path / "flight.nc")
+    with pytest.raises(LogError, match="cannot be read"):
+        FlightLog.load(tmp_path / "missing.nc")

@@ -1,0 +1,188 @@
+"""All flights of the paper: drift, open loop, tumble; trim; and what must be known of the joint torques."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aerobat_pin.errors import TrimError
+from aerobat_pin.estimation.scores import true_force
+from aerobat_pin.experiments.experiment import Experiment, run
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight.trim import trim
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario.toml import scenario_toml
+
+
+def fly(name: str, *settings: str) -> Experiment:
+    """Run a shipped scenario with settings."""
+    return run(load_scenario(name, settings))
+
+
+def degrees(experiment: Experiment, angle: str) -> np.ndarray:
+    """Return the range of an angle [deg]."""
+    return np.degrees(experiment.metrics["flight"][f"{angle}_range"])
+
+
+def r2(experiment: Experiment, observer: str, wing: str = "left") -> np.ndarray:
+    """Return R2 of Fx, Fy, Fz."""
+    return np.array(
+        [one["r2"] for one in experiment.metrics["observers"][observer][wing].values() if isinstance(one, dict)]
+    )
+
+
+def test_a_force_on_the_left_wing_alone_drifts_the_robot_to_the_right() -> None:
+    """The paper's Fig. 5: a steady shift toward negative Y while it flies on."""
+    flight = fly("paper_left")
+    assert -0.9 < flight.metrics["flight"]["position_end"][1] < -0.3
+    y = flight.log.measured["q"].sel(q_axis="y").values
+    assert y[500] > y[1000] > y[1600] > y[2000]
+    for angle in ("roll", "yaw"):
+        assert np.all(np.abs(degrees(flight, angle)) < 6.0)
+    assert r2(flight, "force_level").min() > 0.999
+    right = flight.metrics["observers"]["force_level"]["right"]
+    assert all(one["r2"] is None and one["rmse"] < 1e-3 for one in right.values())
+
+
+def test_the_open_loop_flight_stays_up_and_its_forces_are_found() -> None:
+    """Trimmed, nothing held: small roll and yaw, bounded pitch and height, through noise and step."""
+    flight = fly("paper_open_loop")
+    assert flight.metrics["note"] == "free flight, nothing held"
+    for angle in ("roll", "yaw"):
+        assert np.all(np.abs(degrees(flight, angle)) < 6.0)
+    assert np.all(np.abs(degrees(flight, "pitch")) < 15.0)
+    assert np.max(np.abs(flight.metrics["flight"]["z_range"])) < 0.5
+    decay = np.exp(-2000.0 * 1e-3)
+    for i, frame in enumerate(("left_force_point", "right_force_point")):
+        truth, _ = true_force(flight.log, frame)
+        filtered = np.zeros_like(truth)  # the truth behind the observer's own lag
+        for k in range(len(truth)):
+            filtered[k] = truth[k] + decay * ((filtered[k - 1] if k else 0.0) - truth[k])
+        for observer, estimate in flight.estimates.items():
+            beyond = np.sqrt(np.mean((estimate.force[:, i] - filtered) ** 2, axis=0))
+            for axis in range(3):
+                score = flight.metrics["observers"][observer][("left", "right")[i]][("Fx", "Fy", "Fz")[axis]]
+                if truth[:, axis].std() > 0.020:
+                    assert score["r2"] >= 0.999
+                else:
+                    assert beyond[axis] < 0.5e-3
+
+
+def test_a_tumbling_robot_is_observed_as_well_as_a_flying_one() -> None:
+    """It turns over, and R2 stays above 0.999 on every axis of both wings."""
+    flight = fly("tumble")
+    assert np.max(np.abs(degrees(flight, "roll"))) > 90.0
+    for observer in flight.estimates:
+        for wing in ("left", "right"):
+            assert r2(flight, observer, wing).min() >= 0.999
+
+
+def test_halving_the_step_moves_the_flight_by_less_than_a_millimetre() -> None:
+    """Noise and step are held on their own clock, so the step of the integrator is nobody's business but its own."""
+    coarse, fine = (simulate(load_scenario("paper", [f"simulation.dt={dt}"])) for dt in (1e-3, 5e-4))
+    gap = coarse.measured["q"].values[:, :3] - fine.measured["q"].values[::2, :3]
+    assert np.max(np.abs(gap)) < 1e-3
+
+
+def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
+    """Without noise and step the trimmed robot keeps its height within a body's height for 2 s, open loop.
+
+    Floquet: heading and height are neutral (two multipliers of one), longitudinal motion nearly so, and one lateral
+    mode grows: drooped wings roll away.
+    """
+    found = trim(load_scenario("paper_open_loop", ["crank.frequency=6.7", "flight.pitch_deg=10"]))
+    assert found.residual < 1e-8
+    assert found.scenario.crank.frequency == pytest.approx(6.696, abs=1e-3)
+    assert found.scenario.robot.changes["wing"]["offset_x"] == pytest.approx(-0.08002, abs=1e-5)
+    assert found.scenario.flight.yaw_deg == pytest.approx(-3.0)
+    size = np.abs(found.multipliers)
+    assert 1.2 < size[0] < 1.3
+    np.testing.assert_allclose(size[1:3], 1.0, atol=1e-4)
+    assert np.all(size[3:] < 1.0)
+    assert 0.3 < found.time_to_double < 0.6
+    still = [f"unknown_force.{i}.{key}=0.0" for i in range(2) for key in ("noise", "step")]
+    z = simulate(load_scenario("paper_open_loop", still)).measured["q"].sel(q_axis="z").values
+    assert np.ptp(z) < 0.05
+    assert "offset_x" in scenario_toml(found.scenario)
+
+
+def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
+    """Galilei: along y at 4 m/s into 1 m/s of wind is along x at 5 m/s in still air; a gust passes and changes nothing.
+
+    Nose first across the wind is no symmetric flight.
+    """
+    into = ["flight.velocity=[0.0, 4.0, 0.0]", "air.wind=[0.0, -1.0, 0.0]"]
+    gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.0, duration = 0.1}"
+    still, found = load_scenario("paper_open_loop"), trim(load_scenario("paper_open_loop", [*into, gust])).scenario
+    assert found.crank.frequency == pytest.approx(still.crank.frequency, rel=1e-6)
+    assert found.robot.changes["wing"]["offset_x"] == pytest.approx(still.robot.changes["wing"]["offset_x"], rel=1e-5)
+    assert found.flight.pitch_deg == pytest.approx(still.flight.pitch_deg, rel=1e-6)
+    assert found.flight.velocity == pytest.approx((0.0, 4.0, still.flight.velocity[2]), rel=1e-6)
+    assert found.flight.yaw_deg == 90.0
+    assert found.air.gust is not None
+    with pytest.raises(TrimError, match="forces or wind of this scenario push it sideways"):
+        trim(load_scenario("paper_open_loop", ["air.wind=[0.0, -1.0, 0.0]"]))
+
+
+def test_a_trim_that_cannot_be_found_says_so() -> None:
+    """A crank that stands still has no flap; and at a meter a second nothing carries the robot."""
+    with pytest.raises(TrimError, match="only a flapping flight"):
+        trim(load_scenario("paper_open_loop", ["crank.frequency=0.0", "air.warm_up_cycles=0"]))
+    with pytest.raises(TrimError, match=r"no periodic flight found near 1\.00 Hz"):
+        trim(load_scenario("paper_open_loop", ["crank.frequency=1.0", "flight.velocity=[1.0, 0.0, 0.0]"]))
+
+
+def test_what_is_known_of_the_torques_decides_what_can_be_found() -> None:
+    """Measured: all. Motor only: all, when forces are projected first. None: all but the squeeze. Modelled: wrong."""
+    found = {
+        torque: fly("paper", f"observers.torque={torque}", "simulation.duration=0.6")
+        for torque in ("measured", "modelled", "motor_only", "none")
+    }
+    ranks = {torque: one.metrics["observers"]["force_level"]["rank"] for torque, one in found.items()}
+    assert ranks == {"measured": 6, "modelled": 6, "motor_only": 6, "none": 5}
+    assert r2(found["measured"], "force_level").min() > 0.999
+    assert r2(found["motor_only"], "force_level").min() > 0.999
+    assert r2(found["motor_only"], "momentum")[1] < 0.5
+    assert r2(found["modelled"], "force_level")[1] < 0.0
+    none = r2(found["none"], "force_level")
+    assert none[1] < 0.5
+    assert none[[0, 2]].min() > 0.999
+    # What cannot be seen: equal and opposite along the line from point to point, here straight across the robot.
+    null = np.array(found["none"].metrics["observers"]["force_level"]["null_direction"])
+    np.testing.assert_allclose(np.abs(null), [[0, np.sqrt(0.5), 0], [0, np.sqrt(0.5), 0]], atol=0.02)
+    np.testing.assert_allclose(null[0], -null[1], atol=1e-6)
+    # With the unseen part put aside, base rows alone find the forces as well.
+    experiment = found["none"]
+    truth = np.stack([true_force(experiment.log, frame)[0] for frame in experiment.scenario.observers.frames], axis=1)
+    seen = truth[:, 0, 1] + truth[:, 1, 1]
+    both = experiment.estimates["force_level"].force[:, :, 1].sum(axis=1)
+    assert np.sqrt(np.mean((both - seen) ** 2)) < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("frames", "torque"),
+    [
+        (["left_force_point", "left_distal"], "measured"),  # two points on one wing
+        (["left_force_point", "base_link"], "none"),
+        (["left_force_point", "right_force_point", "base_link"], "motor_only"),
+    ],
+)
+def test_what_cannot_be_told_apart_is_left_out_and_does_not_blow_up(frames: list[str], torque: str) -> None:
+    """The null direction turns with the wing; the estimate along it stays zero, and what the points share is right."""
+    listed = ", ".join(f"'{frame}'" for frame in frames)
+    for dt in (1e-3, 4e-3):
+        settings = [f"observers.torque={torque}", f"observers.frames=[{listed}]", "simulation.duration=0.4"]
+        flight = fly("paper_left", *settings, f"simulation.dt={dt}")
+        true, _ = true_force(flight.log, "left_force_point")
+        for estimate in flight.estimates.values():
+            assert estimate.identifiability.rank < 3 * len(frames)
+            assert np.max(np.abs(estimate.force)) < 3.0 * np.max(np.abs(true))
+            if torque == "measured":
+                total = estimate.force.sum(axis=1) - true
+                assert np.sqrt(np.mean(total**2)) < 0.2 * true.std()
+
+
+def test_a_flight_that_is_pushed_to_one_side_is_not_trimmed() -> None:
+    """Longitudinal motion closes, lateral motion does not: no orbit, and no multipliers of one."""
+    with pytest.raises(TrimError, match="only a symmetric flight can be trimmed"):
+        trim(load_scenario("tumble"))

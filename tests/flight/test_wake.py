@@ -1,0 +1,146 @@
+"""The shed wake: Kelvin's sum, trailing vortices, and where the air carries it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
+from shed import impulse_lift, rectangle_wake
+from test_robot_air import BARE, gliding, settled
+
+from aerobat_pin.aerodynamics.flapping_wing import Stroke
+from aerobat_pin.aerodynamics.wind import drift, wind_field
+from aerobat_pin.errors import LogError
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight.wake import Wake, wake_of
+from aerobat_pin.robot.load import load_robot
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario.tables import AirSection
+
+STILL = [f"unknown_force.{i}.{key}=0.0" for i in range(2) for key in ("amplitude", "noise", "step")]
+WINDY = ["air.wind=[0.5, -0.2, 0.1]", "air.gust={amplitude = [0.0, 1.0, 0.5], start = 0.1, duration = 0.2}"]
+
+
+@pytest.fixture(scope="module", params=[(), tuple(WINDY)], ids=["still air", "wind and gust"])
+def flown(request: pytest.FixtureRequest) -> tuple[FlightLog, Wake]:
+    """Return three flaps of the paper's robot without unknown forces, and their wake."""
+    scenario = load_scenario("paper", [*STILL, *request.param, "simulation.duration=0.632"])
+    log = simulate(scenario)
+    return log, wake_of(log, load_robot(scenario), scenario.air)
+
+
+def test_what_is_bound_and_what_was_shed_add_up_to_the_start(flown: tuple[FlightLog, Wake]) -> None:
+    """Kelvin: per strip, bound plus all shed circulation never changes. Bound from the lifting line's own states."""
+    log, wake = flown
+    states = log.truth["air_state"].values[:-1]
+    bound = states[:, 2 * wake.bound.shape[1] :]
+    np.testing.assert_allclose(wake.bound, bound, atol=1e-15)
+    start = np.tile(bound[0], (len(bound) - 1, 1))
+    np.testing.assert_allclose(bound[1:] + np.cumsum(wake.shed, axis=0), start, atol=1e-14)
+
+
+def test_trailing_vortices_cancel_and_follow_the_slope_of_the_bound_circulation(flown: tuple[FlightLog, Wake]) -> None:
+    """Their sum is nil; their mean over whole flaps is minus the spanwise change of the mean bound circulation.
+
+    The slope comes from the sine series of Gamma, whose derivative is known in closed form, not from differences:
+    integrated from station to station it gives each vortex.
+    """
+    log, wake = flown
+    np.testing.assert_allclose(wake.trailing.sum(axis=1), 0.0, atol=1e-15)
+    period = 1.0 / 4.75
+    found = wake.mean_trailing(period, 3.0 * period)
+    chosen = (wake.time >= period - 1e-9) & (wake.time < 3.0 * period - 1e-9)
+    mean = log.truth["circulation"].values[chosen].mean(axis=0)
+    count = len(mean)
+    n, theta = np.arange(1, count + 1), np.arange(1, count + 1) * np.pi / (count + 1)
+    modes = 2.0 / (count + 1) * np.sin(np.outer(n, theta)) @ mean
+    edges = np.concatenate([[0.0], theta, [np.pi]])
+    fine = [np.linspace(a, b, 401) for a, b in pairwise(edges)]
+    slopes = [np.cos(np.outer(t, n)) @ (n * modes) for t in fine]  # d Gamma / d theta; left to right as theta grows
+    expected = [np.trapezoid(slope, t) for slope, t in zip(slopes, fine, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(mean).max())
+    # A lifting flight leaves two counter-rotating halves behind.
+    half = (count + 1) // 2
+    assert found[:half].sum() > 0.0 > found[-half:].sum()
+
+
+def test_the_moment_of_what_a_glider_trails_is_its_lift() -> None:
+    """Kutta-Joukowski: rho V times the moment of the trailing vortices about the root, at 2 deg; lift from the kernel.
+
+    The vortices leave halfway between stations in theta. Two tips turn against each other, and nothing is left in sum.
+    """
+    speed, line = 3.0, BARE.line
+    twists = gliding(speed, np.radians(2.0))
+    _, _, strips = BARE.evaluate(twists, settled(BARE, twists))
+    wake = Wake(np.arange(2.0), np.zeros((2, 16, 3)), np.tile(strips.circulation, (2, 1)), AirSection())
+    trailing = wake.mean_trailing(0.0, 1.0)
+    edges = 0.5 * line.span * np.cos((np.arange(17) + 0.5) * np.pi / 17.0)
+    assert speed * (trailing @ edges) == pytest.approx(strips.force_z.sum(), rel=3e-3)
+    assert np.all(trailing[:8] > 0.0)
+    np.testing.assert_allclose(trailing, -trailing[::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize(("flap", "share"), [(0.0, 0.01), (10.0, 0.01), (30.0, 0.05)])
+def test_the_wake_of_a_flapping_rectangle_takes_the_impulse_of_its_lift(flap: float, share: float) -> None:
+    """At 5 deg, 4 m/s, 5 Hz: rho Gamma times the area its trailing edge sweeps, against the force that `fly` finds."""
+    stroke = Stroke(4.0, np.radians(5.0), 5.0, flap=np.radians(flap))
+    lift, wake = rectangle_wake(stroke, np.linspace(0.0, 1.0, 501), 101)
+    assert impulse_lift(wake) == pytest.approx(lift, rel=share)
+    assert lift > 0.1
+
+
+def test_the_wake_of_the_flapping_robot_takes_the_impulse_of_its_lift() -> None:
+    """Prescribed level flight: 89 % of what 16 strips lift, 93 % with 80, whose mean lift is 3 % less."""
+    for strips, share, steps in ((16, 0.89, STEPS // 10), (80, 0.93, STEPS // 4)):
+        force, wake = flap_robot(strips, steps)
+        assert impulse_lift(wake) / force[:, 2].mean() == pytest.approx(share, abs=0.01)
+        # Tips and halves turn against each other; a half leaves as much as is bound at the root.
+        trailing, half = wake.mean_trailing(0.0, 1.0 / FREQUENCY), strips // 2
+        assert trailing[0] > 0.0
+        assert trailing[:half].sum() == pytest.approx(wake.bound.mean(axis=0).max(), rel=0.02)
+        np.testing.assert_allclose(trailing, -trailing[::-1], atol=1e-9)
+    assert wake.position[-1, 0, 0] - wake.position[0, 0, 0] == pytest.approx(AIRSPEED / FREQUENCY, rel=0.01)
+
+
+def test_over_whole_flaps_what_is_shed_across_the_flow_cancels(flown: tuple[FlightLog, Wake]) -> None:
+    """Steady flapping: the sum over the second and third flap is 2 % of what went out and in; a gust leaves more."""
+    _, wake = flown
+    per_flap = 1000.0 / 4.75
+    chosen = wake.shed[round(per_flap) : round(3.0 * per_flap)]
+    share = 0.02 if wake.air.gust is None else 0.1
+    assert np.max(np.abs(chosen.sum(axis=0))) < share * np.max(np.abs(chosen).sum(axis=0))
+
+
+def test_the_wake_stays_where_it_was_shed_but_for_the_wind(flown: tuple[FlightLog, Wake]) -> None:
+    """A point of the left distal trailing edge by hand, and the same one 0.3 s later, carried by the air."""
+    log, wake = flown
+    robot = load_robot(load_scenario("paper"))
+    data, k = robot.model.createData(), 150
+    pin.framesForwardKinematics(robot.model, data, log.measured["q"].values[k])
+    y = log.truth["strip"].values[1]
+    place = data.oMf[robot.model.getFrameId("left_distal")]
+    x = robot.morphology.wing.offset_x + float(robot.wing.leading_edge(y) - robot.wing.chord(y))
+    x -= robot.morphology.wing.offset_x  # the link's own frame starts at the wing's
+    elbow = robot.wing.breaks[1]
+    expected = place.act(np.array([x, y - elbow, 0.0]))
+    np.testing.assert_allclose(wake.position[k, 1], expected, atol=1e-12)
+    points, strength = wake.at(0.45)
+    assert points.shape == (451, 16, 3)
+    assert strength.shape == (451, 16)
+    fine = np.linspace(0.15, 0.45, 30001)
+    blown = np.trapezoid(wind_field(wake.air, fine)[:, 0], fine, axis=0)
+    np.testing.assert_allclose(points[k, 1] - expected, blown, atol=1e-8)
+    np.testing.assert_allclose(drift(wake.air, np.zeros(1)), 0.0, atol=1e-16)
+
+
+def test_a_recorded_flight_has_no_wake_and_other_strips_are_refused(flown: tuple[FlightLog, Wake]) -> None:
+    """Truth is needed, and as many strips as were flown."""
+    log, robot = flown[0], load_robot(load_scenario("paper"))
+    with pytest.raises(LogError, match="no group 'truth'"):
+        wake_of(FlightLog(log.measured), robot, AirSection())
+    with pytest.raises(LogError, match=r"the log has 16 strips, air\.strips = 12"):
+        wake_of(log, robot, AirSection(strips=12))

@@ -1,0 +1,248 @@
+"""The kernels and Pinocchio's memory, copies, the compiler and its cache."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.kernel_cases import COPIES, KINDS, MODELS, PACKAGE, assert_equal, compiled_only, record
+from support.observer_twins import ObserverTwin
+
+from aerobat_pin.flight.plant import kernels as plant_kernels
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.numerics import jit
+from aerobat_pin.observers import Observer
+from aerobat_pin.observers.kernels.filters import FIRST_ORDER
+
+# ------------------------------------------------------------------------------------------------- Pinocchio's memory
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_views_share_memory_with_pinocchio_and_change_with_it(name: str) -> None:
+    """Placements, velocities, and matrices by address."""
+    model, _ = MODELS[name]
+    data, rng = model.createData(), np.random.default_rng(6)
+    oMi, liMi, v = jit.placements(data.oMi), jit.placements(data.liMi), jit.motions(data.v)
+    M = jit.doubles_at(int(jit.addresses(data.M)[0]), model.nv, model.nv)
+    assert np.shares_memory(M, data.M)
+    for _ in range(2):
+        q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.5, 0.5, model.nv))
+        pin.forwardKinematics(model, data, q, rng.standard_normal(model.nv))
+        pin.crba(model, data, q)
+        np.testing.assert_array_equal(M, data.M)
+        for joint in range(1, model.njoints):
+            assert np.shares_memory(v, data.v[joint].vector)
+            np.testing.assert_array_equal(v[joint], data.v[joint].vector)
+            for view, placement in ((oMi, data.oMi[joint]), (liMi, data.liMi[joint])):
+                assert np.shares_memory(view, placement.rotation)
+                assert np.shares_memory(view, placement.translation)
+                np.testing.assert_array_equal(view[joint, :9].reshape(3, 3, order="F"), placement.rotation)
+                np.testing.assert_array_equal(view[joint, 9:], placement.translation)
+
+
+def test_a_matrix_by_address_is_read_by_columns() -> None:
+    """As Eigen lays it out: C and the Jacobian are not symmetric."""
+    matrix = np.asfortranarray(np.arange(6.0).reshape(2, 3))
+    np.testing.assert_array_equal(jit.doubles_at(int(jit.addresses(matrix)[0]), 2, 3), matrix)
+
+
+def test_views_that_do_not_follow_pinocchio_are_refused() -> None:
+    """A copy, as after another memory layout, would go stale without a word."""
+    model = MODELS["aerobat"][0]
+    for copied in (None, 0, 1, 2):
+        data = model.createData()
+        views = [jit.placements(data.oMi), jit.placements(data.liMi), jit.motions(data.v)]
+        if copied is None:
+            jit.check_views(model, data, *views)
+            continue
+        views[copied] = views[copied].copy()
+        with pytest.raises(RuntimeError, match="do not lie in memory"):
+            jit.check_views(model, data, *views)
+    for bad in (np.zeros(3, dtype=int), np.zeros((4, 4))[::2, ::2]):
+        with pytest.raises(RuntimeError, match="contiguous arrays of doubles"):
+            jit.addresses(bad)
+
+
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_copied_observer_estimates_like_a_new_one(kind: type[Observer], way: str) -> None:
+    """Copied in mid-stream: it looks at data of its own, and neither disturbs the other."""
+    model, frames = MODELS["aerobat"]
+    time, q, v, tau, known = record(model)
+    twin = ObserverTwin(kind.name, model, frames, 400.0)
+    residual, points = twin.run(time, q, v, tau, known)
+    observer = kind(model, frames, 400.0)
+    observer.reset(q[0], v[0], time[0])
+    copied = COPIES[way](observer)
+    assert copied.data is not observer.data
+    estimate = copied.run(time, q, v, tau, known)
+    near = 1e-12 if kind.kind == FIRST_ORDER else 1e-9  # the other twins go by expm and bisection
+    assert_equal(estimate.residual, residual, near)
+    assert_equal(estimate.force, points, near)
+    now = {channel: values[0] for channel, values in known.items()}
+    assert_equal(observer.update(time[1], q[1], v[1], tau[0], now).residual, residual[0], near)
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_a_copied_plant_flies_the_same_flight(way: str, paper_plant: Plant) -> None:
+    """Its kernels look at the data that its Pinocchio calls fill, not at an array left behind by the copy."""
+    held = np.zeros((2, len(paper_plant.forces), 5))
+    expected = paper_plant.fly(5, 1e-3, held)
+    copied = COPIES[way](paper_plant)
+    assert copied._places[2] == copied.data.M.ctypes.data != paper_plant.data.M.ctypes.data
+    found = copied.fly(5, 1e-3, held)
+    np.testing.assert_array_equal(found.q, expected.q)
+    np.testing.assert_array_equal(found.v, expected.v)
+
+
+# ------------------------------------------------------------------------------------------------ compiling and caching
+
+
+INTERPRETED = """
+import sys
+import numba
+import numpy as np
+import pinocchio as pin
+from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.estimation.known_inputs import known_inputs
+
+settings = ["simulation.duration=0.005", "air.warm_up_cycles=1", "air.strips=6"]
+log = simulate(load_scenario("paper", settings))
+found = {name: log.measured[name].values for name in ("q", "v", "motor_torque")}
+found["force"], found["air"] = log.truth["force_W"].values, log.truth["air_state"].values
+model = pin.buildSampleModelHumanoid()
+model.addFrame(pin.Frame("point", model.njoints - 1, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+model.frames[model.getFrameId("point")].placement = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+rng = np.random.default_rng(1)
+q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uniform(-0.5, 0.5, (6, model.nv))])
+v, tau = rng.uniform(-1.0, 1.0, (6, model.nv)), rng.uniform(-1.0, 1.0, (5, model.nv))
+time = np.cumsum(rng.uniform(1e-3, 3e-3, 6))
+for name, kind in OBSERVERS.items():
+    observer = kind(model, ["point"], 400.0)
+    estimate = observer.run(time, q, v, tau)
+    found[name], found[name + "_residual"] = estimate.force, estimate.residual
+    if name == "smoother":
+        continue
+    observer.reset(q[0], v[0], time[0])
+    found[name + "_stream"] = np.array([observer.update(*now).force for now in zip(time[1:], q[1:], v[1:], tau)])
+np.savez(sys.argv[1], compiled=not numba.config.DISABLE_JIT, **found)
+"""
+
+
+def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path) -> None:
+    """NUMBA_DISABLE_JIT=1, for debugging and coverage: a short flight and every observer, batch and stream."""
+    results = []
+    for disabled in ("0", "1"):
+        path = tmp_path / f"disabled_{disabled}.npz"
+        done = subprocess.run(
+            [sys.executable, "-c", INTERPRETED, str(path)],
+            env={**os.environ, "NUMBA_DISABLE_JIT": disabled, "PYTHONPATH": str(PACKAGE.parent)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
+        results.append(dict(np.load(path)))
+    compiled, interpreted = results
+    assert compiled.pop("compiled")
+    assert not interpreted.pop("compiled")
+    for name, expected in compiled.items():
+        sensitive = name.startswith(("super_twisting", "kalman", "smoother"))  # roots and inverses of small differences
+        assert_equal(interpreted[name], expected, 1e-9 if sensitive else 1e-12)
+
+
+AFTER = """
+import hashlib
+import sys
+import numba
+import numpy as np
+import pinocchio as pin
+from aerobat_pin.observers import ForceLevelObserver
+from aerobat_pin.observers.kernels import residual as kernels
+from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
+
+model, rng = load_aerobat().model, np.random.default_rng(1)
+q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uniform(-0.5, 0.5, (50, model.nv))])
+v, tau = rng.uniform(-1.0, 1.0, (50, model.nv)), rng.uniform(-1.0, 1.0, (49, model.nv))
+observer = ForceLevelObserver(model, FORCE_POINTS, 400.0)
+if sys.argv[1] == "compiled":
+    ours = kernels.collect, kernels.observe_all
+    kernels.collect, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
+    observer.run(np.arange(50) * 1e-3, q, v, tau)
+    kernels.collect, kernels.observe_all = ours
+print(hashlib.sha256(observer.run(np.arange(50) * 1e-3, q, v, tau).force.tobytes()).hexdigest())
+"""
+
+
+@compiled_only
+def test_what_was_compiled_before_changes_no_digit() -> None:
+    """Other callers of the same kernels come first, and their copies of them are then everybody's: design note 4."""
+    command = [sys.executable, "-c", AFTER]
+    found = [
+        subprocess.run([*command, before], capture_output=True, text=True, check=True).stdout
+        for before in ("nothing", "compiled")
+    ]
+    assert found[0] == found[1]
+
+
+def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
+    """A file that is not listed could change without outdating the kernels that its own are compiled into."""
+    with_kernels = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if re.search(r"^@(jit\.)?(kernel|inner)\b", path.read_text(), re.MULTILINE)
+    }
+    assert with_kernels <= set(jit.KERNEL_SOURCES)
+    assert all((PACKAGE / name).is_file() for name in jit.KERNEL_SOURCES)
+    assert len(set(jit.KERNEL_SOURCES)) == len(jit.KERNEL_SOURCES)
+
+
+@compiled_only
+def test_a_change_in_any_kernel_file_changes_the_stamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each file counts, and the stamp is the one that numba compares."""
+    assert jit.solve_positive._cache._cache_file._source_stamp == jit.sources_stamp()
+    assert plant_kernels.advance._cache._cache_file._source_stamp == jit.sources_stamp()
+    for name in jit.KERNEL_SOURCES:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("before\n")
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "jit.py"))
+    stamps = [jit.sources_stamp.__wrapped__()]
+    for name in jit.KERNEL_SOURCES:
+        (tmp_path / name).write_text("after it was changed\n")
+        stamps.append(jit.sources_stamp.__wrapped__())
+    assert len(set(stamps)) == len(stamps)
+
+
+@compiled_only
+def test_kernels_compile_where_no_cache_can_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numba raises RuntimeError where it finds no folder: for code without a file, and in a read-only installation."""
+    scope: dict[str, Any] = {}
+    exec("def triple(x):\n    return 3.0 * x\n", scope)
+    with pytest.raises(RuntimeError, match="cannot cache"):
+        numba.njit(cache=True)(scope["triple"])
+    assert jit.kernel(scope["triple"])(2.0) == 6.0
+    njit = numba.njit
+
+    def read_only(*arguments: Any, **options: Any) -> Any:
+        if options.get("cache"):
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(*arguments, **options)
+
+    monkeypatch.setattr(jit.numba, "njit", read_only)
+    solve = jit.kernel(jit.solve_positive.py_func)
+    A, x = np.diag([2.0, 4.0]), np.ones(2)
+    solve(A, x)
+    assert solve.signatures
+    assert solve.stats.cache_path is None
+    np.testing.assert_allclose(x, [0.5, 0.25])

@@ -1,0 +1,201 @@
+"""What acts where: wrenches, directions, axes, ties, matrix gains; and what of it cannot be known, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.linalg import expm
+from support.kernel_cases import MODELS, record
+from support.observer_twins import point_jacobian
+from test_observers import ALIGNED, arm, identifiability, push, rest
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.observers import (
+    Application,
+    ForceLevelObserver,
+    MomentumObserver,
+    SecondOrderObserver,
+    Tie,
+    tie_joints,
+)
+from aerobat_pin.robot.aerobat import load_aerobat
+
+WINGS = ["left_force_point", "right_force_point"]
+PAIRS = {"left_shoulder": "right_shoulder", "left_elbow": "right_elbow"}
+
+
+def settled(model: pin.Model, application: Application, tau: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return the components that an observer settles at when joint torques tau hold a robot still."""
+    observer = ForceLevelObserver(model, [application], gain=1e4)
+    observer.reset(q, np.zeros(model.nv))
+    for k in range(20):
+        sample = observer.update((k + 1) * 1e-3, q, np.zeros(model.nv), tau)
+    return sample.components
+
+
+@pytest.mark.parametrize("axes", ["world", "frame"])
+def test_a_wrench_is_found_in_world_and_in_frame_axes(axes: str) -> None:
+    """Six joints hold a known force and moment at the tool, whose frame is turned, against Pinocchio's Jacobian."""
+    model, _ = arm()
+    turned = pin.SE3(pin.exp3(np.array([0.4, -0.7, 1.1])), np.array([0.05, -0.02, 0.3]))
+    model.addFrame(pin.Frame("hand", model.njoints - 1, 0, turned, pin.OP_FRAME))
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, model.nq)
+    wrench = np.array([1.5, -2.0, 0.7, 0.1, -0.05, 0.2])
+    frame = pin.LOCAL if axes == "frame" else ALIGNED
+    J = pin.computeFrameJacobian(model, model.createData(), q, model.getFrameId("hand"), frame)
+    application = Application("hand", "wrench", axes)  # type: ignore[arg-type]
+    np.testing.assert_allclose(settled(model, application, rest(model, q) - J.T @ wrench, q), wrench, rtol=1e-6)
+
+
+@pytest.mark.parametrize("axes", ["world", "frame"])
+def test_a_force_along_a_line_is_one_number(axes: str) -> None:
+    """Its size along the line, with sign; the line need not be given by a unit vector."""
+    model, frame = arm()
+    q = np.random.default_rng(4).uniform(-1.0, 1.0, model.nq)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    R = data.oMf[model.getFrameId(frame)].rotation if axes == "frame" else np.eye(3)
+    line = np.array([2.0, 0.0, -1.0])
+    tau = rest(model, q) - push(model, frame, q, -3.0 * R @ line / np.linalg.norm(line))
+    application = Application(frame, axes=axes, direction=tuple(line))  # type: ignore[arg-type]
+    np.testing.assert_allclose(settled(model, application, tau, q), [-3.0], rtol=1e-6)
+
+
+def test_components_have_labels_and_forces_in_world_axes_keep_their_shape() -> None:
+    """`force` is for plain forces; everything is there by label, and a label that is not lists those that are."""
+    model, frame = arm()
+    time, q, v, tau, known = record(model)
+    plain = MomentumObserver(model, [frame]).run(time, q, v, tau, known)
+    np.testing.assert_array_equal(plain.force[:, 0, 2], plain.component("tool.Fz"))
+    mixed = MomentumObserver(model, [Application(frame, "wrench", "frame")]).run(time, q, v, tau, known)
+    assert mixed.identifiability.components[3] == "tool.Mx'"
+    with pytest.raises(ObserverError, match="not all components are forces in world axes"):
+        _ = mixed.force
+    with pytest.raises(ObserverError, match=r"no component 'tool.Mx'; there are tool.Fx', .*tool.Mz'"):
+        mixed.component("tool.Mx")
+    for kind, direction in (("wrench", (1.0, 0.0, 0.0)), ("force", (0.0, 0.0, 0.0))):
+        with pytest.raises(ObserverError, match="a force along three finite numbers"):
+            MomentumObserver(model, [Application(frame, kind, direction=direction)])  # type: ignore[arg-type]
+
+
+def test_the_tied_robot_moves_like_the_free_one_in_symmetric_motion() -> None:
+    """M8 = S^T M S and h8 = S^T (u - C v - g) give the tree's ten accelerations to 1e-10 (the paper's coupling)."""
+    robot = load_aerobat()
+    model, data, rng = robot.model, robot.model.createData(), np.random.default_rng(6)
+    S = tie_joints(model, PAIRS)
+    assert S.map.shape == (10, 8)
+    symmetric = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])  # surge, heave, pitch rate
+    for _ in range(20):
+        pitched = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, rng.normal(), 0.0)).coeffs()
+        q = robot.configuration([0.0, 0.0, 0.0, *pitched], *rng.uniform(-1.0, 0.5, 2))
+        v = robot.velocity(symmetric * rng.normal(size=6), *rng.normal(size=2))
+        u = robot.velocity(symmetric * rng.normal(size=6), *(1e-3 * rng.normal(size=2)))
+        full = np.linalg.solve(pin.crba(model, data, q), u - pin.nonLinearEffects(model, data, q, v))
+        tied = np.linalg.solve(S.inertia(data.M), S.force(u - data.nle))
+        np.testing.assert_allclose(S.map @ tied, full, rtol=0.0, atol=1e-10 * np.abs(full).max())
+
+
+def test_a_tie_hides_what_acts_against_it_and_is_named_in_the_result() -> None:
+    """Eight rows still tell six components apart, through the base, but every one of them less surely than ten."""
+    robot = load_aerobat()
+    tie = tie_joints(robot.model, PAIRS)
+    time, q, v, tau, known = record(robot.model)
+    tied = ForceLevelObserver(robot.model, WINGS, rows=tie).run(time, q, v, tau, known)
+    assert tied.rows == "left-right"
+    free = ForceLevelObserver(robot.model, WINGS).run(time, q, v, tau, known)
+    assert free.rows == "all"
+    assert np.abs(tied.force - free.force).max() > 1e-3
+    assert tied.identifiability.rank == 6
+    assert np.all(tied.identifiability.deviation > free.identifiability.deviation)
+    for alone in ("left_force_point", Application("left_force_point")):
+        with pytest.raises(ObserverError, match=r"applications = .*left_force_point.*: a list of"):
+            ForceLevelObserver(robot.model, alone)  # type: ignore[arg-type]
+    with pytest.raises(ObserverError, match="'left_wrist' is not a joint of one degree of freedom"):
+        tie_joints(robot.model, {"left_wrist": "right_elbow"})
+    with pytest.raises(ObserverError, match="tie odd: a finite map of 10 rows"):
+        MomentumObserver(robot.model, WINGS, rows=Tie("odd", np.zeros((3, 3))))
+
+
+def test_an_orthonormal_tie_of_nothing_changes_nothing() -> None:
+    """S = 1: the tied rows are all the rows, through the kernel's other branch."""
+    model, frames = MODELS["aerobat"]
+    time, q, v, tau, known = record(model)
+    tied = ForceLevelObserver(model, frames, rows=Tie("none", np.eye(model.nv))).run(time, q, v, tau, known)
+    free = ForceLevelObserver(model, frames).run(time, q, v, tau, known)
+    np.testing.assert_allclose(tied.force, free.force, rtol=1e-6, atol=1e-6 * np.abs(free.force).max())
+
+
+@pytest.mark.parametrize("kind", [MomentumObserver, ForceLevelObserver])
+def test_a_gain_matrix_filters_along_its_own_directions(kind: type[MomentumObserver]) -> None:
+    """R' = K (phi - r) with K symmetric: the step answer is (1 - expm(-K t)) phi, here by scipy."""
+    model, frame = arm()
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    q[2:4] = 0.7, -0.9
+    force = np.array([0.3, 0.1, -0.2])
+    pushed = push(model, frame, q, force)
+    value = pushed if kind is MomentumObserver else force
+    A = np.random.default_rng(3).normal(size=(len(value), len(value)))
+    K = 100.0 * (A @ A.T + np.eye(len(value)))
+    observer = kind(model, [frame], gain=K)
+    observer.reset(q, v)
+    sample = observer.update(3e-3, q, v, rest(model, q) - pushed)
+    found = sample.residual if kind is MomentumObserver else sample.components
+    np.testing.assert_allclose(found, value - expm(-3e-3 * K) @ value, rtol=1e-6, atol=1e-9)
+    with pytest.raises(ObserverError, match="a symmetric one"):
+        kind(model, [frame], gain=np.triu(K))
+    with pytest.raises(ObserverError, match="positive gain"):
+        kind(model, [frame], gain=-K)
+
+
+def test_the_squeeze_is_reported_in_words_and_its_components_as_unknowable() -> None:
+    """Two wing forces and the base rows alone: rank five; no confident number for what lies along the line."""
+    robot = load_aerobat()
+    squeezed, full = identifiability(robot, WINGS, "base"), identifiability(robot, WINGS, "base+power")
+    assert squeezed.rank == 5
+    assert squeezed.describe() == ["equal and opposite along the line from left_force_point to right_force_point"]
+    line = dict(zip(squeezed.components, squeezed.deviation, strict=True))
+    assert np.isinf(line["left_force_point.Fy"])
+    assert np.isinf(line["right_force_point.Fy"])
+    assert np.isfinite(line["left_force_point.Fx"])
+    assert full.rank == 6
+    assert full.describe() == []
+    assert np.all(np.isfinite(full.deviation))
+
+
+def test_every_pattern_that_leaves_no_trace_is_listed() -> None:
+    """Two wings and two points on the body, base rows: 12 components, rank 6, six patterns, each checked against J."""
+    robot = load_aerobat()
+    frames = [*WINGS, "left_linkage_J1", "right_linkage_J1"]
+    found = identifiability(robot, frames, "base")
+    assert found.rank == 6
+    assert found.null_space.shape == (6, 12)
+    assert len(found.describe()) == 6
+    J = point_jacobian(robot.model, frames, robot.q0)[:, :6]
+    np.testing.assert_allclose(found.null_space @ J, 0.0, atol=1e-9)
+
+
+def test_the_deviation_of_a_component_is_that_of_many_noisy_fits() -> None:
+    """White noise on the weighted rows, ten thousand times through the pseudo-inverse."""
+    robot = load_aerobat()
+    found = identifiability(robot, WINGS)
+    observer = MomentumObserver(robot.model, WINGS)
+    A = (point_jacobian(robot.model, WINGS, robot.q0) @ observer.believed.map(np.ones(10))).T
+    noise = np.random.default_rng(8).normal(size=(10000, len(A)))
+    np.testing.assert_allclose(np.std(noise @ np.linalg.pinv(A).T, axis=0), found.deviation, rtol=0.05)
+
+
+def test_a_second_order_filter_rejects_noise_that_a_first_order_one_lets_through() -> None:
+    """White noise of one interval at K = 200 1/s: variance by the integral of |H|^2, K/2 against 2.146 K/4 per dt."""
+    model, frame = arm()
+    q = np.tile(np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), (20001, 1))
+    v, rng = np.zeros((20001, model.nv)), np.random.default_rng(2)
+    J = pin.computeFrameJacobian(model, model.createData(), q[0], model.getFrameId(frame), ALIGNED)[:3]
+    tau = rest(model, q[0]) - rng.normal(size=(20000, 3)) @ J
+    time = np.arange(20001) * 1e-4
+    variance = [
+        np.var(kind(model, [frame], gain=200.0).run(time, q, v, tau).force[200:])
+        for kind in (ForceLevelObserver, SecondOrderObserver)
+    ]
+    assert variance[0] == pytest.approx(200.0 * 1e-4 / 2.0, rel=0.1)
+    assert variance[1] == pytest.approx(2.146 * 200.0 * 1e-4 / 4.0, rel=0.1)

@@ -1,0 +1,245 @@
+"""Kalman filter and smoother: equal to the textbook, honest about their own error, and what they do not know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.stats import chi2
+from support.kalman_twins import KalmanTwin
+from support.kernel_cases import MODELS, assert_equal, record
+from support.observer_twins import point_jacobian
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.observers import Application, KalmanObserver, KalmanSample, SmootherObserver, tie_joints
+from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
+from aerobat_pin.scenario.scenario import load_scenario
+
+ROBOT = load_aerobat("aerobat_light")
+SENSORS = (0.02, 0.01, 0.05)
+CASES: dict[str, dict[str, Any]] = {
+    "forces alone": {},
+    "known force in doubt": {"known_error": {"air": 0.2}, "error_time": 0.05, "misfit": 0.3},
+    "mass and two forces in doubt": {"known_error": {"other": 0.1, "air": 0.3}, "mass_error": 0.05},
+    "harmonics": {"frequency": 40.0},
+    "harmonics, all in doubt": {"frequency": 40.0, "known_error": {"air": 0.2}, "mass_error": 0.05},
+}
+
+
+def sensors(model: pin.Model) -> np.ndarray:
+    """Return standard deviations (nv,) of a model's velocity sensors."""
+    free = model.joints[1].nv == 6
+    return np.array([SENSORS[0]] * 3 * free + [SENSORS[1]] * 3 * free + [SENSORS[2]] * (model.nv - 6 * free))
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("name", MODELS)
+def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
+    """Estimate and standard deviation against dense Joseph-form Kalman and Rauch-Tung-Striebel, one stamp repeated."""
+    model, frames = MODELS[name]
+    time, q, v, tau, known = record(model)
+    size = float(pin.computeTotalMass(model))  # so that the walk is neither slow nor fast beside the sensors
+    settings = {"force_walk": 40.0 * size, "prior": 10.0 * size, **CASES[case]}
+    twin = KalmanTwin(model, frames, sensors(model), **settings)
+    for kind in (KalmanObserver, SmootherObserver):
+        force, deviation = twin.run(time, q, v, tau, known, smooth=kind is SmootherObserver)
+        estimate = kind(model, frames, sensor_noise=SENSORS, **settings).run(time, q, v, tau, known)
+        assert_equal(estimate.components, force, 1e-9)
+        assert_equal(estimate.standard_deviation, deviation, 1e-9)
+        J = np.array([point_jacobian(model, frames, one) for one in q])
+        J[len(tau) // 2 + 1] = J[len(tau) // 2]
+        mean = 0.5 * (J[1:] + J[:-1])
+        residual = np.einsum("kci,kc->ki", mean, force)
+        residual[len(tau) // 2] = residual[len(tau) // 2 - 1]
+        assert_equal(estimate.residual, residual, 1e-9)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_stream_is_a_batch_with_its_standard_deviation(case: str) -> None:
+    """The same numbers to the last bit, and a record in between leaves the stream alone."""
+    model, frames = MODELS["aerobat"]
+    time, q, v, tau, known = record(model)
+    observer = KalmanObserver(model, frames, force_walk=1.0, **CASES[case])
+    batch = observer.run(time, q, v, tau, known)
+    assert batch.standard_deviation is not None
+    observer.reset(q[0], v[0], time[0])
+    for k in range(len(tau)):
+        if k == 7:
+            observer.run(time, q, v, tau, known)
+        now = {name: values[k] for name, values in known.items()}
+        sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
+        assert isinstance(sample, KalmanSample)
+        np.testing.assert_array_equal(sample.components, batch.components[k])
+        np.testing.assert_array_equal(sample.force, batch.force[k])
+        np.testing.assert_array_equal(sample.residual, batch.residual[k])
+        np.testing.assert_array_equal(sample.standard_deviation, batch.standard_deviation[k])
+
+
+WALK, PRIOR, DOUBT, RUNS = 0.5, 0.1, 0.2, 60
+
+
+def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
+    """Draw a record from the filter's own statistics: forces, a factor of the air, sensors that read their noise.
+
+    A robot on rails: its joints and base are posed anew at every sample, its true momentum stays zero, and tau is what
+    keeps it so. Returns the record and the true forces (steps, 6).
+    """
+    model, dt, rng = ROBOT.model, 1e-3, np.random.default_rng(seed)
+    data, nv = model.createData(), model.nv
+    q = [pin.integrate(model, ROBOT.q0, 0.3 * np.sin(0.05 * k) * np.linspace(-1.0, 1.0, nv)) for k in range(steps + 1)]
+    v = rng.normal(size=(steps + 1, nv)) * sensors(model)
+    air = np.sin(0.1 * np.arange(steps))[:, None] * np.repeat([0.5, 0.01], [3, nv - 3])
+    start = PRIOR * rng.normal(size=6)
+    force = start + np.cumsum(WALK * np.sqrt(dt) * rng.normal(size=(steps, 6)), axis=0)
+    J = np.array([point_jacobian(model, FORCE_POINTS, one) for one in q])
+    weight = np.array([pin.computeGeneralizedGravity(model, data, one) for one in q])
+    pushed = np.einsum("kci,kc->ki", 0.5 * (J[1:] + J[:-1]), force)
+    tau = 0.5 * (weight[1:] + weight[:-1]) - pushed - (1.0 + DOUBT * rng.normal()) * air
+    return (dt * np.arange(steps + 1), np.array(q), v, tau, {"air": air}), force
+
+
+@pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
+def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanObserver]) -> None:
+    """Over 60 draws the squared error in standard deviations is chi-square, early and late, for every component.
+
+    Told a third of the sensors' noise, or nothing of the doubt about the air, it is not.
+    """
+    settings = {"force_walk": WALK, "prior": PRIOR, "known_error": {"air": DOUBT}, "error_time": 1e9, "misfit": 1e-9}
+    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], RUNS)
+    observers = [
+        kind(ROBOT.model, FORCE_POINTS, **settings),
+        kind(ROBOT.model, FORCE_POINTS, **settings, sensor_noise=tuple(np.array(SENSORS) / 3.0)),
+        kind(ROBOT.model, FORCE_POINTS, **{**settings, "known_error": None}),
+    ]
+    squares = np.zeros((3, 2, 6))
+    for seed in range(RUNS):
+        flight, force = resting_flight(seed)
+        for total, observer in zip(squares, observers, strict=True):
+            estimate = observer.run(*flight)
+            total += ((estimate.components - force) / estimate.standard_deviation)[[8, 50]] ** 2
+    assert np.all((squares[0] > low) & (squares[0] < high)), squares[0]
+    assert squares[1].max() > 2.0 * high
+    assert squares[2].max() > high
+
+
+def still(rows: Any, **settings: Any) -> np.ndarray:
+    """Return the standard deviations (60, 2, 3) of the filter with some rows on a robot that holds still."""
+    (time, q, v, tau, _), _ = resting_flight(1)
+    q[:] = ROBOT.q0
+    deviation = KalmanObserver(ROBOT.model, FORCE_POINTS, rows=rows, **settings).run(time, q, v, tau).standard_deviation
+    assert deviation is not None
+    return deviation.reshape(-1, 2, 3)
+
+
+def test_what_base_rows_cannot_tell_has_the_standard_deviation_of_not_knowing() -> None:
+    """Equal and opposite forces along the line between the points, here y, leave no trace in the base.
+
+    Of the two y components the sum becomes known, the difference keeps its prior: sqrt(1/2) of it on each. What is seen
+    becomes known to a few tens of mN, and so does everything where the joint torques are believed.
+    """
+    blind, seeing = (still(rows, force_walk=WALK, prior=10.0)[-1] for rows in ("base", "all"))
+    assert np.all(blind[:, 1] > 0.999 * 10.0 * np.sqrt(0.5))
+    assert blind[:, [0, 2]].max() < 0.5
+    assert seeing.max() < 0.5
+
+
+def test_a_gain_means_the_same_wherever_the_wings_are() -> None:
+    """The walk follows the configuration: kept from the start, Fx of a flapping robot was 10 mN wrong without noise."""
+    names = 'observers.names=["force_level", "kalman", "smoother"]'
+    found = run(load_scenario("paper", ["simulation.duration=0.5", "observers.gain=2000", names])).estimates
+    for name in ("kalman", "smoother"):
+        wrong = np.sqrt(np.mean((found[name].force - found["force_level"].force) ** 2, axis=(0, 1)))
+        assert np.all(wrong < 0.003), name
+
+
+def test_a_covariance_stays_symmetric() -> None:
+    """Where all torques but their power are unknown, entries differ by eight orders; rounding must not pile up."""
+    model, robot_q = ROBOT.model, ROBOT.q0
+    observer = KalmanObserver(model, FORCE_POINTS, force_walk=0.7, rows="base+power")
+    speeds = np.random.default_rng(0).normal(size=(400, model.nv)) * sensors(model)
+    observer.reset(robot_q, speeds[0])
+    for k, v in enumerate(speeds[1:]):
+        observer.update(1e-3 * (k + 1), robot_q, v, np.zeros(model.nv))
+    P = observer._filter.P
+    np.testing.assert_array_equal(P, P.T)
+    assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > 0.0
+
+
+def test_an_unseen_pattern_grows_ever_less_certain() -> None:
+    """A walk that nothing corrects grows with the square root of time, by `force_walk` or by the one of the gain."""
+    for settings in ({"force_walk": 20.0, "prior": 0.1}, {"gain": 100.0}):
+        side = still("base", **settings)[:, 0, 1]
+        assert side[55] > 1.3 * side[20]
+
+
+@pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
+def test_wrong_torques_do_not_matter_where_they_are_not_believed(kind: type[KalmanObserver]) -> None:
+    """Base rows alone: any joint torque. With the power: any that leaves it. Tied wings: any against the tie."""
+    model = ROBOT.model
+    time, q, v, tau, known = record(model)
+    v[:, 6:] += 10.0 * np.array([1.0, -0.5, 0.8, 0.3])
+    joints = 0.5 * (v[1:, 6:] + v[:-1, 6:])
+    wrong = 0.1 * np.random.default_rng(6).normal(size=joints.shape)
+    across = wrong - joints * (np.sum(joints * wrong, axis=1) / np.sum(joints**2, axis=1))[:, None]
+    tie = tie_joints(model, {"left_shoulder": "right_shoulder", "left_elbow": "right_elbow"})
+    free = np.linalg.svd(tie.map[6:])[0][:, 2:]
+    against = wrong @ free @ free.T
+    # The power's direction is only as well known as the joint rates are measured: hence the looser bound.
+    for rows, extra, near in (("base", wrong, 1e-6), ("base+power", across, 2e-2), (tie, against, 1e-6)):
+        told = tau.copy()
+        told[:, 6:] += extra
+        one, other, naive = (
+            kind(model, FORCE_POINTS[:1], rows=which, force_walk=5.0).run(time, q, v, torque, known).components
+            for which, torque in ((rows, tau), (rows, told), ("all", told))
+        )
+        scale = np.abs(one).max()
+        assert np.abs(one - other).max() < near * scale
+        assert np.abs(naive - one).max() > 10.0 * near * scale
+
+
+def test_moments_and_directions_have_standard_deviations_of_their_own() -> None:
+    """A wrench at one frame and a force along a line at another: seven components, each with its unit's uncertainty."""
+    model, frames = MODELS["aerobat, turned frame"]
+    flight = record(model)
+    where = [Application(frames[0], kind="wrench", axes="frame"), Application(frames[1], direction=(0.0, 1.0, 1.0))]
+    estimate = KalmanObserver(model, where, force_walk=1.0, prior=2.0).run(*flight)
+    assert estimate.standard_deviation is not None
+    assert estimate.standard_deviation.shape == estimate.components.shape == (len(flight[3]), 7)
+    assert np.all(estimate.standard_deviation > 0.0)
+    first = estimate.standard_deviation[0]
+    assert np.all(first[3:6] < 0.05 * 2.0 * 1.01)  # 50 mm times the prior of a force
+    assert np.all(first[[0, 1, 2, 6]] < 2.0 * 1.01)
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    """Each by its name, with what was expected."""
+    model, frames = MODELS["aerobat"]
+    for settings, words in (
+        ({"gain": np.ones(6)}, "takes one number"),
+        ({"force_walk": 0.0}, "force_walk = 0.0: one finite positive number or 6"),
+        ({"force_walk": np.ones(5)}, "force_walk"),
+        ({"sensor_noise": (0.1, 0.1)}, "three numbers"),
+        ({"sensor_noise": (0.1, 0.1, 0.0)}, "sensor_noise = 0.0"),
+        ({"force_walk": 1.0, "prior": -1.0}, "prior = -1.0"),
+        ({"mass_error": -0.05}, "mass_error"),
+        ({"known_error": {"air": np.nan}}, "known_error of air"),
+        ({"error_time": 0.0, "mass_error": 0.1}, "error_time"),
+        ({"misfit": 0.0}, "misfit"),
+        ({"frequency": 0.0}, "frequency"),
+    ):
+        with pytest.raises(ObserverError, match=words):
+            KalmanObserver(model, frames, **settings)
+    time, q, v, tau, known = record(model)
+    observer = KalmanObserver(model, frames, known_error={"wind": 0.1})
+    with pytest.raises(ObserverError, match="'wind': the known forces are air, other"):
+        observer.run(time, q, v, tau, known)
+    observer.reset(q[0], v[0])
+    with pytest.raises(ObserverError, match="known forces are none"):
+        observer.update(1e-3, q[1], v[1], tau[0])
+    smoother = SmootherObserver(model, frames)
+    smoother.reset(q[0], v[0])
+    with pytest.raises(ObserverError, match="use run, or kalman"):
+        smoother.update(1e-3, q[1], v[1], tau[0])

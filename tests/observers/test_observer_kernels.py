@@ -1,0 +1,121 @@
+"""The kernels of the observers equal their numpy twins on any model, in stream and batch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support import observer_twins as twins
+from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
+
+from aerobat_pin.observers import OBSERVERS, Observer
+from aerobat_pin.observers.kernels import residual as kernels
+from aerobat_pin.observers.kernels.filters import FIRST_ORDER
+from aerobat_pin.observers.kernels.memory import new_store, unpack
+from aerobat_pin.observers.kernels.projection import project
+from aerobat_pin.observers.kernels.record import open_record
+from aerobat_pin.observers.rows import ROWS, Rows
+
+
+@pytest.mark.parametrize("gain", ["one", "each"])
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize(("name", "rows"), [(name, rows) for name in MODELS for rows in ROWS if believable(name, rows)])
+def test_observers_equal_their_twins_in_stream_and_batch(
+    name: str, rows: Rows, kind: type[Observer], gain: str
+) -> None:
+    """Random record, uneven stamps, one repeated; one gain for all or each its own; every choice of believed rows."""
+    model, frames = MODELS[name]
+    frames = frames if rows == "all" else frames[-1:]  # six or seven rows tell no more than one point apart
+    size = 3 * len(frames) if kind.project_first else model.nv
+    K = 300.0 if gain == "one" else np.random.default_rng(4).uniform(50.0, 2000.0, size)
+    time, q, v, tau, known = record(model)
+    twin = twins.ObserverTwin(kind.name, model, frames, K, rows)
+    residual, points = twin.run(time, q, v, tau, known)
+    near = 1e-12 if kind.kind == FIRST_ORDER else 1e-9  # the other twins go by expm and bisection
+    observer = kind(model, frames, K, rows)
+    estimate = observer.run(time, q, v, tau, known)
+    assert_equal(estimate.residual, residual, near)
+    assert_equal(estimate.force, points, near)
+    observer.reset(q[0], v[0], time[0])
+    for k in range(len(tau)):
+        now = {channel: values[k] for channel, values in known.items()}
+        sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
+        assert_equal(sample.residual / np.max(np.abs(residual)), residual[k] / np.max(np.abs(residual)), near)
+        assert_equal(sample.force / np.max(np.abs(points)), points[k] / np.max(np.abs(points)), near)
+
+
+def test_without_points_the_residual_equals_the_twin() -> None:
+    """The momentum observer alone, on the arm."""
+    model, _ = MODELS["arm"]
+    time, q, v, tau, known = record(model)
+    estimate = OBSERVERS["momentum"](model, (), 500.0).run(time, q, v, tau, known)
+    residual, _ = twins.ObserverTwin("momentum", model, (), 500.0).run(time, q, v, tau, known)
+    assert_equal(estimate.residual, residual)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_remembered_sample_is_momentum_drift_and_jacobians(name: str) -> None:
+    """Read through the addresses of Pinocchio's results, against its own Jacobians of the frames."""
+    model, frames = MODELS[name]
+    observer = OBSERVERS["momentum"](model, frames)
+    _, q, v, _, _ = record(model, count=4)
+    memory = np.full((len(v), 3 + 3 * len(frames), model.nv), np.nan)
+    place, now_q, now_v = open_record(q, v, memory)
+    for k in range(len(v)):
+        np.testing.assert_array_equal(now_q, q[k])
+        pin.crba(model, observer.data, now_q)
+        pin.computeCoriolisMatrix(model, observer.data, now_q, now_v)
+        pin.computeGeneralizedGravity(model, observer.data, now_q)
+        kernels.collect(observer._store, place)
+        expected = twins.remembered(model, frames, q[k], v[k])
+        assert_equal(memory[k, 0], expected[0])
+        assert_equal(memory[k, 1], expected[1])
+        assert_equal(memory[k, 2], v[k])
+        assert_equal(memory[k, 3:], expected[3:])
+
+
+@pytest.mark.parametrize("moving", [True, False])
+@pytest.mark.parametrize(("points", "rows"), [(1, "all"), (2, "all"), (3, "all"), (1, "base"), (1, "base+power")])
+def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows, moving: bool) -> None:
+    """Normal equations by Cholesky against an orthogonal factorisation of the stacked problem.
+
+    At rest the row of the joints' power is empty, and the base's six rows remain.
+    """
+    model = MODELS["humanoid"][0]
+    rng, nv = np.random.default_rng(points), model.nv
+    before, after = rng.standard_normal((2, 3 + 3 * points, nv)) * np.where(np.arange(nv) < 6, 1.0, 0.1)
+    before[2], after[2] = moving * before[2], moving * after[2]
+    phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
+    weight = np.diag(twins.believed(model, "all", mean[2]))
+    empty = np.zeros((0, 0))
+    flat = new_store(
+        np.zeros(6, dtype=np.intp),
+        np.ones(nv),
+        empty,
+        (weight, empty, ROWS.index(rows)),
+        np.zeros((3 * points, 11)),
+        np.zeros((3 * points, nv)),
+        project_first=False,
+        kind=0,
+        slope=0.0,
+    )
+    store, found = unpack(flat), np.full(3 * points, np.nan)
+    store.jacobian[:] = mean[3:]
+    project(store, before, after, phi, found)
+    assert_equal(found, twins.project(mean[3:], twins.believed(model, rows, mean[2]), phi))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_mean_of_both_end_jacobians_is_the_middle_one_to_second_order(name: str) -> None:
+    """Halving the interval quarters the difference from the Jacobian at the interpolated configuration."""
+    model, frames = MODELS[name]
+    rng = np.random.default_rng(8)
+    q, way = pin.integrate(model, pin.neutral(model), rng.uniform(-0.5, 0.5, model.nv)), rng.uniform(-1, 1, model.nv)
+
+    def difference(length: float) -> float:
+        ends = [pin.integrate(model, q, sign * length / 2.0 * way) for sign in (-1.0, 1.0)]
+        mean = 0.5 * sum(twins.point_jacobian(model, frames, end) for end in ends)
+        return float(np.linalg.norm(mean - twins.point_jacobian(model, frames, pin.interpolate(model, *ends, 0.5))))
+
+    ratios = [difference(h / 2.0) / difference(h) for h in (0.1, 0.05, 0.025)]
+    np.testing.assert_allclose(ratios, 0.25, atol=2e-3)

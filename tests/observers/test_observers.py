@@ -1,0 +1,262 @@
+"""Both observers on any Pinocchio model: sign, gain, pole, start, streams with gaps, and clear refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.observer_twins import point_jacobian
+
+from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
+from aerobat_pin.observers import (
+    OBSERVERS,
+    ForceLevelObserver,
+    Identifiability,
+    MomentumObserver,
+    Observer,
+    Rows,
+    SmootherObserver,
+)
+from aerobat_pin.observers.identifiability import judge
+from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
+
+KINDS = [kind for kind in OBSERVERS.values() if kind is not SmootherObserver]  # which takes whole records only
+ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+def arm() -> tuple[pin.Model, str]:
+    """Return a fixed-base six-joint arm and the frame at its end."""
+    model = pin.buildSampleModelManipulator()
+    model.addFrame(pin.Frame("tool", model.njoints - 1, 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])), pin.OP_FRAME))
+    return model, "tool"
+
+
+def rest(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    """Return the joint torque that holds the robot still against gravity alone."""
+    return pin.computeGeneralizedGravity(model, model.createData(), q).copy()
+
+
+def push(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return J^T f of a world force at a frame's origin."""
+    data = model.createData()
+    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3].T @ force
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_constant_force_held_by_the_motors_is_found_with_sign_and_size(kind: type[Observer]) -> None:
+    """At rest tau = g - J^T f, so the estimate settles at f: unit gain at zero frequency, on a fixed base."""
+    model, frame = arm()
+    q, v = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
+    force = np.array([1.5, -2.0, 0.7])
+    observer = kind(model, [frame], gain=200.0)
+    observer.reset(q, v)
+    tau = rest(model, q) - push(model, frame, q, force)
+    for k in range(200):
+        sample = observer.update((k + 1) * 1e-3, q, v, tau)
+    np.testing.assert_allclose(sample.force[0], force, rtol=1e-6)
+    np.testing.assert_allclose(sample.residual, push(model, frame, q, force), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [MomentumObserver, ForceLevelObserver])
+@pytest.mark.parametrize("gain", [1.0, 100.0, 50_000.0])
+def test_the_pole_is_the_exact_exponential_for_every_step(kind: type[Observer], gain: float) -> None:
+    """A first-order low-pass answers a step with 1 - exp(-K t), here up to K dt = 50, with uneven steps."""
+    model, frame = arm()
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    q[2:4] = 0.7, -0.9
+    force = np.array([0.3, 0.1, -0.2])
+    observer = kind(model, [frame], gain=gain)
+    observer.reset(q, v, time=3.0)
+    tau = rest(model, q) - push(model, frame, q, force)
+    for elapsed in (1e-3, 1.5e-3, 4e-3, 0.011):
+        sample = observer.update(3.0 + elapsed, q, v, tau)
+        np.testing.assert_allclose(sample.force[0], force * -np.expm1(-gain * elapsed), rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_step_has_risen_by_63_percent_at_one_over_the_gain(kind: type[Observer]) -> None:
+    """The gain means the same to every observer: 1 - 1/e of a step of 1 N at t = 1/K, and all of it ten times later."""
+    model, frame = arm()
+    q, v = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
+    observer = kind(model, [frame], gain=50.0)
+    observer.reset(q, v)
+    tau = rest(model, q) - push(model, frame, q, np.array([0.0, 0.0, 1.0]))
+    rise = np.array([observer.update((k + 1) * 1e-4, q, v, tau).force[0, 2] for k in range(2000)])
+    assert rise[199] == pytest.approx(1.0 - np.exp(-1.0), abs=0.05)
+    assert rise[-1] == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_gain_far_beyond_the_sample_rate_is_stable(kind: type[Observer]) -> None:
+    """K dt = 50, where an explicit filter explodes: a noisy force is followed, within its own size."""
+    model, frame = arm()
+    q, v, rng = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv), np.random.default_rng(2)
+    observer = kind(model, [frame], gain=50_000.0)
+    observer.reset(q, v)
+    for k in range(200):
+        force = rng.uniform(-1.0, 1.0, 3)
+        sample = observer.update((k + 1) * 1e-3, q, v, rest(model, q) - push(model, frame, q, force))
+        assert np.abs(sample.force[0] - force).max() < 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_force_and_a_reset_in_flight_give_zero_without_a_spike(kind: type[Observer]) -> None:
+    """p0 is the momentum of the first sample: a tumbling robot without forces reads zero from the first interval."""
+    robot = load_aerobat("aerobat_light")
+    model = robot.model.copy()
+    model.gravity.linear = np.zeros(3)
+    data = model.createData()
+    rng = np.random.default_rng(3)
+    q, v = robot.q0, rng.normal(size=model.nv)
+    observer = kind(model, ["left_force_point", "right_force_point"], gain=1000.0)
+    observer.reset(q, v)
+    largest = 0.0
+    for k in range(50):
+        middle = v + 0.5e-4 * pin.aba(model, data, q, v, np.zeros(model.nv))
+        a = pin.aba(model, data, pin.integrate(model, q, 0.5e-4 * v), middle, np.zeros(model.nv))
+        q, v = pin.integrate(model, q, 1e-4 * middle), v + 1e-4 * a
+        sample = observer.update((k + 1) * 1e-4, q, v, np.zeros(model.nv))
+        largest = max(largest, float(np.abs(sample.force).max()))
+        if k == 25:
+            observer.reset(q, v, time=(k + 1) * 1e-4)
+            assert observer.update((k + 1) * 1e-4, q, v, np.zeros(model.nv)).force.max() == 0.0
+    spike = np.abs(pin.crba(model, data, q) @ v).max() / 1e-4  # what a missing p0 would show first
+    assert spike > 100.0
+    assert largest < 1e-6
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stream_and_a_batch_give_the_same_numbers(kind: type[Observer]) -> None:
+    """`run` is the stream of `update`s, over a record with uneven steps, a gap and a repeated stamp."""
+    model, frame = arm()
+    rng = np.random.default_rng(5)
+    time = np.array([0.0, 0.001, 0.002, 0.002, 0.0035, 0.02, 0.021])
+    q = 0.3 * rng.normal(size=(len(time), model.nq))
+    v = rng.normal(size=(len(time), model.nv))
+    q[3], v[3] = q[2], v[2]
+    tau, drag = rng.normal(size=(2, len(time) - 1, model.nv))
+    batch = kind(model, [frame], gain=300.0).run(time, q, v, tau, {"drag": drag})
+    stream = kind(model, [frame], gain=300.0)
+    stream.reset(q[0], v[0], time[0])
+    for k in range(len(time) - 1):
+        sample = stream.update(time[k + 1], q[k + 1], v[k + 1], tau[k], {"drag": drag[k]})
+        np.testing.assert_array_equal(batch.force[k], sample.force)
+        np.testing.assert_array_equal(batch.residual[k], sample.residual)
+    np.testing.assert_array_equal(batch.force[2], batch.force[1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
+    """Bad frames, gains, shapes, NaN and time each raise their own error."""
+    model, frame = arm()
+    q, v, tau = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+    with pytest.raises(FrameNotFoundError, match=r"no frame named 'tol'.*tool"):
+        kind(model, ["tol"])
+    with pytest.raises(ObserverError, match="different names"):
+        kind(model, [frame, frame])
+    for gain in (-1.0, 0.0, np.nan, np.inf):
+        with pytest.raises(ObserverError, match="positive gain"):
+            kind(model, [frame], gain=gain)
+    with pytest.raises(ObserverError, match=r"one number, \d numbers or a matrix"):
+        kind(model, [frame], gain=np.ones(17))
+    observer = kind(model, [frame])
+    with pytest.raises(ObserverError, match="reset"):
+        observer.update(0.1, q, v, tau)
+    observer.reset(q, v, time=1.0)
+    with pytest.raises(ObserverError, match="must not decrease"):
+        observer.update(0.9, q, v, tau)
+    with pytest.raises(ObserverError, match="must not decrease"):
+        observer.update(float("nan"), q, v, tau)
+    with pytest.raises(ShapeError, match="tau holds NaN"):
+        observer.update(1.1, q, v, np.full(model.nv, np.nan))
+    with pytest.raises(ShapeError, match=r"wind has shape \(2,\)"):
+        observer.update(1.1, q, v, tau, {"wind": np.zeros(2)})
+    for wind in ([0.1], 0.1):
+        with pytest.raises(ShapeError, match="wind has shape"):
+            observer.update(1.1, q, v, tau, {"wind": np.array(wind)})
+    with pytest.raises(ShapeError, match="q has shape"):
+        observer.update(1.1, q[:-1], v, tau)
+    with pytest.raises(ShapeError, match="q has 1 rows"):
+        observer.run([0.0, 1.0], q[None], np.zeros((2, model.nv)), tau[None])
+    with pytest.raises(ShapeError, match="too large"):
+        observer.update(1.1, q, v, np.full(model.nv, 1e307))
+    strict = observer.update(1.1, q, v, rest(model, q))
+    np.testing.assert_allclose(strict.force, 0.0, atol=1e-9)
+    loose = observer.update(1.2, list(q), v.astype(np.float32), rest(model, q).tolist())
+    np.testing.assert_allclose(loose.force, 0.0, atol=1e-9)
+
+
+def test_a_quaternion_that_is_none_is_refused() -> None:
+    """Zero or twice as long, Pinocchio would take it for some attitude; a float32 one is good enough."""
+    model = pin.buildSampleModelHumanoid()
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    observer = MomentumObserver(model)
+    observer.reset(q.astype(np.float32), v)
+    for length in (0.0, 2.0):
+        wrong = q.copy()
+        wrong[3:7] *= length
+        with pytest.raises(ShapeError, match=rf"q\[3:7\] of sample 0 has length {length:g}: 1 was expected"):
+            observer.reset(wrong, v)
+        with pytest.raises(ShapeError, match=rf"q\[3:7\] of sample 1 has length {length:g}"):
+            observer.run([0.0, 1.0], np.array([q, wrong]), np.zeros((2, model.nv)), np.zeros((1, model.nv)))
+    loose = pin.JointModelRUBZ()
+    turning = pin.Model()
+    turning.addJoint(0, loose, pin.SE3.Identity(), "wheel")
+    with pytest.raises(ShapeError, match=r"q\[0:2\] of sample 0"):
+        MomentumObserver(turning).reset(np.zeros(2), np.zeros(1))
+
+
+def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuses() -> None:
+    """The generalised residual needs no point of application; a force does."""
+    model, frame = arm()
+    q, v = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
+    bare, full = MomentumObserver(model, gain=50.0), MomentumObserver(model, [frame], gain=50.0)
+    for observer in (bare, full):
+        observer.reset(q, v)
+    samples = [observer.update(1e-3, q, v, np.zeros(model.nv)) for observer in (bare, full)]
+    assert samples[0].force.shape == (0, 3)
+    np.testing.assert_array_equal(samples[0].residual, samples[1].residual)
+    with pytest.raises(ObserverError, match="one frame or more"):
+        ForceLevelObserver(model)
+
+
+def test_a_gain_per_row_filters_each_row_on_its_own() -> None:
+    """Momentum takes nv gains, force_level three per frame; equal entries are the scalar gain."""
+    model, frame = arm()
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    q[2:4] = 0.7, -0.9
+    tau = rest(model, q) - push(model, frame, q, np.array([0.3, 0.1, -0.2]))
+    for kind, size in ((MomentumObserver, model.nv), (ForceLevelObserver, 3)):
+        one, many = kind(model, [frame], gain=80.0), kind(model, [frame], gain=np.full(size, 80.0))
+        for observer in (one, many):
+            observer.reset(q, v)
+        np.testing.assert_array_equal(one.update(1e-3, q, v, tau).force, many.update(1e-3, q, v, tau).force)
+
+
+def identifiability(robot: Aerobat, frames: list[str], rows: Rows = "all") -> Identifiability:
+    """Judge force points at the robot's start."""
+    observer = MomentumObserver(robot.model, frames, rows=rows)
+    J = point_jacobian(robot.model, frames, robot.q0)
+    return judge(observer.applications, J[None], np.ones((1, robot.model.nv)), observer.believed)
+
+
+def test_two_wing_forces_have_full_rank_and_one_more_point_on_the_body_has_not() -> None:
+    """Six unknowns against ten rows are told apart; a third point on the same rigid wing is not (rank 8 of 9)."""
+    robot = load_aerobat()
+    two = identifiability(robot, ["left_force_point", "right_force_point"])
+    assert two.rank == 6
+    assert two.null_direction is None
+    assert 1.0 < two.condition < 100.0
+    frames = ["left_force_point", "right_force_point", "left_distal"]
+    three = identifiability(robot, frames)
+    assert three.rank == 8
+    assert three.condition == np.inf
+    assert three.null_direction is not None
+    # The null pattern: equal and opposite along the line that joins both points of the left distal wing.
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.q0)
+    at = [data.oMf[robot.model.getFrameId(name)].translation for name in frames]
+    line = (at[0] - at[2]) / np.linalg.norm(at[0] - at[2])
+    np.testing.assert_allclose(three.null_direction[0], -three.null_direction[2], atol=1e-6)
+    assert abs(float(three.null_direction[0] @ line)) == pytest.approx(np.sqrt(0.5), abs=1e-6)
+    np.testing.assert_allclose(three.null_direction[1], 0.0, atol=1e-6)

@@ -1,0 +1,190 @@
+"""The wheel: built offline from a copy of the project, installed into an empty folder, run from another one."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LEFT_OUT = shutil.ignore_patterns(".*", "build", "dist", "runs", "*.egg-info", "__pycache__")
+PACKAGES = ("aerobat_description", "aerobat_pin")
+SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
+OFFLINE = ["--no-deps", "--no-index", "--no-cache-dir", "--disable-pip-version-check", "--quiet"]
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """Return this process's environment with nothing in it that finds packages or caches."""
+    ours = ("PYTHON", "NUMBA_", "XDG_CACHE_HOME", "PIP_")
+    return {key: value for key, value in os.environ.items() if not key.startswith(ours)} | changes
+
+
+def run(*command: str | Path, cwd: Path, **changes: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in an environment of its own; it must succeed."""
+    words = [str(word) for word in command]
+    done = subprocess.run(
+        words, cwd=cwd, env=environment(**changes), capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel with this environment's setuptools, and from a copy: an old `build/` would slip into it."""
+    setuptools = next((found.version for found in metadata.distributions(name="setuptools")), "0")
+    advice = f"setuptools {setuptools} cannot build the wheel: pip install -e '.[test]' brings one that can"
+    assert int(setuptools.split(".")[0]) >= 77, advice
+    source = tmp_path_factory.mktemp("source") / "project"
+    shutil.copytree(ROOT, source, ignore=LEFT_OUT)
+    target = tmp_path_factory.mktemp("wheel")
+    run(sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation", "-w", target, source, cwd=target)
+    (made,) = target.iterdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel alone into an empty folder; what it needs comes from this environment."""
+    target = tmp_path_factory.mktemp("installed")
+    run(sys.executable, "-m", "pip", "install", *OFFLINE, "--target", target, wheel, cwd=target)
+    return target
+
+
+def python(code: str, installed: Path, cwd: Path, **changes: str) -> str:
+    """Run a piece of Python that sees the installed folder; return what it prints."""
+    return run(sys.executable, "-c", code, cwd=cwd, PYTHONPATH=str(installed), **changes).stdout.strip()
+
+
+def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -> None:
+    """Every file of the two packages, the licence, no tests, no documents, under a megabyte."""
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if not name.endswith("/")}
+    info = next(name.split("/")[0] for name in names if name.endswith(".dist-info/METADATA"))
+    ours = {
+        path.relative_to(ROOT).as_posix()
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.suffix in {".py", ".toml", ".urdf", ".srdf", ".stl", ".typed", ".xml", ".txt", ".html", ".css"}
+    }
+    assert {name for name in names if not name.startswith(f"{info}/")} == ours
+    for one in (
+        "aerobat_pin/py.typed",
+        "aerobat_description/py.typed",
+        "aerobat_pin/scenarios/paper.toml",
+        "aerobat_pin/sweeps/morphology.toml",
+    ):
+        assert one in ours
+    for one in ("package.xml", "CMakeLists.txt"):
+        assert f"aerobat_description/{one}" in ours
+    for end in (".toml", ".urdf", ".srdf", ".stl"):
+        assert sum(name.startswith("aerobat_description/") and name.endswith(end) for name in ours) >= 3
+    assert f"{info}/licenses/LICENSE" in names
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert wheel.stat().st_size < 1_000_000
+
+
+def test_the_wheel_names_no_machine(wheel: Path) -> None:
+    """Neither this project's folder nor anybody's home, in any file, binary or not."""
+    folder = re.compile(rb"(?<![\w.])/(?:home|root|Users|work|mnt|media|tmp)/\w|[A-Z]:\\\\")
+    here = str(ROOT).encode()
+    with zipfile.ZipFile(wheel) as archive:
+        texts = {name: archive.read(name) for name in archive.namelist()}
+    assert [name for name, text in texts.items() if here in text or folder.search(text)] == []
+
+
+def test_the_installed_program_lists_and_flies(installed: Path, tmp_path: Path) -> None:
+    """The script that the wheel installs, from an empty folder, on a first start: it says that it compiles."""
+    program = installed / "bin" / "aerobat"
+    listed = run(program, "list", cwd=tmp_path, PYTHONPATH=str(installed)).stdout
+    for name in ("paper", "aerobat_guard", "momentum"):
+        assert name in listed
+    flown = run(program, "run", "paper", "--no-report", *SHORT, cwd=tmp_path, PYTHONPATH=str(installed))
+    assert "compiling the kernels" in flown.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+    results = tmp_path / "runs" / "paper"
+    assert {path.name for path in results.iterdir()} == {"estimate.nc", "flight.nc", "metrics.json", "scenario.toml"}
+    metrics = json.loads((results / "metrics.json").read_text())
+    assert metrics["versions"]["aerobat-pinocchio"] == metadata.version("aerobat-pinocchio")
+    caches = [path for path in installed.rglob("*.nbi") if path.is_relative_to(installed / "aerobat_pin")]
+    assert caches, "the kernels were compiled into the installation, for the next start"
+
+
+def test_the_installed_robot_comes_with_all_its_parts(installed: Path, tmp_path: Path) -> None:
+    """Imported from the folder and not from this project; every visible part has triangles; the URDF is read."""
+    code = """
+import json, pathlib
+import pinocchio as pin
+import aerobat_description as described, aerobat_pin
+robot = aerobat_pin.load_aerobat()
+read, _, visual = pin.buildModelsFromUrdf(described.URDF_PATH, described.PACKAGE_DIRS, pin.JointModelFreeFlyer())
+print(json.dumps({
+    "files": [aerobat_pin.__file__, described.__file__, described.URDF_PATH, described.SRDF_PATH],
+    "triangles": [item.geometry.num_tris for item in robot.visual_model.geometryObjects],
+    "read": [item.geometry.num_tris for item in visual.geometryObjects],
+    "mass": [robot.mass, pin.computeTotalMass(read)],
+}))
+"""
+    printed = json.loads(python(code, installed, tmp_path))
+    assert all(Path(file).is_file() and Path(file).is_relative_to(installed) for file in printed["files"])
+    assert len(printed["triangles"]) >= 6
+    assert min(printed["triangles"]) > 10
+    assert sorted(printed["read"]) == sorted(printed["triangles"])
+    assert printed["mass"][0] == pytest.approx(printed["mass"][1], rel=1e-12)
+
+
+ONE_KERNEL = """
+import json
+import numba, numpy as np
+from aerobat_pin.flight import attitude_hold as hold
+
+try:
+    exec(compile("def one(x): return x\\nnumba.njit(cache=True)(one)", hold.__file__, "exec"), {"numba": numba})
+    refused = ""
+except RuntimeError as error:
+    refused = str(error)
+gains = dict(attitude_stiffness=np.ones(3), attitude_damping=np.ones(3), torque_limit=np.ones(3), speed_gain=1.0,
+             thrust_limit=1.0, lift=0.4, height_stiffness=1.0, height_damping=1.0, lift_limit=1.0)
+one = hold.AttitudeHold(rotation=np.eye(3), forward_speed=0.0, height=0.0, **gains)
+wrench = one.wrench(np.zeros(3), np.eye(3), np.zeros(6))
+stats = hold.hold_wrench.stats
+print(json.dumps({"file": hold.__file__, "refused": refused, "wrench": wrench.tolist(), "cache": stats.cache_path,
+                  "compiled": len(hold.hold_wrench.signatures)}))
+"""
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_it_works_where_no_cache_can_be_written(writable: bool, installed: Path, tmp_path: Path) -> None:
+    """A read-only installation and no home: numba finds no folder, and the kernels are compiled without one.
+
+    Permissions do not stop root. A file where a folder must be made does: numba's `__pycache__`, and the home. The
+    same code in a writable copy shows that it is this which makes numba refuse.
+    """
+    copy, home = tmp_path / "copy", tmp_path / "home"
+    for package in PACKAGES:
+        shutil.copytree(installed / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
+    home.touch()
+    places = [folder / "__pycache__" for folder in {path.parent for path in (copy / "aerobat_pin").rglob("*.py")}]
+    if not writable:
+        for place in places:
+            place.touch()
+    said = json.loads(python(ONE_KERNEL, copy, tmp_path, HOME=str(home), IPYTHONDIR=str(home)))
+    assert Path(said["file"]).is_relative_to(copy)
+    assert said["compiled"] == 1
+    assert said["wrench"] == [0.0, 0.0, 0.4, 0.0, 0.0, 0.0]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy", "home"]
+    if writable:
+        assert said["refused"] == ""
+        assert said["cache"] == str(copy / "aerobat_pin" / "__pycache__")
+        assert list((copy / "aerobat_pin" / "__pycache__").glob("hold.hold_wrench-*.nbi"))
+    else:
+        assert "no locator available" in said["refused"]
+        assert said["cache"] is None
+        assert all(place.is_file() for place in places)

@@ -1,0 +1,242 @@
+"""Identities of rigid-body dynamics on the shipped robots, each against something that does not share its code.
+
+Mdot = C + C^T and p' = tau + J^T f + C^T v - g (Haddadin, De Luca & Albu-Schaeffer 2017, the ground of every momentum
+observer); external forces in three reference frames; the prescribed-joint dynamics; conservation of energy and
+momentum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from aerobat_description import MORPHOLOGIES
+from aerobat_pin.estimation.known_inputs import known_inputs
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.numerics.lie_runge_kutta import step
+from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
+from aerobat_pin.robot.frames import external_forces, generalized_force, joint_wrench
+from aerobat_pin.robot.prescribed_joints import prescribed_joint_dynamics
+from aerobat_pin.scenario.scenario import load_scenario
+
+SEEDS = range(5)
+FRAMES = ("base_link", "left_proximal", "left_force_point", "right_force_point", "right_linkage_J8")
+LOCAL, ALIGNED, WORLD = (
+    pin.ReferenceFrame.LOCAL,
+    pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
+    pin.ReferenceFrame.WORLD,
+)
+
+
+@pytest.fixture(scope="module", params=MORPHOLOGIES)
+def robot(request: pytest.FixtureRequest) -> Aerobat:
+    return load_aerobat(request.param)
+
+
+def random_state(robot: Aerobat, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return q, v, a; every joint moves on its own."""
+    rng = np.random.default_rng(seed)
+    quaternion = rng.standard_normal(4)
+    q = np.concatenate([rng.uniform(-1.0, 1.0, 3), quaternion / np.linalg.norm(quaternion), rng.uniform(-1.5, 0.8, 4)])
+    v = rng.standard_normal(10) * np.array([3.0] * 3 + [2.0] * 3 + [10.0] * 4)
+    return q, v, rng.standard_normal(10) * np.array([10.0] * 3 + [50.0] * 3 + [200.0] * 4)
+
+
+def richardson_rate_of_mass_matrix(model: pin.Model, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Central differences of M along exp(h v), extrapolated twice: error O(h^6)."""
+    data = model.createData()
+
+    def difference(h: float) -> np.ndarray:
+        ahead, behind = (pin.crba(model, data, pin.integrate(model, q, s * h * v)).copy() for s in (1.0, -1.0))
+        return (ahead - behind) / (2.0 * h)
+
+    once = [(4.0 * difference(h / 2.0) - difference(h)) / 3.0 for h in (2e-3, 1e-3)]
+    return (16.0 * once[1] - once[0]) / 15.0
+
+
+def analytic_rate_of_mass_matrix(model: pin.Model, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Column i is d(M e_i)/dq v: the derivative of inverse dynamics at rest, without gravity, under a = e_i."""
+    weightless = model.copy()
+    weightless.gravity.setZero()
+    data, rest = weightless.createData(), np.zeros(model.nv)
+    columns = [pin.computeRNEADerivatives(weightless, data, q, rest, e)[0] @ v for e in np.eye(model.nv)]
+    return np.column_stack(columns)
+
+
+@pytest.mark.parametrize(
+    ("rate", "tolerance"), [(analytic_rate_of_mass_matrix, 1e-12), (richardson_rate_of_mass_matrix, 1e-9)]
+)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_rate_of_the_mass_matrix_is_coriolis_plus_its_transpose(
+    robot: Aerobat, seed: int, rate: Callable[[pin.Model, np.ndarray, np.ndarray], np.ndarray], tolerance: float
+) -> None:
+    """Paper, section III: Mdot = C + C^T, here in body twists; tolerance relative to the largest entry of Mdot."""
+    q, v, _ = random_state(robot, seed)
+    expected = rate(robot.model, q, v)
+    C = pin.computeCoriolisMatrix(robot.model, robot.model.createData(), q, v)
+    scale = np.max(np.abs(expected))
+    np.testing.assert_allclose(C + C.T, expected, atol=tolerance * scale, rtol=0)
+    assert np.max(np.abs(2.0 * C - expected)) > 0.1 * scale  # C alone is not half of it: the transpose matters
+
+
+def momentum_balance(log_dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fly 0.05 s of `paper`; return p (n + 1, nv), the logged mean forces (n, nv), and C^T v - g (n + 1, nv)."""
+    scenario = load_scenario("paper", ["simulation.duration=0.05", f"simulation.dt={log_dt}", "air.warm_up_cycles=1"])
+    log = simulate(scenario)
+    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
+    inputs, data = known_inputs(log, robot), robot.model.createData()
+    assert log.truth is not None
+    forces = inputs.tau + inputs.known["thrusters"]
+    forces = forces + sum(log.truth[name].values for name in ("aerodynamic", "added_mass", "unknown"))
+    p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)
+    for k, (q, v) in enumerate(zip(inputs.q, inputs.v, strict=True)):
+        p[k] = pin.crba(robot.model, data, q) @ v
+        g = pin.computeGeneralizedGravity(robot.model, data, q).copy()
+        drift[k] = pin.computeCoriolisMatrix(robot.model, data, q, v).T @ v - g
+    return p, forces, drift
+
+
+def test_momentum_obeys_its_equation_along_a_forced_flight() -> None:
+    """Derivation: p' = tau + J^T f + C^T v - g, over each interval, with noise, air, hold and motor acting.
+
+    The trapezoid of C^T v - g errs by dt^2/12 of its second derivative: at 1 ms less than 1e-3 of the largest force in
+    any row, a quarter of that at each halving. Simpson's rule over the same 1 ms, its middle from the run at half the
+    step, errs with dt^4 and leaves less than 1e-7: what the trapezoid leaves is quadrature, not a missing term.
+    """
+    dt = 1e-3
+    runs = {n: momentum_balance(dt / n) for n in (1, 2, 4)}
+    trapezoid = {}
+    for n, (p, forces, drift) in runs.items():
+        miss = np.diff(p, axis=0) * n / dt - forces - 0.5 * (drift[1:] + drift[:-1])
+        trapezoid[n] = np.max(np.abs(miss), axis=0)
+    p, forces, drift = runs[2]
+    simpson = (drift[:-2:2] + 4.0 * drift[1::2] + drift[2::2]) / 6.0
+    miss = (p[2::2] - p[:-2:2]) / dt - 0.5 * (forces[::2] + forces[1::2]) - simpson
+    scale = np.max(np.abs(forces), axis=0)
+    assert np.max(trapezoid[1] / scale) < 1e-3
+    np.testing.assert_allclose(trapezoid[2] / trapezoid[1], 0.25, atol=0.01)
+    np.testing.assert_allclose(trapezoid[4] / trapezoid[2], 0.25, atol=0.01)
+    assert np.max(np.abs(miss) / scale) < 1e-7
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("reference", [LOCAL, ALIGNED, WORLD], ids=lambda reference: reference.name)
+@pytest.mark.parametrize("frame", FRAMES)
+def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_times_wrench(
+    robot: Aerobat, frame: str, reference: pin.ReferenceFrame, seed: int
+) -> None:
+    """Derivation: rnea(fext) - rnea() = -J^T f with the frame's Jacobian in the frame that the wrench is given in."""
+    model, data = robot.model, robot.model.createData()
+    q, v, a = random_state(robot, seed)
+    wrench = np.random.default_rng([2, seed]).standard_normal(6)
+    pin.forwardKinematics(model, data, q)
+    moved = joint_wrench(model, data, frame, wrench, reference)
+    pushed = pin.rnea(model, data, q, v, a, external_forces(model, [moved])).copy()
+    free = pin.rnea(model, data, q, v, a).copy()
+    J = pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), reference)
+    np.testing.assert_allclose(pushed - free, -J.T @ wrench, atol=1e-12, rtol=0)
+    pin.computeJointJacobians(model, data, q)
+    mapped = generalized_force(model, data, {moved[0]: moved[1].vector})
+    np.testing.assert_allclose(mapped, J.T @ wrench, atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_external_forces_on_one_joint_add_up(robot: Aerobat, seed: int) -> None:
+    """Derivation: J^T f is linear, also where several wrenches share a joint."""
+    model, data = robot.model, robot.model.createData()
+    q, v, a = random_state(robot, seed)
+    rng = np.random.default_rng([3, seed])
+    pin.forwardKinematics(model, data, q)
+    wrenches, expected = [], np.zeros(model.nv)
+    for frame in ("left_distal", "left_force_point", "left_force_point", "base_link"):
+        wrench = rng.standard_normal(6)
+        wrenches.append(joint_wrench(model, data, frame, wrench, ALIGNED))
+        jacobian = pin.computeFrameJacobian(model, model.createData(), q, model.getFrameId(frame), ALIGNED)
+        expected += jacobian.T @ wrench
+    pushed = pin.rnea(model, data, q, v, a, external_forces(model, wrenches)).copy()
+    np.testing.assert_allclose(pin.rnea(model, data, q, v, a) - pushed, expected, atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_prescribed_joint_dynamics_is_forward_dynamics_under_its_own_torque(robot: Aerobat, seed: int) -> None:
+    """Featherstone's articulated-body algorithm, fed with the motor torque found, returns the same acceleration."""
+    q, v, a = random_state(robot, seed)
+    force = np.random.default_rng([4, seed]).standard_normal(10) * np.array([0.5] * 3 + [0.02] * 7)
+    model, data = robot.model, robot.model.createData()
+    M, nle = pin.crba(model, data, q).copy(), pin.nonLinearEffects(model, data, q, v).copy()
+    acceleration, torque = prescribed_joint_dynamics(M, nle, force, a[6:])
+    np.testing.assert_array_equal(acceleration[6:], a[6:])
+    np.testing.assert_array_equal(torque[:6], 0.0)
+    expected = pin.aba(model, data, q, v, force + torque)
+    np.testing.assert_allclose(acceleration, expected, atol=1e-10 * np.max(np.abs(expected)), rtol=0)
+
+
+def flap(robot: Aerobat, dt: float, free_joints: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Turn and flap 0.1 s without air and gravity.
+
+    Returns:
+        Momentum (n, 6) about the COM in world axes, kinetic energy (n,), joint work since the start (n,).
+    """
+    model, data = robot.model.copy(), robot.model.createData()
+    model.gravity.setZero()
+    rate = 2.0 * np.pi * 4.75
+
+    def joints(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        closed = robot.linkage.solve(-np.pi / 2.0 + rate * time, rate)
+        pairs = (
+            (closed.theta_s, closed.theta_e),
+            (closed.theta_s_dot, closed.theta_e_dot),
+            (closed.theta_s_ddot, closed.theta_e_ddot),
+        )
+        return tuple(np.array([s, e, s, e], float) for s, e in pairs)
+
+    def rates(time: float, q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+        if free_joints:
+            return y[:10], np.append(pin.aba(model, data, q, y[:10], np.zeros(10)), 0.0), None
+        angle, speed, acceleration = joints(time)
+        q, v = np.concatenate([q[:7], angle]), np.concatenate([y[:6], speed])
+        M, nle = pin.crba(model, data, q).copy(), pin.nonLinearEffects(model, data, q, v).copy()
+        a, torque = prescribed_joint_dynamics(M, nle, np.zeros(10), acceleration)
+        return v, np.append(a, torque @ v), None
+
+    angle, speed, _ = joints(0.0)
+    q = np.concatenate([[0.1, -0.2, 0.3], [0.5, -0.5, 0.5, 0.5], angle])
+    y = np.concatenate([[3.0, 0.2, -0.4], [1.0, -2.0, 1.5], speed, [0.0]])
+    momenta, energies, work = [], [], []
+    for k in range(round(0.1 / dt) + 1):
+        if not free_joints:  # the linkage, not the integrator, says where the joints are
+            angle, speed, _ = joints(k * dt)
+            q[7:], y[6:10] = angle, speed
+        momenta.append(pin.computeCentroidalMomentum(model, data, q, y[:10]).vector.copy())
+        energies.append(pin.computeKineticEnergy(model, data, q, y[:10]))
+        work.append(y[10])
+        q, y, _ = step(rates, lambda q, xi: pin.integrate(model, q, xi), k * dt, q, y, dt)
+    return np.array(momenta), np.array(energies), np.array(work)
+
+
+@pytest.mark.parametrize("free_joints", [True, False], ids=["free", "prescribed"])
+def test_momentum_and_energy_are_conserved_without_air_and_gravity(robot: Aerobat, free_joints: bool) -> None:
+    """Newton and Euler: joint torques are internal, so linear and angular momentum about the COM stay, in world axes.
+
+    The kinetic energy changes by the joints' work alone. What is left is the integrator's: less than 1e-7 at 1 ms, and
+    it falls with dt^4.
+    """
+    left = []
+    for dt in (1e-3, 5e-4):
+        momentum, energy, work = flap(robot, dt, free_joints)
+        linear, angular = momentum[:, :3], momentum[:, 3:]
+        left.append(
+            (
+                np.max(np.abs(linear - linear[0])) / np.linalg.norm(linear[0]),
+                np.max(np.abs(angular - angular[0])) / np.linalg.norm(angular[0]),
+                np.max(np.abs(energy - energy[0] - work)) / energy[0],
+            )
+        )
+        if not free_joints:
+            assert np.ptp(work) > 1e-4  # the joints do work; its balance is not 0 = 0
+    coarse, fine = np.array(left)
+    assert np.max(coarse) < 1e-7
+    assert np.max(fine / coarse) < 1.0 / 14.0

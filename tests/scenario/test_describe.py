@@ -1,0 +1,90 @@
+"""`aerobat describe scenario`: no key without type, unit, default and meaning, and what it says is so."""
+
+from __future__ import annotations
+
+import re
+from typing import get_args
+
+import pytest
+from support.commands import call
+
+from aerobat_pin.scenario.describe import WIDTH, describe_scenario, kind_of, unit_and_meaning
+from aerobat_pin.scenario.scenario import Scenario, load_scenario
+from aerobat_pin.scenario.tables import Section, sections_of
+
+
+def sections(section: type[Section] = Scenario) -> dict[str, type[Section]]:
+    """Return every section that a scenario may hold, by its name."""
+    found = {section.__name__: section}
+    for field in section.model_fields.values():
+        for kind in sections_of(field.annotation).values():
+            found |= sections(kind)
+    return found
+
+
+def inside(annotation: object) -> set[object]:
+    """Return all types that a type is made of."""
+    return {annotation}.union(*(inside(one) for one in get_args(annotation))) if get_args(annotation) else {annotation}
+
+
+@pytest.mark.parametrize("name", sections())
+def test_every_key_has_a_meaning_and_every_number_a_unit(name: str) -> None:
+    """In brackets; [-] for a pure number. Tables of the scenario are told by their section's own sentence."""
+    section = sections()[name]
+    assert section.__doc__
+    for key, field in section.model_fields.items():
+        unit, meaning = unit_and_meaning(field)
+        tables = sections_of(field.annotation)
+        assert meaning or (tables and all(one.__doc__ for one in tables.values())), f"{name}.{key}: no description"
+        if float in inside(field.annotation):
+            assert unit, f"{name}.{key}: no unit"
+
+
+def test_the_text_names_every_key_of_every_section_under_its_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Printed by the command line, no line longer than the terminal."""
+    assert call(monkeypatch, "describe", "scenario") == 0
+    text = capsys.readouterr().out
+    assert text == describe_scenario()
+    assert max(map(len, text.splitlines())) <= WIDTH
+    for name, section in sections().items():
+        for key, field in section.model_fields.items():
+            if field.description or not sections_of(field.annotation):
+                assert re.search(rf"^  {key} +\S", text, re.MULTILINE), f"{name}.{key}"
+    for title in ("[crank.motor]", "[air.gust]", '[[unknown_force]] with signal = "step"', "[observers.smoother]"):
+        assert title in text
+
+
+@pytest.mark.parametrize(
+    ("lines"),
+    [
+        "  density         number > 0 [kg/m3], default 1.225\n                  of the air",
+        "  strips          whole number >= 2, <= 200, default 16\n                  strips over the full span",
+        "  lift_limit      number > 0 [-], may be left out\n",
+        "  attitude_stiffness  3 numbers >= 0 [N m/rad], required\n                      roll, pitch, yaw",
+        '  drive      "constant" or "spin_up" or "motor", default "constant"\n',
+        "  dropout  number >= 0, < 1 [-], default 0.0\n",
+        "  phase_deg  number [deg], default 0.0\n             at t = 0",
+        "  name         text, required\n",
+        '  names           list of texts, default ["momentum", "force_level"]\n',
+    ],
+)
+def test_a_key_is_told_with_type_bounds_unit_and_default(lines: str) -> None:
+    """As the sections have them."""
+    assert lines in describe_scenario()
+
+
+def test_keys_that_all_signals_share_are_told_once_unless_a_signal_has_its_own() -> None:
+    """The paper's signal is noisy by default, the others are not."""
+    text = describe_scenario()
+    assert len(re.findall(r"^  direction ", text, re.MULTILINE)) == 1
+    assert len(re.findall(r"^  noise +number >= 0 \[N\]", text, re.MULTILINE)) == 2
+
+
+def test_units_are_found_where_the_description_has_them() -> None:
+    """The last thing of it, or before a comma or semicolon."""
+    fields = Scenario.model_fields["simulation"].annotation.model_fields  # type: ignore[union-attr]
+    assert unit_and_meaning(fields["duration"]) == ("s", "of the flight")
+    assert kind_of(fields["seed"]) == "whole number >= 0"
+    assert load_scenario("paper").simulation.duration == 2.0

@@ -1,0 +1,136 @@
+"""Scenario files: what is shipped loads, what is written reads back, what is wrong is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError, SweepError
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.sweep.sweep_file import read_sweep
+from aerobat_pin.robot.aerobat import load_morphology
+from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.scenario.toml import scenario_toml
+
+
+@pytest.mark.parametrize("name", ["paper", "observer_benchmark"])
+def test_a_shipped_scenario_survives_writing_and_reading(name: str, tmp_path: Path) -> None:
+    """The resolved scenario holds every default and gives the same scenario again."""
+    scenario = load_scenario(name, ["simulation.seed=7", "robot.changes.wing.offset_x=-0.05"])
+    file = tmp_path / "again.toml"
+    file.write_text(scenario_toml(scenario), encoding="utf-8")
+    assert load_scenario(file) == scenario
+    assert name in shipped_scenarios()
+
+
+def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
+    """`--set` takes TOML values and bare words, and counts list entries from 0."""
+    scenario = load_scenario(
+        "paper",
+        [
+            "simulation.dt=0.0005",
+            "robot.morphology=aerobat",
+            "unknown_force.1.axes=world",
+            "unknown_force.0.direction=[1, 0, 0]",
+        ],
+    )
+    assert scenario.simulation.dt == 0.0005
+    assert scenario.robot.morphology == "aerobat"
+    assert [force.axes for force in scenario.unknown_force] == ["link", "world"]
+    assert scenario.unknown_force[0].direction == (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("simulation.dtt=0.001", "unknown key 'simulation.dtt'; did you mean 'dt'"),
+        ("hold.lift_limits=1", "did you mean 'lift_limit'"),
+        ("unknown_force.0.frme='x'", "unknown key 'unknown_force.0.frme'; did you mean 'frame'"),
+        ("simulation.dt=-0.001", "simulation.dt = -0.001: input should be greater than 0"),
+        ("simulation.dt=nan", "simulation.dt = nan: input should be a finite number"),
+        ("observers.gain=-5", "observers.gain = -5: input should be greater than 0"),
+        ("simulation.seed=-1", "simulation.seed = -1"),
+        ("simulation.duration=[1]", "simulation.duration"),
+        ("air.wind=[1,0]", "air.wind = [1, 0]: 3 numbers were expected"),
+        ("air.wind=[1]", "air.wind = [1]: 3 numbers were expected"),
+        ("air.wind=1,0,0", "air.wind = '1,0,0': input should be a valid list, such as [1, 0, 0]"),
+        ("flight.velocity=4", "flight.velocity = 4: input should be a valid list, such as [4, 0.0, 0.0]"),
+        ("hold.torque_limit=[1,1]", "hold.torque_limit = [1, 1]: 3 numbers were expected"),
+        ("air.gust.amplitude=[1]", "air.gust.amplitude = [1]: 3 numbers were expected"),
+        ("unknown_force.0.direction=[1]", "unknown_force.0.direction = [1]: 3 numbers were expected"),
+        ("observers.names=momentum", 'input should be a valid list, such as ["momentum"]'),
+        ("crank.frequency=fast", "crank.frequency = 'fast'"),
+        ("crank.drive=steam", "crank.drive = 'steam': input should be 'constant', 'spin_up' or 'motor'"),
+        ("crank.motor.torque_limit=0.1", 'crank.motor is given, but crank.drive = "constant"; write drive = "motor"'),
+        ("crank.spin_up.duration=0", "crank.spin_up.duration = 0: input should be greater than 0"),
+        ("crank.motor.torq_limit=1", "unknown key 'crank.motor.torq_limit'; did you mean 'torque_limit'"),
+        ("unknown_force.9.noise=0", "'9' is not an index of a list of 2"),
+        ("simulation.dt.x=1", "'simulation.dt' is a value, not a table"),
+        ("simulation.dt", "dotted.key=value was expected"),
+    ],
+)
+def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) -> None:
+    """One clear message for each mistake."""
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("paper", [setting])
+    assert str(caught.value).count(message) == 1
+
+
+def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
+    """The message lists the shipped names, or says where the TOML breaks."""
+    with pytest.raises(ScenarioError, match=r"no scenario 'papr'.*observer_benchmark, paper"):
+        load_scenario("papr")
+    for missing in ("papr.toml", "scenarios/papr"):
+        with pytest.raises(ScenarioError, match=f"^scenario file {missing}: there is no such file$"):
+            load_scenario(missing)
+        with pytest.raises(SweepError, match=f"^sweep file {missing}: there is no such file$"):
+            read_sweep(missing)
+    broken = tmp_path / "broken.toml"
+    broken.write_text("name = [", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="not valid TOML"):
+        load_scenario(broken)
+    broken.write_bytes(b"\xff\xfe\x00name")
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load_scenario(broken)
+    empty = tmp_path / "empty.toml"
+    empty.write_text("", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="missing key 'name'"):
+        load_scenario(empty)
+
+
+def test_a_robots_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None:
+    """Also where the rule it breaks is one of the robot's own."""
+    with pytest.raises(MorphologyFileError, match=r"^morphology file my_robot\.toml: there is no such file$"):
+        load_morphology("my_robot.toml")
+    file = tmp_path / "bird.toml"
+    file.write_text('extends = "aerobat"\nname = "bird"\n[body]\nmass = -0.09\n', encoding="utf-8")
+    with pytest.raises(MorphologyFileError, match=r"^morphology file .*bird\.toml: body\.mass = -0\.09: "):
+        load_morphology(file)
+    file.write_text("name = [", encoding="utf-8")
+    with pytest.raises(MorphologyFileError, match=r"^morphology file .*bird\.toml: not valid TOML"):
+        load_morphology(file)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("unknown_force.0.frame=left_tip", "unknown_force.0.frame = 'left_tip': the robot's frames are"),
+        ("unknown_force.0.direction=[0, 0, 0]", "a direction is not zero"),
+        ("unknown_force.0.frame=universe", "unknown_force.0.frame = 'universe': the robot's frames are root_joint"),
+        ("observers.frames=['universe']", "is fixed to the world"),
+        ("observers.frames=['left_tip']", "no frame named 'left_tip'"),
+        ("observers.names=['magic']", "choose from momentum, force_level"),
+        ("observers.names=[]", "choose from momentum, force_level"),
+        ("robot.morphology=albatross", "no morphology named 'albatross'"),
+        ("robot.changes.wing.offset=1", "unknown key 'wing.offset'; did you mean 'offset_x'"),
+        ("robot.changes.linkage.L3b=0.002", "the linkage cannot close at J4 for a crank angle of"),
+        ("robot.changes.body.mass=-1", "body.mass = -1"),
+        ("robot.changes.body.mass=nan", "body.mass = nan: finite numbers were expected"),
+    ],
+)
+def test_what_the_robot_cannot_do_is_refused_before_flying(setting: str, message: str) -> None:
+    """Frames, observers, morphology and linkage are checked when the run starts."""
+    with pytest.raises(AerobatError) as caught:
+        run(load_scenario("paper", ["simulation.duration=0.01", setting]))
+    assert message in str(caught.value)

@@ -1,0 +1,159 @@
+"""Every shipped scenario flies and shows what its description says; those of the paper are in `test_flights`."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.commands import call
+
+from aerobat_pin.estimation.estimate import belief_about, estimate_log
+from aerobat_pin.estimation.known_inputs import known_inputs
+from aerobat_pin.estimation.scores import point_label, r_squared, true_force
+from aerobat_pin.experiments.experiment import Experiment, run
+from aerobat_pin.flight.csv_log import read_csv, write_csv
+from aerobat_pin.robot.load import believed_robot
+from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+
+SHIPPED = shipped_scenarios()
+
+
+@cache
+def flown(name: str) -> Experiment:
+    """Run a shipped scenario as it is."""
+    return run(load_scenario(name))
+
+
+def r2(name: str, observer: str, wing: str = "left") -> np.ndarray:
+    """Return R2 of Fx, Fy, Fz; nan where there is no signal."""
+    scores = flown(name).metrics["observers"][observer][wing]
+    return np.array([np.nan if one["r2"] is None else one["r2"] for one in scores.values()])
+
+
+def test_every_scenario_is_listed_with_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`aerobat list`: name and description, which fits on a line."""
+    assert call(monkeypatch, "list") == 0
+    printed = capsys.readouterr().out
+    for name, description in SHIPPED.items():
+        assert f"  {name:<20} {description}\n" in printed
+        assert 20 < len(description) < 120
+    needed = {"paper", "paper_left", "paper_open_loop", "observer_benchmark", "tumble", "gust", "impact", "guard"}
+    assert needed | {"noisy_sensors", "model_error", "hover_start", "real_log_demo"} == set(SHIPPED)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_scenario_flies_and_reports_finite_numbers(name: str) -> None:
+    """Estimates everywhere finite, forces where the observers look, or a note that says where they do not."""
+    experiment = flown(name)
+    assert np.all(np.isfinite(experiment.log.measured["q"].values))
+    for observer, estimate in experiment.estimates.items():
+        assert np.all(np.isfinite(estimate.force))
+        assert estimate.identifiability.rank == 3 * len(estimate.frames)
+        for frame in estimate.frames:
+            scores = experiment.metrics["observers"][observer][point_label(frame)]
+            assert all(np.isfinite(one["rmse"]) for one in scores.values())
+    assert "no observer looks" not in experiment.metrics["note"]
+
+
+def test_a_gust_that_is_not_believed_is_found_as_the_load_it_makes() -> None:
+    """The residual is the air's true force less the believed one, row by row; before and after there is nothing.
+
+    Between them the wings ring: the wake of the gust takes some chords of way to be forgotten.
+    """
+    experiment = flown("gust")
+    assert experiment.log.truth is not None
+    assert np.isnan(r2("gust", "momentum")).all()
+    believed = experiment.scenario.believed_air
+    assert believed.gust is not None
+    assert not any(believed.gust.amplitude)
+    known = known_inputs(experiment.log, believed_robot(experiment.scenario), "measured", believed).known
+    truth = experiment.log.truth["aerodynamic"].values + experiment.log.truth["added_mass"].values
+    missed = truth - known["aerodynamic"] - known["added_mass"]
+    residual = experiment.estimates["momentum"].residual
+    rows = missed.std(axis=0) > 1e-4
+    assert list(np.flatnonzero(rows)) == [0, 2, 4, 6, 7, 8, 9]
+    error = (residual - missed).std(axis=0)[rows] / missed.std(axis=0)[rows]
+    assert np.all(error < 0.03)
+    force = np.abs(experiment.estimates["force_level"].force)
+    assert force[:690].max() < 1e-3
+    assert force[700:1100].max() > 0.1
+    assert force[1500:].max() < 1e-3
+
+
+def test_a_blow_on_a_wing_is_found_on_that_wing_with_its_impulse_and_its_moment() -> None:
+    """3 mN s downward at 0.7 to 0.71 s: the estimate's integral within 1 %, its peak within 3 ms."""
+    experiment = flown("impact")
+    for observer in ("momentum", "force_level"):
+        force = experiment.estimates[observer].force
+        np.testing.assert_allclose(force[650:800, 0].sum(axis=0) * 1e-3, [0.0, 0.0, -3e-3], atol=3e-5)
+        np.testing.assert_allclose(force[650:800, 1].sum(axis=0) * 1e-3, 0.0, atol=3e-5)
+        assert abs(int(np.argmin(force[:, 0, 2])) - 705) <= 3
+        assert r2("impact", observer)[2] > 0.95
+    assert true_force(experiment.log, "left_force_point")[0][:, 2].min() == pytest.approx(-0.3 * np.pi / 2.0, rel=0.02)
+
+
+def test_sensors_that_one_can_buy_find_two_axes_of_three() -> None:
+    """Of the force on either wing Fy and Fz, much better with the smoother; of Fx, a tenth of it, less than half."""
+    assert "imperfect sensors: position, attitude" in flown("noisy_sensors").metrics["note"]
+    for wing in ("left", "right"):
+        quick, smooth = (r2("noisy_sensors", observer, wing) for observer in ("force_level", "smoother"))
+        assert quick[1:].min() > 0.7
+        assert smooth[1:].min() > 0.96
+        assert quick[0] < 0.0 < smooth[0] < 0.5
+
+
+def test_a_wrong_model_costs_what_a_right_one_does_not() -> None:
+    """Same flight, same gain: with the right model every axis above 0.99; with the wrong one Fz alone."""
+    right = run(load_scenario("paper", ["observers.gain=1000.0"]))
+    np.testing.assert_array_equal(right.log.measured["q"], flown("model_error").log.measured["q"])
+    scores = right.metrics["observers"]["force_level"]["left"]
+    assert min(one["r2"] for one in scores.values()) > 0.99
+    wrong = r2("model_error", "force_level")
+    assert 0.9 < wrong[2] < 0.99
+    assert wrong[:2].max() < 0.5
+
+
+def test_a_push_on_the_guard_is_found_where_the_observers_look() -> None:
+    """All three components, peak 0.1 N along its direction; the robot gives way to the left."""
+    for observer in ("momentum", "force_level"):
+        assert r2("guard", observer, "thruster_1").min() > 0.99
+    experiment = flown("guard")
+    assert np.linalg.norm(experiment.estimates["momentum"].force[:, 0], axis=1).max() == pytest.approx(0.1, rel=0.02)
+    assert experiment.metrics["flight"]["position_end"][1] > 0.1
+
+
+def test_a_flight_begins_in_the_hover() -> None:
+    """Wings still at first, turning after half a second, the robot where it was; forces found all the way."""
+    experiment = flown("hover_start")
+    assert "100 % thruster-borne" in experiment.metrics["note"]
+    rate = np.gradient(experiment.log.measured["crank_angle"].values, experiment.log.time)
+    assert abs(rate[0]) < 0.1
+    np.testing.assert_allclose(rate[600:], 2.0 * np.pi * 4.75, rtol=1e-3)
+    assert np.linalg.norm(experiment.metrics["flight"]["position_end"]) < 0.15
+    for observer in ("momentum", "force_level"):
+        assert r2("hover_start", observer).min() > 0.99
+
+
+def test_a_flight_that_went_through_a_table_is_estimated_as_the_flight_itself(tmp_path: Path) -> None:
+    """Written as CSV, read and estimated with the belief of the documents: R2 moves by less than 0.01."""
+    experiment = flown("real_log_demo")
+    write_csv(experiment.log, tmp_path / "hall.csv")
+    log = read_csv(tmp_path / "hall.csv")
+    assert log.truth is None
+    settings = ["robot.changes.wing.offset_x=-0.060", "observers.gain=100"]
+    settings += ["observers.smoother.sensor_noise=[0.05, 0.05, 0.3]", "observers.smoother.force_walk=0.3"]
+    belief = belief_about(log, "hall", "aerobat_guard", ["smoother"], settings)
+    inputs, found = estimate_log(log, believed_robot(belief), belief)
+    assert inputs.source["q"] == inputs.source["v"] == inputs.source["thrusters"] == "measured"
+    assert inputs.source["aerodynamic"] == inputs.source["wind"] == "reconstructed"
+    direct = r2("real_log_demo", "smoother")
+    for axis in (1, 2):
+        truth = true_force(experiment.log, "left_force_point")[0][:, axis]
+        score = r_squared(found["smoother"].force[:, 0, axis], truth)
+        assert score is not None
+        assert score > 0.9
+        assert score == pytest.approx(direct[axis], abs=0.01)

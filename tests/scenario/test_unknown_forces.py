@@ -1,0 +1,230 @@
+"""Every signal of an unknown force acts with its exact mean over each interval, whatever the interval."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation.scores import true_force
+from aerobat_pin.experiments.experiment import run, write
+from aerobat_pin.flight.point_forces import held_parts
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario
+from aerobat_pin.scenario.toml import scenario_toml
+
+FRAME = "left_force_point"
+UNEVEN = np.cumsum(np.concatenate([[0.0], np.random.default_rng(3).uniform(1e-4, 0.02, 120)]))
+
+
+def scenario(**force: Any) -> Scenario:
+    """Return a scenario with one unknown force on a robot without air."""
+    return parse_scenario(
+        {
+            "name": "one-force",
+            "air": {"warm_up_cycles": 0, "strips": 4},
+            "unknown_force": [{"frame": FRAME, "axes": "world", **force}],
+            "simulation": {"duration": 0.04},
+        },
+        "test",
+    )
+
+
+def means(edges: np.ndarray, **force: Any) -> np.ndarray:
+    """Return the noise-free means over intervals of one force."""
+    [signal] = scenario(**force).unknown_force
+    return signal.held(edges, np.random.default_rng(1))[1]
+
+
+def window(t: float, start: float, duration: float) -> float:
+    """Return how much of a push is over, 0..1."""
+    return min(max((t - start) / duration, 0.0), 1.0)
+
+
+# Each signal as it is described, value by time, and where it has corners.
+SIGNALS: dict[str, tuple[dict[str, Any], Any, list[float]]] = {
+    "step": ({"height": 0.3, "start": 0.31, "end": 0.52}, lambda t: 0.3 * (0.31 < t <= 0.52), [0.31, 0.52]),
+    "endless step": ({"height": -0.3, "start": 0.31}, lambda t: -0.3 * (t > 0.31), [0.31]),
+    "impulse": (
+        {"impulse": 0.02, "start": 0.4, "duration": 0.05},
+        lambda t: 0.02 * np.pi / 2.0 / 0.05 * np.sin(np.pi * window(t, 0.4, 0.05)),
+        [0.4, 0.45],
+    ),
+    "boxcar impulse": (
+        {"impulse": 0.02, "start": 0.4, "duration": 0.05, "shape": "boxcar"},
+        lambda t: 0.4 * (0.4 < t < 0.45),
+        [0.4, 0.45],
+    ),
+    "sine": (
+        {"amplitude": 0.2, "frequency": 7.0, "phase_deg": 30.0},
+        lambda t: 0.2 * np.sin(2.0 * np.pi * 7.0 * t + np.pi / 6.0),
+        [],
+    ),
+    "one_cosine": (
+        {"amplitude": 0.2, "start": 0.2, "duration": 0.4},
+        lambda t: 0.1 * (1.0 - np.cos(2.0 * np.pi * window(t, 0.2, 0.4))),
+        [0.2, 0.6],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_an_interval_sees_the_mean_of_the_signal(name: str) -> None:
+    """Against numerical integration of the signal as described, on uneven intervals of 0.1 to 20 ms."""
+    values, force, corners = SIGNALS[name]
+    found = means(UNEVEN, signal=name.split()[-1], **values)
+    for k in range(len(found)):
+        start, end = UNEVEN[k], UNEVEN[k + 1]
+        edges = [start, *(corner for corner in corners if start < corner < end), end]
+        whole = sum(quad(force, a, b)[0] for a, b in itertools.pairwise(edges))
+        assert found[k] == pytest.approx(whole / (end - start), abs=1e-9)
+
+
+def test_an_impulse_is_complete_however_short_against_the_step() -> None:
+    """2 mN s within 0.1 ms, seen by steps of 5 ms: not one newton second is lost."""
+    edges = np.linspace(0.0, 1.0, 201)
+    for shape in ("half_sine", "boxcar"):
+        push = means(edges, signal="impulse", impulse=2e-3, start=0.5024, duration=1e-4, shape=shape)
+        assert push @ np.diff(edges) == pytest.approx(2e-3, rel=1e-12)
+        assert np.count_nonzero(np.abs(push) > 1e-9) == 1
+
+
+def series(path: Path, text: str = "time [s], force [N], other\n0.1, 0.0, 1\n0.2, 0.4, 1\n0.5, -0.2, 1\n") -> str:
+    """Write a recorded series."""
+    path.write_text(text)
+    return str(path)
+
+
+def test_a_recorded_series_is_straight_between_its_samples_and_nothing_outside(tmp_path: Path) -> None:
+    """Against the polygon, integrated finely."""
+    file = series(tmp_path / "push.csv")
+    fine = np.linspace(0.0, 0.8, 80_001)
+    middle = 0.5 * (fine[1:] + fine[:-1])
+    polygon = np.interp(middle, [0.1, 0.2, 0.5], [0.0, 0.4, -0.2], right=0.0)
+    edges = fine[::1000]
+    expected = polygon.reshape(len(edges) - 1, -1).mean(axis=1)
+    assert means(edges, signal="recorded", file=file) == pytest.approx(expected, abs=1e-9)
+    other = means(np.array([0.0, 0.1, 0.5, 1.0]), signal="recorded", file=file, column="other")
+    assert other == pytest.approx([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "there is no such file"),
+        ("", "no column named 'time'; its header has nothing"),
+        ("time, push\n0, 1\n1, 2\n", "no column named 'force'; its header has time, push"),
+        ("time, force\n0, 1\n", "two rows or more"),
+        ("time, force\n0, 1\n0, 2\n", "rising times"),
+        ("time, force\n0, 1\n1, nan\n", "finite numbers"),
+        ("time, force\n0, 1\n1, much\n", "a number was expected in every row of time and force"),
+        ("time, force\n0, 1\n1\n", "a number was expected in every row of time and force"),
+    ],
+)
+def test_a_file_that_is_no_series_is_refused(tmp_path: Path, text: str | None, message: str) -> None:
+    """One message with the file's name, before anything flies."""
+    file = str(tmp_path / "push.csv") if text is None else series(tmp_path / "push.csv", text)
+    with pytest.raises(ScenarioError, match=f"push.csv: .*{message}"):
+        simulate(scenario(signal="recorded", file=file))
+
+
+def test_every_signal_may_carry_noise_of_its_own_stream() -> None:
+    """The same noise as the paper's signal at the same place in the list: 5 standard errors."""
+    edges = np.arange(20_001) * 1e-3
+    [noisy] = scenario(signal="sine", noise=0.03).unknown_force
+    [papers] = scenario(noise=0.03).unknown_force
+    drawn = noisy.held(edges, np.random.default_rng(5))[0]
+    assert drawn.std() == pytest.approx(0.03, rel=5.0 / np.sqrt(4e4))
+    np.testing.assert_array_equal(drawn, papers.held(edges, np.random.default_rng(5))[0])
+
+
+@pytest.mark.parametrize("axes", ["link", "body", "world"])
+def test_a_flight_feels_a_signal_along_its_direction(axes: str) -> None:
+    """The log's true force is the mean of the signal along the direction; of no elbow there is a trace."""
+    force = {"signal": "sine", "amplitude": 0.05, "frequency": 40.0, "axes": axes, "direction": (0.0, 3.0, 4.0)}
+    flight = scenario(**force)
+    log = simulate(flight)
+    truth, noise_free = true_force(log, FRAME)
+    expected = held_parts_of(flight, log.time)
+    if axes == "world":
+        np.testing.assert_allclose(noise_free, np.outer(expected, [0.0, 0.6, 0.8]), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(truth, axis=1), np.abs(expected), rtol=2e-3, atol=1e-9)
+
+
+def held_parts_of(flight: Scenario, edges: np.ndarray) -> np.ndarray:
+    """Return the means of a scenario's only force."""
+    [signal] = flight.unknown_force
+
+    class OnlySignal:
+        """What `held_parts` looks at."""
+
+        def __init__(self) -> None:
+            self.signal = signal
+
+    return held_parts((OnlySignal(),), edges, 1)[1, 0]  # type: ignore[arg-type]
+
+
+def test_all_signals_survive_writing_and_reading(tmp_path: Path) -> None:
+    """Every kind in one scenario, through TOML; a table without `signal` is the paper's."""
+    forces = [{"frame": FRAME, "signal": name.split()[-1], **values} for name, (values, _, _) in SIGNALS.items()]
+    forces += [{"frame": FRAME}, {"frame": FRAME, "signal": "recorded", "file": series(tmp_path / "push.csv")}]
+    given = parse_scenario({"name": "all", "unknown_force": forces}, "test")
+    assert [force.signal for force in given.unknown_force][-2:] == ["paper", "recorded"]
+    (tmp_path / "all.toml").write_text(scenario_toml(given))
+    assert load_scenario(tmp_path / "all.toml") == given
+
+
+def test_a_recorded_series_is_found_beside_its_scenario_and_travels_with_the_results(tmp_path: Path) -> None:
+    """As a morphology does: the results hold a copy and run again without the original."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    series(mine / "push.csv", "time,force\n0,0.0\n0.01,0.1\n")
+    (mine / "flight.toml").write_text(
+        f'name = "flight"\n[simulation]\nduration = 0.01\n[air]\nwarm_up_cycles = 0\n[[unknown_force]]\n'
+        f'frame = "{FRAME}"\nsignal = "recorded"\nfile = "push.csv"\n'
+    )
+    first = run(load_scenario(mine / "flight.toml"))
+    out = tmp_path / "out"
+    out.mkdir()
+    write(first, out)
+    (mine / "push.csv").unlink()
+    again = run(load_scenario(out / "scenario.toml"))
+    assert again.metrics == first.metrics
+    assert np.ptp(true_force(again.log, FRAME)[0]) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("unknown_force.0.signal=stp", "unknown_force.0.signal = 'stp': did you mean 'step'? There are paper, step"),
+        ("unknown_force.0={frame='a', signal='impulse', impuls=1}", "unknown_force.0.impuls'; did you mean 'impulse'"),
+        ("unknown_force.0={frame='a', signal='impulse', impulse='x'}", "unknown_force.0.impulse = 'x': input should"),
+        ("unknown_force.0={frame='a', signal='step', end=0.1}", "start = 0.5 s to end = 0.1 s: end comes later"),
+        ("unknown_force.0={frame='a', signal='recorded'}", "missing key 'unknown_force.0.file'"),
+        ("unknown_force.0={frame='a', signal='sine', step=1}", "unknown key 'unknown_force.0.step'"),
+    ],
+)
+def test_a_wrong_signal_names_key_value_and_rule(setting: str, message: str) -> None:
+    """The key as the file has it; of a kind of signal no trace."""
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("paper", [setting])
+    assert message in str(caught.value)
+
+
+def test_the_step_of_the_integrator_is_felt_by_its_square() -> None:
+    """A sine of 20 Hz on one wing: half the step, a quarter of the way from the flight at an eighth of it."""
+    force = "unknown_force=[{frame='left_force_point', signal='sine', amplitude=0.2, frequency=20.0, axes='world'}]"
+
+    def end(dt: float) -> np.ndarray:
+        settings = [force, "simulation.duration=0.2", f"simulation.dt={dt}", "air.warm_up_cycles=1"]
+        return simulate(load_scenario("paper", settings)).measured["q"].values[-1, :3]
+
+    fine = end(2.5e-4)
+    coarse, middle = (np.linalg.norm(end(dt) - fine) for dt in (2e-3, 1e-3))
+    assert 3.0 < coarse / middle < 6.0
+    assert coarse < 1e-6

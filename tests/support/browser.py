@@ -1,0 +1,72 @@
+"""A real headless Chromium, and what a page did in it that it should not have."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from aerobat_pin.numerics.arrays import Array
+from aerobat_pin.visualization.replay.snapshots import BROWSERS, DRAWN, FLAGS
+
+CHROMIUM = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+needs_browser = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium on this machine: install it, e.g. `apt-get install chromium`"
+)
+
+
+@contextmanager
+def started() -> Iterator[Any]:
+    """Start the browser, with software rendering."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield running
+        running.close()
+
+
+@contextmanager
+def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
+    """Open a page; afterwards there was no error in it, and no request but those to what it came from."""
+    page = browser.new_page(viewport={"width": 1000, "height": 650})
+    problems: list[str] = []
+    requests: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto(address)
+    yield page
+    assert problems == []
+    assert [url for url in requests if not url.startswith(("file:", "data:", *allowed))] == []
+    page.close()
+
+
+def ready(page: Any) -> None:
+    """Wait until a replay plays."""
+    page.wait_for_function("window.viewer && viewer.animator.time > 0.005", timeout=60_000)
+
+
+def at(page: Any, time: float) -> None:
+    """Pause a replay at a time [s]."""
+    page.evaluate("viewer.animator.pause()")
+    page.evaluate(DRAWN, time)
+
+
+def node(page: Any, *path: str) -> Any:
+    """Return position, quaternion and scale of a node below `world`."""
+    find = f"viewer.scene_tree.find({['meshcat', 'world', *path]}).object"
+    return {name: page.evaluate(f"{find}.{name}.toArray()") for name in ("position", "quaternion", "scale")}
+
+
+def pixels(page: Any) -> Array:
+    """Return what is drawn behind legend and controls (height, width, 3), from 0 to 1."""
+    style = page.add_style_tag(content=".panel, .dg { display: none !important; }")
+    image = imread(io.BytesIO(page.screenshot()))[..., :3]
+    style.evaluate("(one) => one.remove()")
+    return np.asarray(image)

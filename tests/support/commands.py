@@ -1,0 +1,41 @@
+"""The command line as tests call it: in this process, or in one of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from aerobat_pin.cli import app as cli
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    """Run `aerobat` with these words in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["aerobat", *words])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    return int(stop.value.code or 0)
+
+
+def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run `aerobat` with these words in a process of its own."""
+    command = [sys.executable, "-m", "aerobat_pin.cli.app", *words]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[str]:
+    """Run `aerobat` in a process of its own, and press Ctrl-C once a file or folder of a pattern is there."""
+    command = [sys.executable, "-m", "aerobat_pin.cli.app", *words]
+    process = subprocess.Popen(
+        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    while process.poll() is None and not any(cwd.glob(at)):
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: a browser too
+    said, told = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(command, process.returncode, said, told)

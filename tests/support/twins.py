@@ -1,0 +1,184 @@
+"""Readable numpy twins of the compiled kernels: the same equations, by Pinocchio's and scipy's own functions.
+
+Nothing here is compiled, packed or written in place. Generalised forces come from Pinocchio's Jacobians where the
+kernels climb the tree, rotations and positions from `oMi` where they chain `liMi`, and the base is moved by SE(3)'s
+own retraction where the plant moves the whole configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import cho_factor, cho_solve
+
+from aerobat_description.morphology import Morphology
+from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.flight.attitude_hold import AttitudeHold
+from aerobat_pin.flight.plant.plant import Flown, Forces, Plant
+from aerobat_pin.flight.point_forces import PointForce
+from aerobat_pin.numerics.lie_runge_kutta import stage_mean, step
+from aerobat_pin.robot.link_motion import joint_table
+from aerobat_pin.robot.wing import LINKS
+from support.air_twins import added_mass, air_loads
+
+LOCAL, ALIGNED = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+Vector = np.ndarray
+
+
+# --------------------------------------------------------------------------------------------- hold and unknown forces
+
+
+def hold_wrench(hold: AttitudeHold, position: Vector, rotation: Vector, twist: Vector) -> Vector:
+    """Return the hold's wrench (6,) in body axes.
+
+    torque, body axes: sat(kp log3(R^T R_ref) - kd omega); force, world axes: x sat(kx (vx_ref - vx)), y 0,
+    z lift + sat(kz (z_ref - z) - dz vz).
+    """
+    velocity = rotation @ twist[:3]
+    error = pin.log3(rotation.T @ hold.rotation)
+    torque = hold.attitude_stiffness * error - hold.attitude_damping * twist[3:]
+    thrust = hold.speed_gain * (hold.forward_speed - velocity[0])
+    rise = hold.height_stiffness * (hold.height - position[2]) - hold.height_damping * velocity[2]
+    thrust, rise = np.clip([thrust, rise], *np.outer([-1.0, 1.0], [hold.thrust_limit, hold.lift_limit]))
+    force = rotation.T @ np.array([thrust, 0.0, hold.lift + rise])
+    return np.concatenate([force, np.clip(torque, -hold.torque_limit, hold.torque_limit)])
+
+
+def forces_at_points(
+    model: pin.Model,
+    data: pin.Data,
+    forces: Sequence[PointForce],
+    points: Sequence[str],
+    elbow: float,
+    noise: Vector,
+    steps: Vector,
+) -> Vector:
+    """Return the unknown forces (2, p, 3) at their points in world axes, with and without noise.
+
+    Force i has size A sin(elbow) + step_i (+ noise_i) along its direction, which turns with link, body or not at all;
+    forces at one point add up. Needs `updateFramePlacements` of the data.
+    """
+    total = np.zeros((2, len(points), 3))
+    for force, drawn, stepped in zip(forces, noise, steps, strict=True):
+        turned = data.oMf[model.getFrameId(force.frame)].rotation
+        axes = {"link": turned, "body": data.oMi[1].rotation, "world": np.eye(3)}
+        direction = axes[force.axes] @ force.direction
+        clean = force.signal.elbow_amplitude * np.sin(elbow) + stepped
+        total[:, points.index(force.frame)] += np.outer([clean + drawn, clean], direction)
+    return total
+
+
+def at_joints(model: pin.Model, data: pin.Data, wrenches: Vector) -> Vector:
+    """Return sum J^T f (nv,) of wrenches (5, 6) on the links, at and in their joints' own frames."""
+    joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
+    return sum(pin.getJointJacobian(model, data, joint, LOCAL).T @ f for joint, f in zip(joints, wrenches, strict=True))
+
+
+def at_frames(model: pin.Model, data: pin.Data, frames: Sequence[str], forces: Vector) -> Vector:
+    """Return sum J^T f (nv,) of world forces (p, 3) at the origins of frames."""
+    jacobians = [pin.getFrameJacobian(model, data, model.getFrameId(name), ALIGNED)[:3] for name in frames]
+    return sum((J.T @ f for J, f in zip(jacobians, forces, strict=True)), np.zeros(model.nv))
+
+
+# -------------------------------------------------------------------------------------------------------------- plant
+
+
+def plant_rates(
+    plant: Plant, q: Vector, v: Vector, joints: Vector, air: Vector, held: Vector, time: float = 0.0
+) -> tuple[Vector, Vector, Forces, Vector]:
+    """Return base acceleration (6,), rate of the air, forces at this instant (no leading axis) and strip loads.
+
+    With F the sum of the generalised forces, H and h inertia and bias with added mass, b, j the rows of base and joints
+
+        H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
+    """
+    model, robot = plant.model, plant.robot
+    data = model.createData()
+    M = pin.crba(model, data, q).copy()
+    nle = pin.nonLinearEffects(model, data, q, v).copy()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    frames = [model.getFrameId(link) for link in LINKS]
+    twists = np.array([pin.getFrameVelocity(model, data, frame, LOCAL).vector for frame in frames])
+    wind = plant.wind(np.array([time]))[0]
+    against = twists.copy()
+    against[:, :3] -= [data.oMf[frame].rotation.T @ wind[0] for frame in frames]
+    wrenches, air_rate, loads = air_loads(plant.air, robot.wing.morphology, against, air)
+    aerodynamic = at_joints(model, data, wrenches)
+    thrusters = np.zeros(model.nv)
+    if plant.hold is not None:
+        thrusters[:6] = hold_wrench(plant.hold, data.oMi[1].translation, data.oMi[1].rotation, v[:6])
+    noisy, clean = forces_at_points(model, data, plant.forces, plant.points, joints[0, 1], *held)
+    unknown = at_frames(model, data, plant.points, noisy)
+
+    M_air, bias_air = added_mass(plant, q, v, wind)
+    H, h = M + M_air, nle + bias_air
+    total = aerodynamic + thrusters + unknown
+    acceleration = robot.velocity(np.zeros(6), *joints[2])
+    driven = H[:6, 6:] @ acceleration[6:]
+    acceleration[:6] = cho_solve(cho_factor(H[:6, :6]), total[:6] - h[:6] - driven)
+    motor = np.concatenate([np.zeros(6), (H @ acceleration + h - total)[6:]])
+    dragged = -(M_air @ acceleration + bias_air)
+    power, air_power = np.array(motor[6:] @ v[6:]), np.array(np.sum(wrenches * twists) + dragged @ v)
+    parts = (aerodynamic, dragged, thrusters, motor, unknown, noisy, clean, wrenches, power, air_power)
+    return acceleration[:6], air_rate, Forces(*parts), loads
+
+
+def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
+    """Fly by `integrators.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
+    robot, retract = plant.robot, pin.liegroups.SE3().integrate
+    closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
+    motion = joint_table(closed)
+    placement, y = plant.start.placement, np.concatenate([plant.start.twist, plant.start.air])
+    placements, states, means, loads = [placement], [y], [], []
+    for k in range(count):
+
+        def rates(time: float, here: Vector, y: Vector, k: int = k) -> tuple[Vector, Vector, tuple[Forces, Vector]]:
+            joints = motion[round(2.0 * time / dt)]
+            q, v = robot.configuration(here, *joints[0]), robot.velocity(y[:6], *joints[1])
+            acceleration, air_rate, forces, strips = plant_rates(plant, q, v, joints, y[6:], held[:, :, k], time)
+            return y[:6], np.concatenate([acceleration, air_rate]), (forces, strips)
+
+        placement, y, outputs = step(rates, retract, k * dt, placement, y, dt)
+        placements.append(placement)
+        states.append(y)
+        means.append([stage_mean(parts) for parts in zip(*(forces for forces, _ in outputs), strict=True)])
+        loads.append(outputs[0][1])
+    flown, joints = np.array(states), motion[::2]
+    return Flown(
+        crank_angle=closed.crank_angle[::2],
+        q=robot.configuration(np.array(placements), joints[:, 0, 0], joints[:, 0, 1]),
+        v=robot.velocity(flown[:, :6], joints[:, 1, 0], joints[:, 1, 1]),
+        air=flown[:, 6:],
+        forces=Forces(*(np.array(part) for part in zip(*means, strict=True))),
+        loads=np.array(loads),
+    )
+
+
+def warmed_up(air: RobotAir, shape: Morphology, twists: Vector, dt: float, state: Vector) -> Vector:
+    """Return the air's state (3N,) after classical Runge-Kutta steps under link twists (2 n + 1, 5, 6)."""
+    for first, middle, last in zip(twists[:-1:2], twists[1::2], twists[2::2], strict=True):
+        k1 = air_loads(air, shape, first, state)[1]
+        k2 = air_loads(air, shape, middle, state + dt / 2.0 * k1)[1]
+        k3 = air_loads(air, shape, middle, state + dt / 2.0 * k2)[1]
+        k4 = air_loads(air, shape, last, state + dt * k3)[1]
+        state = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return state
+
+
+def next_stage(stage: int, dt: float, k: Vector, rate: Vector, start: Vector) -> tuple[Vector, list[Vector]]:
+    """Return y and the ways of q to the next stage, or in two parts to the next step, from the method's tableau.
+
+    y: 0, 1/2, 1/2, 1; (1, 2, 2, 1) / 6          q2 = q exp(h/2 k1), q3 = q exp(h/2 k2), q4 = q2 exp(h k3 - h/2 k1)
+    q' = q exp(h (k1/4 + k2/6 + k3/6 - k4/12)) exp(h (-k1/12 + k2/6 + k3/6 + k4/4))
+    """
+    vector = np.array([[1 / 2, 0, 0, 0], [0, 1 / 2, 0, 0], [0, 0, 1, 0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]])
+    ways = (
+        [[1 / 2, 0, 0, 0]],
+        [[0, 1 / 2, 0, 0]],
+        [[-1 / 2, 0, 1, 0]],
+        [[1 / 4, 1 / 6, 1 / 6, -1 / 12], [-1 / 12, 1 / 6, 1 / 6, 1 / 4]],
+    )
+    return start + dt * vector[stage] @ rate, [dt * np.array(way) @ k for way in ways[stage]]

@@ -1,0 +1,182 @@
+"""What a person looks at after a run: figures, and the report in a real browser."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from matplotlib.image import imread
+from support.browser import needs_browser, opened
+
+from aerobat_pin.estimation.scores import true_force
+from aerobat_pin.experiments.experiment import Experiment, run, write
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization.figures.paper import draw_all, estimation
+from aerobat_pin.visualization.report import report_html
+from aerobat_pin.visualization.write_all import draw
+
+
+def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:
+    """The paper's five, and what the air does; none of them blank, the PDF a vector file."""
+    names = {"position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power"}
+    assert {path.stem for path in (paper_folder / "figures").iterdir()} == names
+    for name in names:
+        pixels = imread(paper_folder / "figures" / f"{name}.png")
+        assert pixels.shape[1] >= 1000
+        assert pixels[..., :3].std() > 0.02
+        assert (paper_folder / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
+    """Lines hold the log's own numbers: joints, X Y Z, truth and estimates; the titles say what holds the robot."""
+    drawn = draw_all(paper.robot, paper.log, paper.estimates, paper.metrics["note"])
+    q = paper.log.measured["q"]
+    shoulder, elbow = (line.get_ydata() for line in drawn["states"].axes[0].lines)
+    np.testing.assert_allclose(np.radians(shoulder), q.sel(q_axis="left_shoulder"))
+    np.testing.assert_allclose(np.radians(elbow), q.sel(q_axis="left_elbow"))
+    for axis, name in zip(drawn["position"].axes, "xyz", strict=True):
+        np.testing.assert_array_equal(axis.lines[0].get_ydata(), q.sel(q_axis=name))
+    right_fz = drawn["estimation"].axes[5]
+    truth = true_force(paper.log, "right_force_point")[0]
+    np.testing.assert_array_equal(right_fz.lines[0].get_ydata(), truth[:, 2])
+    np.testing.assert_array_equal(right_fz.lines[1].get_ydata(), paper.estimates["momentum"].force[:, 1, 2])
+    for name in ("position", "states", "stick_diagram", "estimation"):
+        assert "79 % thruster-borne" in drawn[name].get_suptitle()
+    assert "Unknown force at each wing" in drawn["estimation"].get_suptitle()
+
+
+def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
+    """The title of the figure follows the frames at which the observers look."""
+    guard = run(load_scenario("guard", ["simulation.duration=0.1"]))
+    figure = estimation(guard.log, guard.estimates)
+    assert "Unknown force at each point" in figure.get_suptitle()
+    assert figure.axes[0].get_title() == "thruster_1"
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "span", "legend"),
+    [
+        ("impact", 2, (0.675, 0.735), ["impulse", "around the impulse, close in the last row"]),
+        ("guard", 1, (0.35, 1.25), ["push", "around the push, close in the last row"]),
+        ("paper", 1, (0.54, 0.6), ["step", "a stretch of noise, close in the last row"]),
+    ],
+)
+def test_the_close_up_looks_where_something_happens(
+    name: str, row: int, span: tuple[float, float], legend: list[str]
+) -> None:
+    """The axis and the time of the first event, or the paper's noise; boxes are explained, and hide no line."""
+    made = run(load_scenario(name))
+    figure = estimation(made.log, made.estimates)
+    columns = len(made.estimates["momentum"].frames)
+    close, looked_at = figure.axes[3 * columns], figure.axes[row * columns]
+    assert close.get_ylabel() == f"$F_{'xyz'[row]}$ [N], close"
+    assert close.get_xlim() == pytest.approx(span)
+    truth = looked_at.lines[0].get_ydata()
+    low, high = close.get_ylim()
+    middle = looked_at.lines[0].get_xdata()
+    assert np.all((truth >= low) & (truth <= high), where=(middle > span[0]) & (middle < span[1]))
+    [words] = figure.legends
+    assert [text.get_text() for text in words.get_texts()][-2:] == legend
+    assert all(box.get_zorder() < looked_at.lines[0].get_zorder() for box in looked_at.patches)
+
+
+@pytest.mark.parametrize(("name", "drawn"), [("paper", 2.5), ("tumble", 1.0)])
+def test_the_stick_diagram_fills_its_picture(name: str, drawn: float) -> None:
+    """A straight flight wide and stretched, one that turns away in its true shape; either over most of the width."""
+    made = run(load_scenario(name))
+    figure = draw_all(made.robot, made.log, made.estimates, "")["stick_diagram"]
+    figure.draw_without_rendering()
+    [axis] = figure.axes
+    assert axis.get_aspect() == drawn
+    assert ("times larger" in figure.get_suptitle()) == (drawn > 1.0)
+    assert axis.get_position().width > 0.85
+    low, high = axis.get_xlim()
+    assert np.ptp(made.log.measured["q"].values[:, 0]) > 0.8 * (high - low)
+
+
+def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Path, tmp_path: Path) -> None:
+    """Byte for byte: no date, no random order (the replay's viewer numbers its objects at random)."""
+    write(paper, tmp_path)
+    draw(paper, tmp_path)
+    for path in sorted(paper_folder.rglob("*")):
+        if path.suffix in (".png", ".pdf", ".json", ".toml"):
+            assert path.read_bytes() == (tmp_path / path.relative_to(paper_folder)).read_bytes(), path.name
+
+
+def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> None:
+    """Lift and thrust against an own rotation to world axes, weight, power; the colours hold every strip."""
+    assert paper.log.truth is not None
+    truth, drawn = paper.log.truth, draw_all(paper.robot, paper.log, paper.estimates, paper.metrics["note"])
+    lift, thrust, strips = drawn["aerodynamics"].axes[:3]
+    force = (truth["aerodynamic"] + truth["added_mass"]).values
+    for k in (0, 700, 1999):
+        world = 1e3 * pin.XYZQUATToSE3(paper.log.measured["q"].values[k, :7]).rotation @ force[k, :3]
+        assert lift.lines[0].get_ydata()[k] == pytest.approx(world[2], rel=1e-9)
+        assert thrust.lines[0].get_ydata()[k] == pytest.approx(world[0], rel=1e-9)
+    assert lift.lines[2].get_ydata()[0] == pytest.approx(92.1 * 9.81, rel=1e-3)  # 92.1 g under standard gravity
+    assert strips.collections[0].get_array().shape == truth["circulation"].shape[::-1]
+    motor, air = (line.get_ydata() for line in drawn["power"].axes[0].lines)
+    np.testing.assert_array_equal(motor, truth["motor_power"])
+    np.testing.assert_array_equal(air, truth["air_power"])
+
+
+def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, paper_folder: Path) -> None:
+    """No address to fetch, seven embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
+    page = (paper_folder / "report.html").read_text()
+    assert not re.search(r'(?:src|href)="(?!data:|#)', page)
+    assert "url(" not in page
+    assert page.count("data:image/png;base64,") == 7
+    assert page.count("mN</td>") == 12
+    assert "79 % thruster-borne" in page
+    for name, source in paper.metrics["inputs"].items():
+        assert re.search(rf">{name}</td><td[^>]*>{source}", page), name
+    for name, version in paper.metrics["versions"].items():
+        assert f'>{name}</td><td class="text">{version}' in page
+    assert ">6 of 6<" in page
+    assert "Every pattern of forces leaves a trace." in page
+    assert "[simulation]" in page
+
+
+def test_the_report_says_in_words_what_nobody_can_see() -> None:
+    """With the base rows alone an equal and opposite pair leaves no trace: rank five, and a sentence."""
+    blind = run(load_scenario("paper", ["observers.torque=none", "simulation.duration=0.05"]))
+    page = report_html(blind, {})
+    assert ">5 of 6<" in page
+    assert ">infinite<" in page
+    [pattern] = blind.metrics["observers"]["momentum"]["unseen"]
+    assert escape(pattern) in page
+    assert "leave no trace" in page
+
+
+SHOWN_AT = """time => new Promise((done) => {
+    const drawing = document.querySelector("figure svg");
+    drawing.pauseAnimations();
+    drawing.setCurrentTime(time);
+    requestAnimationFrame(() => requestAnimationFrame(done));
+})"""
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, browser: Any, scheme: str) -> None:
+    """From disk, offline, readable by day and by night; the linkage turns."""
+    with opened(browser, (paper_folder / "report.html").as_uri()) as page:
+        page.emulate_media(color_scheme=scheme)
+        assert page.locator("figure img").count() == 7
+        assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 500)")
+        look = "getComputedStyle(document.body)"
+        ink, ground = (page.evaluate(f"{look}.{name}") for name in ("color", "backgroundColor"))
+        ink, ground = (np.mean([float(x) for x in re.findall(r"[0-9.]+", one)[:3]]) for one in (ink, ground))
+        assert abs(ink - ground) > 150
+        assert (ink > ground) == (scheme == "dark")
+        crank = "document.querySelectorAll('figure svg polyline')[1].animatedPoints[1]"
+        where = []
+        for time in (0.0, 0.5):
+            page.evaluate(SHOWN_AT, time)
+            where.append(page.evaluate(f"[{crank}.x, {crank}.y]"))
+        assert np.hypot(*np.subtract(*where)) > 1.0  # [mm]

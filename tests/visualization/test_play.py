@@ -1,0 +1,300 @@
+"""`aerobat play`: served, as a page, as pictures; runs, logs and tables; and nothing left behind."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from support.browser import at, needs_browser, node, opened, ready
+from support.commands import call, interrupted
+
+from aerobat_description import PACKAGE_PATH, URDF_PATH
+from aerobat_pin.errors import BrowserError, FrameNotFoundError, LogError
+from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.flight.csv_log import write_csv
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.visualization.replay.motion_csv import recording_of
+from aerobat_pin.visualization.replay.snapshots import snapshots
+
+ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin xyz="0 0 0.5"/><geometry>
+<box size="0.1 0.1 1"/></geometry></visual></link><joint name="hinge" type="revolute"><parent link="base"/>
+<child link="bar"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
+
+
+def of_session(leader: int) -> list[str]:
+    """Return the live processes of a session."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == leader and fields[0] != "Z":
+            found.append(stat.parent.name)
+    return found
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
+    """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
+    command = [sys.executable, "-m", "aerobat_pin.cli.app", "play", str(paper_folder), "--rate", "0.05"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        assert server.stdout is not None
+        said = server.stdout.readline()
+        address = said.split()[2]
+        assert address.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(address) as answer:
+            page = answer.read().decode()
+        assert "79 % thruster-borne" in page
+        assert '"rate": 0.05' in page
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(address + "etc/passwd")
+        assert of_session(server.pid) == [str(server.pid)]
+        server.send_signal(how)
+        assert server.wait(timeout=60) == (0 if how == signal.SIGINT else 143)
+        assert of_session(server.pid) == []
+        with socket.socket() as again:
+            again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            again.bind(("127.0.0.1", int(address.rstrip("/").rsplit(":", 1)[1])))
+    finally:
+        server.kill()
+        server.wait()
+
+
+def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
+    """Neither the command nor what it calls."""
+    modules = "cli_play, live, motion_table, played, player, recording, replay, scene, snapshots"
+    code = f"""
+import os
+from aerobat_pin import {modules}
+sockets = {{os.readlink(f'/proc/self/fd/{{fd}}')[8:-1] for fd in os.listdir('/proc/self/fd')
+           if os.path.islink(f'/proc/self/fd/{{fd}}') and os.readlink(f'/proc/self/fd/{{fd}}').startswith('socket:')}}
+rows = [row.split() for name in ('tcp', 'tcp6') for row in open(f'/proc/self/net/{{name}}').readlines()[1:]]
+print([row[1] for row in rows if row[9] in sockets])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout.strip() == "[]"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_and_its_log_alone_become_pages(
+    paper_folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run's page is the run's own replay but for random names; a log is estimated on the way."""
+    run, log = tmp_path / "run.html", tmp_path / "log.html"
+    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run)) == 0
+    assert f"written to {run}" in capsys.readouterr().out
+    assert len(run.read_text()) == pytest.approx(len((paper_folder / "replay.html").read_text()), rel=1e-3)
+    assert call(monkeypatch, "play", str(paper_folder / "flight.nc"), "--html", str(log)) == 0
+    assert "recorded flight of 2 s" in log.read_text()
+    assert "estimated force (momentum)" in log.read_text()
+    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run)) == 2
+    assert "--force overwrites it" in capsys.readouterr().err
+    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run), "--force") == 0
+
+
+def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_it(
+    paper: Experiment, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A table notes no robot: `--morphology` says it, as for `aerobat estimate`, else it is the default one."""
+    short = paper.log.measured.isel(time=slice(201), interval=slice(200))
+    write_csv(FlightLog(short), tmp_path / "log.csv")
+    for words, name in (([], "aerobat"), (["--morphology", "aerobat_guard"], "aerobat_guard")):
+        page = tmp_path / f"{name}.html"
+        assert call(monkeypatch, "play", str(tmp_path / "log.csv"), "--html", str(page), *words) == 0
+        assert f"believed robot {name}</title>" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "a run or a log was expected"),
+        (["nowhere.nc"], "there is no such file"),
+        (["."], "has no scenario.toml, flight.nc, estimate.nc"),
+        (["--from-csv", "a.csv"], "with --urdf FILE"),
+        (["--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
+        (["nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
+        (["nowhere.nc", "--rate", "0"], "--rate"),
+        (["nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
+        ([".", "--morphology", "aerobat_guard"], "--morphology says which robot is believed to have flown a log"),
+    ],
+)
+def test_a_mistake_costs_one_message(
+    arguments: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Exit code 2, what is wrong, and no file."""
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "play", *arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_browser
+def test_pictures_are_taken_at_the_rate_asked_for(
+    paper_folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two seconds at ten times their speed are six pictures; old ones do not stay; the time is all of the controls."""
+    out = tmp_path / "frames"
+    arguments = [str(paper_folder), "--frames", str(out), "--rate", "10"]
+    assert call(monkeypatch, "play", *arguments) == 0
+    assert "6 pictures, 30 a second" in capsys.readouterr().out
+    assert call(monkeypatch, "play", *arguments) == 2
+    assert "is not empty" in capsys.readouterr().err
+    (out / "frame_00099.png").write_text("of an earlier run")
+    (out / "notes.txt").write_text("mine")
+    assert call(monkeypatch, "play", *arguments, "--force") == 0
+    names = [f"frame_{k:05d}.png" for k in range(6)]
+    assert sorted(path.name for path in out.iterdir()) == [*names, "notes.txt"]
+    images = [imread(out / name)[..., :3] for name in names]
+    assert all(image.shape == (720, 1280, 3) and image.std() > 0.05 for image in images)
+    for before, after in itertools.pairwise(images):
+        assert np.mean(np.abs(after - before).max(axis=2) > 0.1) > 0.003
+    assert all(image[-60:, 150:600].max(axis=(0, 1)).min() < 0.95 for image in images)  # where white controls would be
+    for before, after in itertools.pairwise(image[-50:-20, 20:110] for image in images):
+        assert before.max(axis=(0, 1)).min() > 0.95  # a panel
+        assert before.min() < 0.5  # and dark digits
+        assert np.mean(np.abs(after - before).max(axis=2) > 0.1) > 0.003  # that change
+
+
+@needs_browser
+def test_pictures_are_taken_beside_a_running_loop_and_may_be_left(paper_folder: Path, browser: Any) -> None:
+    """As in a notebook; whoever wants no more of them leaves no browser behind."""
+
+    def children() -> set[str]:
+        return {pid for task in Path("/proc/self/task").iterdir() for pid in (task / "children").read_text().split()}
+
+    assert asyncio.get_running_loop().is_running()  # the other browser's
+    before = children()
+    pictures = snapshots((paper_folder / "replay.html").read_text(), [0.1, 0.2, 0.3], (200, 150))
+    assert next(pictures).startswith(b"\x89PNG")
+    assert children() - before
+    pictures.close()
+    assert children() <= before
+
+
+@needs_browser
+def test_ctrl_c_among_pictures_leaves_a_line_and_nothing_else(paper_folder: Path, tmp_path: Path) -> None:
+    """Exit code 130; neither the pictures that were taken nor the page."""
+    words = ["play", str(paper_folder), "--frames", "frames", "--html", "page.html", "--rate", "0.001"]
+    done = interrupted(*words, cwd=tmp_path, at="frames/*/frame_00002.png")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted: nothing was written\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_browser_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without Playwright, and without a Chromium that starts."""
+    monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
+    with pytest.raises(BrowserError, match=r"pip install 'aerobat-pinocchio\[frames\]'.*apt-get install chromium"):
+        next(snapshots("", [0.0]))
+    monkeypatch.undo()
+    monkeypatch.setattr(shutil, "which", lambda name: sys.executable)
+    with pytest.raises(BrowserError, match=r"none starts.*apt-get install chromium"):
+        next(snapshots("", [0.0]))
+
+
+def table(folder: Path, header: str, rows: Any) -> Path:
+    """Write a table and return its path."""
+    np.savetxt(folder / "motion.csv", rows, delimiter=",", header=header, comments="")
+    return folder / "motion.csv"
+
+
+@needs_browser
+def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, browser: Any) -> None:
+    """A hinge that turns by a quarter in two seconds, pushed at its bar; fixed, and on a free base."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    clock, angle = np.linspace(5.0, 7.0, 41), np.linspace(0.0, 0.5 * np.pi, 41)
+    still = np.zeros_like(angle)
+    header = "time [s], hinge [rad], bar.Fx [N], bar.Fy [N], bar.Fz [N]"
+    rows = np.column_stack([clock, angle, 10.0 + still, still, still])
+    fixed, out = table(tmp_path, header, rows), tmp_path / "arm.html"
+    urdf = str(tmp_path / "arm.urdf")
+    assert call(monkeypatch, "play", "--from-csv", str(fixed), "--urdf", urdf, "--html", str(out)) == 0
+    with opened(browser, out.as_uri()) as page:
+        ready(page)
+        assert page.evaluate("viewer.animator.mixer.timeScale") == 1.0
+        at(page, 2.0)
+        assert node(page, "robot", "visuals", "bar_0")["position"] == pytest.approx([0.5, 0.0, 0.0], abs=1e-6)
+        assert node(page, "force", "force", "bar", "head")["position"][0] > 0.1
+        assert page.inner_text("#clock") == "7.000 s"
+    base = np.column_stack([clock, 3.0 * (clock - 5.0), still, still, still, still, still, 1.0 + still])
+    free = recording_of(table(tmp_path, "time,x,y,z,qx,qy,qz,qw,hinge", np.column_stack([base, angle])), Path(urdf))
+    assert free.model.nq == 8
+    assert "path of the body" in free.html()
+
+
+def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
+    """Beside it or where `package://` points to."""
+    q = np.hstack([np.zeros((3, 6)), np.ones((3, 1)), np.zeros((3, 4))])
+    names = "time,x,y,z,qx,qy,qz,qw,left_elbow,left_shoulder,right_elbow,right_shoulder"
+    motion = table(tmp_path, names, np.column_stack([[0.0, 0.1, 0.2], q]))
+    found = recording_of(motion, Path(URDF_PATH))
+    assert found.size == pytest.approx(0.25, abs=0.08)  # half of some 0.4 m of span and 0.2 m of length
+    assert Path(URDF_PATH).is_relative_to(PACKAGE_PATH)
+
+
+def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The folder of a `package://` six levels up, or elsewhere by ROS_PACKAGE_PATH; else the message names both."""
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    deep = tmp_path / "a" / "b" / "c" / "d" / "e" / "f"
+    deep.mkdir(parents=True)
+    mesh = '<mesh filename="package://bird/body.stl"/>'
+    (deep / "arm.urdf").write_text(ARM.replace('<box size="0.1 0.1 1"/>', mesh))
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with pytest.raises(LogError, match=r"bird/body\.stl .* folders above the URDF, or those of ROS_PACKAGE_PATH"):
+        recording_of(motion, deep / "arm.urdf")
+    for place in (tmp_path, tmp_path / "elsewhere"):
+        (place / "bird").mkdir(parents=True)
+        shutil.copy(Path(PACKAGE_PATH) / "meshes" / "aerobat_body.stl", place / "bird" / "body.stl")
+        assert recording_of(motion, deep / "arm.urdf").visual_model.ngeoms == 1
+        shutil.rmtree(place / "bird")
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "error", "message"),
+    [
+        ("t,hinge", [[0, 0], [1, 0]], LogError, "no column named time"),
+        ("time,a,b", [[0, 0, 0], [1, 0, 0]], LogError, "2 columns of configuration; arm.urdf takes 1, or 8 .* hinge"),
+        ("time,hinge,bar.Fx", [[0, 0, 0], [1, 0, 0]], LogError, "three columns bar.Fx"),
+        ("time,a,b,c,d,e,f,g,h", [[t, *[0] * 8] for t in (0, 1)], LogError, "no unit quaternion"),
+        ("time,hinge,x.Fx,x.Fy,x.Fz", [[0] * 5, [1] * 5], FrameNotFoundError, "bar"),
+        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: 2 finite numbers"),
+        ("time,hinge", [[0, 0]], LogError, "two rows or more"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused(
+    header: str, rows: Any, error: type[Exception], message: str, tmp_path: Path
+) -> None:
+    """With what was expected."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    with pytest.raises(error, match=message):
+        recording_of(table(tmp_path, header, rows), tmp_path / "arm.urdf")
+
+
+def test_a_robot_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    """No such file, or no URDF."""
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with pytest.raises(LogError, match="no such file"):
+        recording_of(motion, tmp_path / "no.urdf")
+    (tmp_path / "bad.urdf").write_text("<robot")
+    with pytest.raises(LogError, match="Pinocchio cannot read it"):
+        recording_of(motion, tmp_path / "bad.urdf")
