@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aerobat_pin.visualization.figures.linkage_svg import animation
-    from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight_flight
+    from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight
     from aerobat_pin.visualization.replay.load_run import flight_of
     from aerobat_pin.visualization.replay.motion_csv import recording_of
     from aerobat_pin.visualization.replay.recording import Recording, record

@@ -17,7 +17,7 @@ from PIL import Image
 from aerobat_description import PACKAGE_PATH
 from aerobat_description.meshes import parts
 from aerobat_pin.robot import Aerobat, load_aerobat
-from aerobat_pin.visualization import AXES, INK, MUTED, RC
+from aerobat_pin.visualization.style import AXES, INK, MUTED, RC
 
 PICTURE = Path(PACKAGE_PATH, "frames.png")
 ARROW = 0.024  # [m]

@@ -13,7 +13,8 @@ import pinocchio as pin
 
 from aerobat_pin.estimation import KnownInputs, known_inputs, true_force
 from aerobat_pin.flight import simulate
-from aerobat_pin.observers import OBSERVERS, SENSOR_NOISE, Estimate
+from aerobat_pin.observers import OBSERVERS, Estimate
+from aerobat_pin.observers.kalman.kalman import SENSOR_NOISE
 from aerobat_pin.robot import FORCE_POINTS, load_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style

@@ -12,9 +12,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, gliding, settled
 from support.kernel_cases import instant
 
-from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
@@ -23,11 +23,6 @@ from aerobat_pin.robot.load import load_robot
 from aerobat_pin.robot.wing import LINKS, Wing
 from aerobat_pin.scenario.scenario import load_scenario
 
-SHAPE = Morphology.load("aerobat")
-WING = Wing(SHAPE)
-AIR = RobotAir(WING)
-NO_DRAG = replace(SHAPE.aerodynamics, profile_drag=0.0, body_drag_area=0.0)
-BARE = RobotAir(Wing(replace(SHAPE, tail=None, aerodynamics=NO_DRAG)), air_density=1.0)
 DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)
 MIRRORED_LINKS = [0, 3, 4, 1, 2]
 POLAR, AXIAL = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0])
@@ -47,20 +42,6 @@ def twists_of(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     frames = [robot.model.getFrameId(link) for link in LINKS]
     local = pin.ReferenceFrame.LOCAL
     return np.array([pin.getFrameVelocity(robot.model, data, frame, local).vector for frame in frames])
-
-
-def gliding(speed: float, incidence: float) -> np.ndarray:
-    """Return the twists of a spread wing that glides straight at an incidence [rad] of the body."""
-    twist = np.array([speed * np.cos(incidence), 0.0, -speed * np.sin(incidence), 0.0, 0.0, 0.0])
-    return np.tile(twist, (5, 1))
-
-
-def settled(air: RobotAir, twists: np.ndarray) -> np.ndarray:
-    """Return the aerodynamic state that no longer changes under steady twists: the rates are affine in the state."""
-    size = air.state_size
-    offset = air.evaluate(twists, np.zeros(size))[1]
-    matrix = np.column_stack([air.evaluate(twists, unit)[1] - offset for unit in np.eye(size)])
-    return -np.linalg.solve(matrix, offset)
 
 
 def mirror_state(state: np.ndarray) -> np.ndarray:

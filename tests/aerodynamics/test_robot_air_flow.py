@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_robot_air import AIR, BARE, NO_DRAG, SHAPE, WING, gliding
+from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, gliding
 
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.errors import ShapeError

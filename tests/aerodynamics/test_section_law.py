@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from on_the_robot import HALVES, arrays_of, plate, plate_drag, rectangle_loads
-from test_robot_air import BARE, gliding, settled
+from support.gliding import BARE, gliding, settled
 
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.references import LATTICE_FLAP

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from support.arm import arm
 from support.kernel_cases import record
-from test_observers import arm
 
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
 from aerobat_pin.observers import Application, ForceLevelObserver, KalmanObserver

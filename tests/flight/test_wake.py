@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
 from shed import impulse_lift, rectangle_wake
-from test_robot_air import BARE, gliding, settled
+from support.gliding import BARE, gliding, settled
 
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
 from aerobat_pin.aerodynamics.wind import drift, wind_field

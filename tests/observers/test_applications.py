@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.linalg import expm
+from support.arm import ALIGNED, arm, identifiability, push, rest
 from support.kernel_cases import MODELS, record
 from support.observer_twins import point_jacobian
-from test_observers import ALIGNED, arm, identifiability, push, rest
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import (

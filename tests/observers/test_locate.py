@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
-from test_observers import arm, push, rest
+from support.arm import arm, push, rest
 
 from aerobat_description.meshes import parts
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_observers import arm, push, rest
+from support.arm import arm, push, rest
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.estimation.known_inputs import known_inputs

@@ -5,41 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.observer_twins import point_jacobian
+from support.arm import arm, identifiability, push, rest
 
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import (
     OBSERVERS,
     ForceLevelObserver,
-    Identifiability,
     MomentumObserver,
     Observer,
-    Rows,
     SmootherObserver,
 )
-from aerobat_pin.observers.identifiability import judge
-from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
+from aerobat_pin.robot.aerobat import load_aerobat
 
 KINDS = [kind for kind in OBSERVERS.values() if kind is not SmootherObserver]  # which takes whole records only
-ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-
-
-def arm() -> tuple[pin.Model, str]:
-    """Return a fixed-base six-joint arm and the frame at its end."""
-    model = pin.buildSampleModelManipulator()
-    model.addFrame(pin.Frame("tool", model.njoints - 1, 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])), pin.OP_FRAME))
-    return model, "tool"
-
-
-def rest(model: pin.Model, q: np.ndarray) -> np.ndarray:
-    """Return the joint torque that holds the robot still against gravity alone."""
-    return pin.computeGeneralizedGravity(model, model.createData(), q).copy()
-
-
-def push(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return J^T f of a world force at a frame's origin."""
-    data = model.createData()
-    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3].T @ force
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -231,13 +209,6 @@ def test_a_gain_per_row_filters_each_row_on_its_own() -> None:
         for observer in (one, many):
             observer.reset(q, v)
         np.testing.assert_array_equal(one.update(1e-3, q, v, tau).force, many.update(1e-3, q, v, tau).force)
-
-
-def identifiability(robot: Aerobat, frames: list[str], rows: Rows = "all") -> Identifiability:
-    """Judge force points at the robot's start."""
-    observer = MomentumObserver(robot.model, frames, rows=rows)
-    J = point_jacobian(robot.model, frames, robot.q0)
-    return judge(observer.applications, J[None], np.ones((1, robot.model.nv)), observer.believed)
 
 
 def test_two_wing_forces_have_full_rank_and_one_more_point_on_the_body_has_not() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_observers import arm
+from support.arm import arm
 
 from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.observers import OBSERVERS, Observer

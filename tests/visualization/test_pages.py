@@ -18,7 +18,7 @@ from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.paper import draw_all, estimation
 from aerobat_pin.visualization.report import report_html
-from aerobat_pin.visualization.write_all import draw
+from aerobat_pin.visualization.write_all import write_all
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:
@@ -102,7 +102,7 @@ def test_the_stick_diagram_fills_its_picture(name: str, drawn: float) -> None:
 def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Path, tmp_path: Path) -> None:
     """Byte for byte: no date, no random order (the replay's viewer numbers its objects at random)."""
     write(paper, tmp_path)
-    draw(paper, tmp_path)
+    write_all(paper, tmp_path)
     for path in sorted(paper_folder.rglob("*")):
         if path.suffix in (".png", ".pdf", ".json", ".toml"):
             assert path.read_bytes() == (tmp_path / path.relative_to(paper_folder)).read_bytes(), path.name

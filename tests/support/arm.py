@@ -1,0 +1,42 @@
+"""A robot arm on the ground and the forces that push on it: a model that is no bird."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.observers import (
+    Identifiability,
+    MomentumObserver,
+    Rows,
+)
+from aerobat_pin.observers.identifiability import judge
+from aerobat_pin.robot.aerobat import Aerobat
+from support.observer_twins import point_jacobian
+
+ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+def arm() -> tuple[pin.Model, str]:
+    """Return a fixed-base six-joint arm and the frame at its end."""
+    model = pin.buildSampleModelManipulator()
+    model.addFrame(pin.Frame("tool", model.njoints - 1, 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])), pin.OP_FRAME))
+    return model, "tool"
+
+
+def rest(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    """Return the joint torque that holds the robot still against gravity alone."""
+    return pin.computeGeneralizedGravity(model, model.createData(), q).copy()
+
+
+def push(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return J^T f of a world force at a frame's origin."""
+    data = model.createData()
+    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3].T @ force
+
+
+def identifiability(robot: Aerobat, frames: list[str], rows: Rows = "all") -> Identifiability:
+    """Judge force points at the robot's start."""
+    observer = MomentumObserver(robot.model, frames, rows=rows)
+    J = point_jacobian(robot.model, frames, robot.q0)
+    return judge(observer.applications, J[None], np.ones((1, robot.model.nv)), observer.believed)
