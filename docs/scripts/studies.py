@@ -196,7 +196,7 @@ def page(grids: dict[str, xr.Dataset]) -> str:
     return f"""# Studies
 
 Written by `make docs`, which flies the sweeps that it shows. Each is a file of a few lines in
-[`aerobat_pin/sweeps`](../aerobat_pin/sweeps); `aerobat sweep NAME` flies it again, a copy of the file makes it yours.
+[`aerobat_pin/experiments/sweep/shipped`](../aerobat_pin/experiments/sweep/shipped); `aerobat sweep NAME` flies it again, a copy of the file makes it yours.
 
 ```sh
 aerobat sweep morphology                        # all processors; a minute on two

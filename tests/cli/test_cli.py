@@ -59,7 +59,7 @@ def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.M
 
 def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> None:
     """To the last bit, with noisy forces and sensors: two fresh processes, and this one, twice."""
-    program, written = [sys.executable, "-m", "aerobat_pin.cli.app", "run", "noisy_sensors", "--no-report", *SHORT], []
+    program, written = [sys.executable, "-m", "aerobat_pin.cli", "run", "noisy_sensors", "--no-report", *SHORT], []
     for name in ("first", "second"):
         subprocess.run([*program, "--out", str(tmp_path / name)], check=True, capture_output=True)
         written.append((tmp_path / name / "metrics.json").read_bytes())
@@ -262,10 +262,12 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A folder that takes no files, as one of somebody else's; the search takes a minute, the answer does not."""
-    from aerobat_pin.experiments import output_folder as output
-    from aerobat_pin.flight import trim
+    from importlib import import_module
 
-    monkeypatch.setattr(trim, "trim", lambda *_: pytest.fail("it was sought"))
+    output = import_module("aerobat_pin.experiments.output_folder")
+    from aerobat_pin import flight
+
+    monkeypatch.setattr(flight, "trim", lambda *_: pytest.fail("it was sought"))
     monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
     assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
     assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err

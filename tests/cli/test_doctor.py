@@ -266,9 +266,9 @@ def test_a_robot_of_the_wrong_mass_is_a_finding(monkeypatch: pytest.MonkeyPatch)
 
 def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """It works all the same, and says why every start is slow."""
-    from aerobat_pin.flight.plant import kernels as plant_kernels
+    from aerobat_pin import flight
 
-    monkeypatch.setattr(plant_kernels, "advance", plant_kernels.advance.py_func)
+    monkeypatch.setattr(flight, "advance", flight.advance.py_func)
     finding = by_name(check())["kernel cache"]
     assert not finding.ok
     assert "NUMBA_CACHE_DIR" in finding.advice

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerobat_pin.cli import main as cli
+from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps

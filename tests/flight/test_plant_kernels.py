@@ -28,7 +28,7 @@ from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant import memory as plant_layout
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import held_parts
-from aerobat_pin.numerics import jit
+from aerobat_pin.numerics import pinocchio_views, small_matrices
 from aerobat_pin.numerics.lie_runge_kutta import next_stage
 from aerobat_pin.robot.wing import LINKS
 
@@ -45,7 +45,7 @@ def test_solve_positive_solves_what_numpy_solves(size: int) -> None:
     root = rng.standard_normal((size, size))
     A, b = root @ root.T + size * np.eye(size), rng.standard_normal(size)
     x, lower = b.copy(), np.tril(A)
-    jit.solve_positive(lower, x)
+    small_matrices.solve_positive(lower, x)
     assert_equal(x, np.linalg.solve(A, b))
     assert_equal(np.tril(lower), np.linalg.cholesky(A))
 
@@ -54,7 +54,7 @@ def test_solve_positive_solves_what_numpy_solves(size: int) -> None:
 def test_what_is_not_positive_definite_gives_nan_and_not_a_plausible_number() -> None:
     """Nothing checks the matrix: its failure has to show in the result, which the callers look at."""
     x = np.ones(2)
-    jit.solve_positive(np.diag([1.0, -1.0]), x)
+    small_matrices.solve_positive(np.diag([1.0, -1.0]), x)
     assert np.isnan(x[1])
 
 
@@ -269,7 +269,13 @@ def test_packed_constants_come_back_as_views_of_the_same_numbers(case: str) -> N
     assert doubles == numbers.size
     assert plant_layout.PLACES + plant_layout.SIZES + whole == plant._places.size
     data = plant.data
-    results = (data.M, data.nle, jit.placements(data.liMi), jit.motions(data.v), jit.motions(data.a_gf))
+    results = (
+        data.M,
+        data.nle,
+        pinocchio_views.placements(data.liMi),
+        pinocchio_views.motions(data.v),
+        pinocchio_views.motions(data.a_gf),
+    )
     for actual, value in zip(plant_layout.unpack_found(plant._places), results, strict=True):
         assert actual.shape == value.shape
         assert np.shares_memory(actual, value)

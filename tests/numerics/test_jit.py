@@ -18,7 +18,7 @@ from support.observer_twins import ObserverTwin
 
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.numerics import jit
+from aerobat_pin.numerics import jit, pinocchio_views, small_matrices
 from aerobat_pin.observers import Observer
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 
@@ -30,8 +30,12 @@ def test_views_share_memory_with_pinocchio_and_change_with_it(name: str) -> None
     """Placements, velocities, and matrices by address."""
     model, _ = MODELS[name]
     data, rng = model.createData(), np.random.default_rng(6)
-    oMi, liMi, v = jit.placements(data.oMi), jit.placements(data.liMi), jit.motions(data.v)
-    M = jit.doubles_at(int(jit.addresses(data.M)[0]), model.nv, model.nv)
+    oMi, liMi, v = (
+        pinocchio_views.placements(data.oMi),
+        pinocchio_views.placements(data.liMi),
+        pinocchio_views.motions(data.v),
+    )
+    M = pinocchio_views.doubles_at(int(pinocchio_views.addresses(data.M)[0]), model.nv, model.nv)
     assert np.shares_memory(M, data.M)
     for _ in range(2):
         q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.5, 0.5, model.nv))
@@ -51,7 +55,7 @@ def test_views_share_memory_with_pinocchio_and_change_with_it(name: str) -> None
 def test_a_matrix_by_address_is_read_by_columns() -> None:
     """As Eigen lays it out: C and the Jacobian are not symmetric."""
     matrix = np.asfortranarray(np.arange(6.0).reshape(2, 3))
-    np.testing.assert_array_equal(jit.doubles_at(int(jit.addresses(matrix)[0]), 2, 3), matrix)
+    np.testing.assert_array_equal(pinocchio_views.doubles_at(int(pinocchio_views.addresses(matrix)[0]), 2, 3), matrix)
 
 
 def test_views_that_do_not_follow_pinocchio_are_refused() -> None:
@@ -59,16 +63,20 @@ def test_views_that_do_not_follow_pinocchio_are_refused() -> None:
     model = MODELS["aerobat"][0]
     for copied in (None, 0, 1, 2):
         data = model.createData()
-        views = [jit.placements(data.oMi), jit.placements(data.liMi), jit.motions(data.v)]
+        views = [
+            pinocchio_views.placements(data.oMi),
+            pinocchio_views.placements(data.liMi),
+            pinocchio_views.motions(data.v),
+        ]
         if copied is None:
-            jit.check_views(model, data, *views)
+            pinocchio_views.check_views(model, data, *views)
             continue
         views[copied] = views[copied].copy()
         with pytest.raises(RuntimeError, match="do not lie in memory"):
-            jit.check_views(model, data, *views)
+            pinocchio_views.check_views(model, data, *views)
     for bad in (np.zeros(3, dtype=int), np.zeros((4, 4))[::2, ::2]):
         with pytest.raises(RuntimeError, match="contiguous arrays of doubles"):
-            jit.addresses(bad)
+            pinocchio_views.addresses(bad)
 
 
 @pytest.mark.parametrize("way", COPIES)
@@ -210,13 +218,13 @@ def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
 @compiled_only
 def test_a_change_in_any_kernel_file_changes_the_stamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each file counts, and the stamp is the one that numba compares."""
-    assert jit.solve_positive._cache._cache_file._source_stamp == jit.sources_stamp()
+    assert small_matrices.solve_positive._cache._cache_file._source_stamp == jit.sources_stamp()
     assert plant_kernels.advance._cache._cache_file._source_stamp == jit.sources_stamp()
     for name in jit.KERNEL_SOURCES:
         path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("before\n")
-    monkeypatch.setattr(jit, "__file__", str(tmp_path / "jit.py"))
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "numerics" / "jit.py"))
     stamps = [jit.sources_stamp.__wrapped__()]
     for name in jit.KERNEL_SOURCES:
         (tmp_path / name).write_text("after it was changed\n")
@@ -240,7 +248,7 @@ def test_kernels_compile_where_no_cache_can_be_written(monkeypatch: pytest.Monke
         return njit(*arguments, **options)
 
     monkeypatch.setattr(jit.numba, "njit", read_only)
-    solve = jit.kernel(jit.solve_positive.py_func)
+    solve = jit.kernel(small_matrices.solve_positive.py_func)
     A, x = np.diag([2.0, 4.0]), np.ones(2)
     solve(A, x)
     assert solve.signatures

@@ -78,8 +78,8 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
     for one in (
         "aerobat_pin/py.typed",
         "aerobat_description/py.typed",
-        "aerobat_pin/scenarios/paper.toml",
-        "aerobat_pin/sweeps/morphology.toml",
+        "aerobat_pin/scenario/shipped/paper.toml",
+        "aerobat_pin/experiments/sweep/shipped/morphology.toml",
     ):
         assert one in ours
     for one in ("package.xml", "CMakeLists.txt"):
@@ -182,8 +182,8 @@ def test_it_works_where_no_cache_can_be_written(writable: bool, installed: Path,
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy", "home"]
     if writable:
         assert said["refused"] == ""
-        assert said["cache"] == str(copy / "aerobat_pin" / "__pycache__")
-        assert list((copy / "aerobat_pin" / "__pycache__").glob("hold.hold_wrench-*.nbi"))
+        assert said["cache"] == str(copy / "aerobat_pin" / "flight" / "__pycache__")
+        assert list((copy / "aerobat_pin" / "flight" / "__pycache__").glob("attitude_hold.hold_wrench-*.nbi"))
     else:
         assert "no locator available" in said["refused"]
         assert said["cache"] is None

@@ -18,7 +18,7 @@ import pytest
 import aerobat_pin
 from aerobat_pin.flight.plant.memory import AXES
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.numerics import jit
+from aerobat_pin.numerics import pinocchio_views
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat
 from aerobat_pin.robot.wing import Wing
@@ -125,7 +125,7 @@ def posed(plant: Plant, seed: int) -> tuple[pin.Data, np.ndarray]:
     pin.forwardKinematics(plant.model, data, q, v)
     pin.computeJointJacobians(plant.model, data, q)
     pin.updateFramePlacements(plant.model, data)
-    return data, jit.placements(data.liMi)
+    return data, pinocchio_views.placements(data.liMi)
 
 
 def sample_models() -> dict[str, tuple[pin.Model, list[str]]]:

@@ -49,7 +49,7 @@ def of_session(leader: int) -> list[str]:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
-    command = [sys.executable, "-m", "aerobat_pin.cli.app", "play", str(paper_folder), "--rate", "0.05"]
+    command = [sys.executable, "-m", "aerobat_pin.cli", "play", str(paper_folder), "--rate", "0.05"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert server.stdout is not None
@@ -76,10 +76,11 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
 
 def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
     """Neither the command nor what it calls."""
-    modules = "cli_play, live, motion_table, played, player, recording, replay, scene, snapshots"
+    modules = "load_run, motion_csv, page, recording, flight_replay, scene, serve, snapshots"
     code = f"""
 import os
-from aerobat_pin import {modules}
+import aerobat_pin.cli
+from aerobat_pin.visualization.replay import {modules}
 sockets = {{os.readlink(f'/proc/self/fd/{{fd}}')[8:-1] for fd in os.listdir('/proc/self/fd')
            if os.path.islink(f'/proc/self/fd/{{fd}}') and os.readlink(f'/proc/self/fd/{{fd}}').startswith('socket:')}}
 rows = [row.split() for name in ('tcp', 'tcp6') for row in open(f'/proc/self/net/{{name}}').readlines()[1:]]
