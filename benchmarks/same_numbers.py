@@ -1,7 +1,7 @@
 """Do two checkouts give the same numbers? `python benchmarks/same_numbers.py BEFORE [AFTER]`, folders of checkouts.
 
 Flies every shipped scenario, the sweep `gain_noise` and the estimate of a table of text with both, in processes of
-their own, and prints the largest relative difference of everything that each writes: `metrics.json` (versions aside), every
+their own, and prints the largest relative difference of all that each writes: `metrics.json` (versions aside), every
 channel of `flight.nc` and `estimate.nc`, and `results.csv`. A channel's differences are relative to its largest value.
 Ends with exit code 1 where one is above the limit of `--limit` (default 0: equal to the last bit).
 """

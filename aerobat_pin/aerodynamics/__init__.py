@@ -8,13 +8,13 @@ from aerobat_pin.aerodynamics.strips import CIRCULATION, FORCE_X, FORCE_Z, LEAD,
 from aerobat_pin.aerodynamics.wind import drift, wind_field
 
 __all__ = [
-    "AirArrays",
     "CIRCULATION",
     "FORCE_X",
     "FORCE_Z",
-    "Halves",
     "LEAD",
     "LOADS",
+    "AirArrays",
+    "Halves",
     "LiftingLine",
     "LineFlight",
     "RobotAir",

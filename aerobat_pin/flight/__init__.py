@@ -13,12 +13,12 @@ from aerobat_pin.flight.trim import Trim, trim
 from aerobat_pin.flight.wake import Wake, wake_of
 
 __all__ = [
+    "KNOWN",
     "ConstantRate",
     "Constants",
     "CrankDrive",
     "FlightLog",
     "Found",
-    "KNOWN",
     "Plant",
     "RateControlledMotor",
     "SpinUp",

@@ -18,8 +18,8 @@ from aerobat_pin.numerics.pinocchio_views import (
 from aerobat_pin.numerics.small_matrices import copy_values, dot, eigenvectors, solve_positive
 
 __all__ = [
-    "Array",
     "DOUBLE",
+    "Array",
     "Integers",
     "add_product",
     "add_row_product",

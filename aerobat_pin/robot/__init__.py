@@ -11,11 +11,11 @@ from aerobat_pin.robot.prescribed_joints import BASE, prescribed_joint_dynamics
 from aerobat_pin.robot.wing import LINKS, Wing
 
 __all__ = [
-    "Aerobat",
     "BASE",
     "FORCE_POINTS",
     "JOINTS",
     "LINKS",
+    "Aerobat",
     "Tree",
     "Wing",
     "against_the_air",
