@@ -20,7 +20,7 @@ from scipy.signal import savgol_filter
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, frame_id, shaped
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.page import Key, Zone, player_html
+from aerobat_pin.visualization.replay.page import LegendLine, Zone, replay_page
 from aerobat_pin.visualization.replay.scene import FADED, HALO, Scene
 
 FRAMES_PER_SECOND = 120.0  # of the recorded time: 25 a flap at 4.75 Hz
@@ -178,38 +178,38 @@ class Recording:
         scene.move("world", position=-self._followed())
         scene.robot(self.model, self.visual_model, self._placements)
         spacing = self._ground(scene)
-        keys = [Key("grid", style.MUTED, f"ground, {spacing:g} m a square")]
+        keys = [LegendLine("grid", style.MUTED, f"ground, {spacing:g} m a square")]
         if self._free:
             inside = np.any([(self.time >= zone.start) & (self.time <= zone.end) for zone in self._zones], axis=0)
             steps = np.stack([self._way[:-1], self._way[1:]], axis=1)
             scene.segments("world/path", steps[~(inside[1:] & inside[:-1])] if self._zones else steps, style.PATH)
-            keys.append(Key("line", style.PATH, "path of the body"))
+            keys.append(LegendLine("line", style.PATH, "path of the body"))
         for i, zone in enumerate(self._zones):
             if self._free:
                 self._mark(scene, f"world/zone/{i}", zone)
             until = f"{zone.start:g} s to {zone.end:g} s" if np.isfinite(zone.end) else f"from {zone.start:g} s on"
-            keys.append(Key("line", zone.colour, f"{zone.label}, {until}"))
+            keys.append(LegendLine("line", zone.colour, f"{zone.label}, {until}"))
         scale = self.newtons_per_centimetre
         for kind in self._forces:
             for name, force in kind.force.items():
                 start = kind.start[name]
                 tip = start + force / (100.0 * scale)
                 scene.arrow(f"world/force/{kind.label}/{name}", kind.colour, start, tip, self.size, inner=kind.inner)
-            keys.insert(0, Key("bar", kind.colour, kind.label, 1.0 if kind.inner else HALO))
+            keys.insert(0, LegendLine("bar", kind.colour, kind.label, 1.0 if kind.inner else HALO))
         if self._forces:
-            keys.insert(len(self._forces), Key("", "", f"arrows: {scale:g} N per cm"))
+            keys.insert(len(self._forces), LegendLine("", "", f"arrows: {scale:g} N per cm"))
         sheet = None
         if self._sheet is not None:
             one = self._sheet
             scene.move("world/air", position=one.drift)
             scene.sheet("world/air/sheet", one.points, one.colours)
-            keys.append(Key("bar", one.colour, one.label, FADED))
+            keys.append(LegendLine("bar", one.colour, one.label, FADED))
             sheet = (2 * (one.points.shape[1] - 1), one.lasting)
         commands = scene.commands(self.size * np.array(CAMERA))
         whole, title = float(self._time[-1] - self._time[0]), self.title
         if self.duration < whole:
             title += f" (the first {self.duration:.3g} s of {whole:.3g} s)"
-        return player_html(commands, title, keys, self._zones, self.time, rate, sheet)
+        return replay_page(commands, title, keys, self._zones, self.time, rate, sheet)
 
     def _place(self, move: Move | None) -> tuple[Array, Array, Array]:
         """Return placements (m, parts, 7) of the visible parts, and the box around them (m, 3), (m, 3)."""

@@ -1,6 +1,6 @@
 """A meshcat scene that is kept, not shown: the commands that draw it, and the keyframes that move it.
 
-No server, browser or file takes part; `player.player_html` makes a page of the commands.
+No server, browser or file takes part; `page.replay_page` makes a page of the commands.
 """
 
 from __future__ import annotations
