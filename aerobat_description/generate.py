@@ -203,7 +203,7 @@ def files(morphology: Morphology) -> dict[str, bytes]:
     return made
 
 
-def main() -> None:
+def rewrite_files() -> None:
     """Rewrite the committed files of every shipped morphology."""
     for name in MORPHOLOGIES:
         for relative, content in files(Morphology.load(name)).items():
@@ -214,4 +214,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    rewrite_files()

@@ -59,7 +59,7 @@ def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.M
 
 def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> None:
     """To the last bit, with noisy forces and sensors: two fresh processes, and this one, twice."""
-    program, written = [sys.executable, "-m", "aerobat_pin.cli", "run", "noisy_sensors", "--no-report", *SHORT], []
+    program, written = [sys.executable, "-m", "aerobat_pin", "run", "noisy_sensors", "--no-report", *SHORT], []
     for name in ("first", "second"):
         subprocess.run([*program, "--out", str(tmp_path / name)], check=True, capture_output=True)
         written.append((tmp_path / name / "metrics.json").read_bytes())

@@ -49,7 +49,7 @@ def of_session(leader: int) -> list[str]:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
-    command = [sys.executable, "-m", "aerobat_pin.cli", "play", str(paper_folder), "--rate", "0.05"]
+    command = [sys.executable, "-m", "aerobat_pin", "play", str(paper_folder), "--rate", "0.05"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert server.stdout is not None
