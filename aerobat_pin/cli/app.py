@@ -53,9 +53,9 @@ def run_command(
         experiment = experiments.run(loaded, show)
         experiments.write(experiment, folder)
         if not no_report:
-            from aerobat_pin.visualization.write_all import write_all
+            from aerobat_pin.visualization import write_figures_and_pages
 
-            write_all(experiment, folder, show)
+            write_figures_and_pages(experiment, folder, show)
         files = files_in(folder)
     print_scores(experiment.scores, noisy=bool(loaded.sensors.fitted))
     print_files(target, files)
@@ -149,8 +149,7 @@ def linkage_command(
     from aerobat_pin.experiments import picture_files, write_files
     from aerobat_pin.linkage import KineticSculpture
     from aerobat_pin.robot import load_morphology
-    from aerobat_pin.visualization import style
-    from aerobat_pin.visualization.figures.linkage import draw_linkage, range_table
+    from aerobat_pin.visualization import draw_linkage, range_table, style
 
     shape = load_morphology(morphology)
     files = picture_files(out or Path("runs") / "linkage", shape.name, force=force)
@@ -231,4 +230,3 @@ def _show_warning(
     if not issubclass(category, NearSingularWarning):
         text = warnings.formatwarning(message, category, filename, lineno, line)
     typer.echo(text, err=True, nl=False)
-

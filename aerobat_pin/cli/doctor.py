@@ -64,7 +64,7 @@ def _run(*checks: Callable[[], Iterator[Finding]]) -> list[Finding]:
     return findings
 
 
-def _satisfies(version: str, rule: str) -> bool:
+def satisfies(version: str, rule: str) -> bool:
     """Tell whether an installed version obeys a rule such as `>=4.1,<5`; no version obeys none."""
     from packaging.specifiers import SpecifierSet
 
@@ -83,9 +83,9 @@ def _platform() -> Iterator[Finding]:
     rule = str(metadata.metadata(PROJECT)["Requires-Python"]) if _installed(PROJECT) else ">=3.11"
     version = platform.python_version()
     detail = f"{version} at {sys.executable} (wanted: {rule})"
-    yield Finding("python", _satisfies(version, rule), detail, f"use a Python {rule}")
+    yield Finding("python", satisfies(version, rule), detail, f"use a Python {rule}")
     libc, release = platform.libc_ver()
-    good = sys.platform == "darwin" or (sys.platform == "linux" and libc == "glibc" and _satisfies(release, ">=2.28"))
+    good = sys.platform == "darwin" or (sys.platform == "linux" and libc == "glibc" and satisfies(release, ">=2.28"))
     advice = "pin has wheels for Linux with glibc 2.28 or later and for macOS: use one of these, a container or WSL"
     yield Finding("platform", good, f"{sys.platform} {platform.machine()} {libc} {release}".strip(), advice)
 
@@ -100,12 +100,12 @@ def _pinocchio() -> Iterator[Finding]:
         crash = f"importing it ends the process with code {probe.returncode}"  # minus the signal
         file, version, detail = "", "", (probe.stderr.strip().splitlines() or [crash])[-1]
     advice = f"pip install 'pin{PIN_RULE}'; if it is there, {START_FRESH}"
-    yield Finding("pinocchio", _satisfies(version, PIN_RULE), detail, advice)
+    yield Finding("pinocchio", satisfies(version, PIN_RULE), detail, advice)
     clash = bool(file and _installed("pin")) and "cmeel.prefix" not in Path(file).parts
     origin = " of ROS" if "/opt/ros/" in file else " of conda" if Path(sys.prefix, "conda-meta").is_dir() else ""
     detail = f"the one{origin} in {Path(file).parent} hides pip's pin {_installed('pin')}" if clash else "no second one"
     yield Finding("pinocchio's sources", not clash, detail, f"leave ROS and conda out of this shell, or {START_FRESH}")
-    namesake = _satisfies(_installed("pinocchio"), "<1")  # a plugin of nose; the robot library's versions start at 1
+    namesake = satisfies(_installed("pinocchio"), "<1")  # a plugin of nose; the robot library's versions start at 1
     detail = "the package 'pinocchio' is another project, the robot library is 'pin'" if namesake else "not installed"
     advice = "pip uninstall pinocchio, then pip install --force-reinstall pin"
     yield Finding("pinocchio's namesake", not namesake, detail, advice)
@@ -129,7 +129,7 @@ def _requirements() -> Iterator[Finding]:
         if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
             name, rule, version = requirement.name, str(requirement.specifier), _installed(requirement.name)
             detail = f"{version or 'not installed'} (wanted: {rule or 'any'})"
-            yield Finding(name, _satisfies(version, rule), detail, f"pip install '{name}{rule}'")
+            yield Finding(name, satisfies(version, rule), detail, f"pip install '{name}{rule}'")
 
 
 def _viewer() -> Iterator[Finding]:

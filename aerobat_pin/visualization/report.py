@@ -12,7 +12,7 @@ from markupsafe import Markup
 from aerobat_pin.estimation import TABLE_HEADER
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.scenario import scenario_toml
-from aerobat_pin.visualization.figures.linkage_svg import animation
+from aerobat_pin.visualization.figures.linkage_svg import linkage_animation
 from aerobat_pin.visualization.template import fill
 
 TORQUE_MEANINGS = {
@@ -44,7 +44,7 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
             for name, source in scores.inputs.items()
         ],
         flight=list(_flight(experiment)),
-        linkage=Markup(animation(experiment.robot.linkage, SLOWER / frequency)) if frequency > 0.0 else None,
+        linkage=Markup(linkage_animation(experiment.robot.linkage, SLOWER / frequency)) if frequency > 0.0 else None,
         slower=f"{SLOWER:g}",
         toml=scenario_toml(scenario),
         images={name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in images.items()},

@@ -16,7 +16,7 @@ from aerobat_pin.estimation import FORCE_AXES, known_inputs, r_squared, true_for
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization.figures import paper as figures
+from aerobat_pin.visualization import draw_all, style
 
 DOCS = Path(__file__).resolve().parents[1]
 SEEDS = (1, 2, 3, 4, 5)
@@ -208,9 +208,9 @@ def main() -> None:
     paper = [run(load_scenario("paper", [f"simulation.seed={seed}"])) for seed in SEEDS]
     benchmark = [run(load_scenario("observer_benchmark", [f"simulation.seed={seed}"])) for seed in SEEDS]
     page = results_page(paper, benchmark)
-    drawn = figures.draw_all(paper[0].robot, paper[0].log, paper[0].estimates, paper[0].metrics["note"])
+    drawn = draw_all(paper[0])
     for name in re.findall(r"figures/(\w+)\.png", page):
-        figures.save(drawn[name], DOCS / "figures" / name)
+        style.save(drawn[name], DOCS / "figures" / name)
         (DOCS / "figures" / f"{name}.pdf").unlink()
     frames.main()
     observer_study.write(DOCS)

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.visualization.replay.snapshots import BROWSERS, DRAWN, FLAGS
+from aerobat_pin.visualization.replay.snapshots import BROWSER_FLAGS, BROWSERS, SEEK_AND_DRAW
 
 CHROMIUM = next((path for name in BROWSERS if (path := shutil.which(name))), None)
 needs_browser = pytest.mark.skipif(
@@ -27,7 +27,7 @@ def started() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_FLAGS)
         yield running
         running.close()
 
@@ -55,7 +55,7 @@ def ready(page: Any) -> None:
 def at(page: Any, time: float) -> None:
     """Pause a replay at a time [s]."""
     page.evaluate("viewer.animator.pause()")
-    page.evaluate(DRAWN, time)
+    page.evaluate(SEEK_AND_DRAW, time)
 
 
 def node(page: Any, *path: str) -> Any:
