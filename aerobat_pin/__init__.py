@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from aerobat_pin.scenario import load_scenario as load_scenario
 
 __version__ = "0.1.0"
-_NAMES = {
+_ROOMS = {
     "experiments": ["run"],
     "flight": ["FlightLog", "simulate"],
     "robot": ["Aerobat", "load_aerobat"],
     "scenario": ["Scenario", "load_scenario"],
 }
-__all__ = ["__version__", *(name for names in _NAMES.values() for name in names)]
+__all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = next(module for module, names in _NAMES.items() if name in names)
-    return getattr(import_module(f"{__name__}.{module}"), name)
+    room = next(room for room, names in _ROOMS.items() if name in names)
+    return getattr(import_module(f"{__name__}.{room}"), name)
 
 
 def __dir__() -> list[str]:

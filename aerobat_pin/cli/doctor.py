@@ -157,14 +157,14 @@ def _description() -> Iterator[Finding]:
 
 
 def _browser() -> Iterator[Finding]:
-    """Look for what takes pictures of a replay, which is optional: any browser shows it."""
-    users = "only `aerobat play --frames` and the tests want"
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    detail = path or f"no Chromium in PATH: {users} one (`apt-get install chromium`)"
-    yield Finding("browser", True, detail, "any browser shows the replay")
-    advice = f"pip install '{PROJECT}[frames]'"
-    detail = _installed("playwright") or f"not installed: {users} it (`{advice}`)"
-    yield Finding("playwright", True, detail, advice)
+    """Look for what takes pictures of a replay, which is optional: any browser shows the replay itself."""
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    for name, found, advice in (
+        ("chromium", chromium, "apt-get install chromium"),
+        ("playwright", _installed("playwright"), f"pip install '{PROJECT}[frames]'"),
+    ):
+        missing = f"not installed: only `aerobat play --frames` and the tests want it (`{advice}`)"
+        yield Finding(name, True, found or missing, advice)
 
 
 def _urdf() -> Iterator[Finding]:
@@ -186,8 +186,6 @@ def _kernels() -> Iterator[Finding]:
     from aerobat_pin.numerics import is_compiled
 
     folder = getattr(getattr(advance, "stats", None), "cache_path", None)
-    detail = "nowhere to write: every start compiles for about 20 s"
-    if folder:
-        state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
-        detail = f"{folder}, {state}"
+    state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
+    detail = f"{folder}, {state}" if folder else "nowhere to write: every start compiles for about 20 s"
     yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")

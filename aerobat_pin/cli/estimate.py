@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import files_in, interruptible, print_files, print_scores, progress_bar
-from aerobat_pin.cli.options import Believed, Force, ObserverNames, Settings
+from aerobat_pin.cli.options import BelievedMorphology, Force, ObserverNames, Settings
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Scores
@@ -20,7 +20,7 @@ def estimate_command(
     log: Annotated[
         Path | None, typer.Argument(help="Recorded flight: `.nc` of a run, or `.csv` (columns in docs/recorded.md).")
     ] = None,
-    morphology: Believed = None,
+    morphology: BelievedMorphology = None,
     observers: ObserverNames = None,
     settings: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<log>-estimate.")] = None,

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 NameOrFile = Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")]
-Believed = Annotated[
+BelievedMorphology = Annotated[
     str | None,
     typer.Option("--morphology", help="Robot that flew a log: shipped name or TOML file; else what the log notes."),
 ]

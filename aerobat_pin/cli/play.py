@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import interruptible
-from aerobat_pin.cli.options import Believed, Force
+from aerobat_pin.cli.options import BelievedMorphology, Force
 
 if TYPE_CHECKING:
     from aerobat_pin.visualization import Recording
@@ -21,7 +21,7 @@ def play_command(
     source: Annotated[
         Path | None, typer.Argument(metavar="RUN|LOG", help="Folder of a run, or a recorded flight (.nc, .csv).")
     ] = None,
-    morphology: Believed = None,
+    morphology: BelievedMorphology = None,
     html: Annotated[Path | None, typer.Option(help="Write the page to this file.")] = None,
     frames: Annotated[Path | None, typer.Option(help="Write PNG pictures to this folder, 30 a second.")] = None,
     rate: Annotated[

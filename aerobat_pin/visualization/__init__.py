@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from aerobat_pin.visualization.write_all import draw_all as draw_all
     from aerobat_pin.visualization.write_all import write_figures_and_pages as write_figures_and_pages
 
-_NAMES = {
+_MODULES = {
     "figures.linkage": ["draw_linkage", "range_table"],
     "figures.linkage_svg": ["linkage_animation"],
     "figures.paper": ["draw_estimation"],
@@ -37,13 +37,13 @@ _NAMES = {
     "replay.snapshots": ["snapshots"],
     "write_all": ["draw_all", "write_figures_and_pages"],
 }
-__all__ = [name for names in _NAMES.values() for name in names]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = next(module for module, names in _NAMES.items() if name in names)
+    module = next(module for module, names in _MODULES.items() if name in names)
     return getattr(import_module(f"{__name__}.{module}"), name)
 
 

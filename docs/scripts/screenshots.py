@@ -16,7 +16,7 @@ from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import SLOW_MOTION, Recording, linkage_animation, record, replay_flight, snapshots
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures" / "replay"
-SIZE = (960, 600)
+SIZE = (960, 600)  # pixels
 TURN = 2.0  # [s], of the animated linkage
 
 

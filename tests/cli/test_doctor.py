@@ -47,7 +47,7 @@ def test_this_installation_is_healthy() -> None:
     findings = by_name(check_installation())
     assert [str(one) for one in findings.values() if not one.ok] == []
     assert all(one.detail and one.advice and "\n" not in one.detail + one.advice for one in findings.values())
-    expected = {"python", "platform", "pinocchio", "pin", "numpy", "typer", "viewer", "description", "URDF", "browser"}
+    expected = {"python", "platform", "pinocchio", "pin", "numpy", "typer", "viewer", "description", "URDF", "chromium"}
     assert expected <= set(findings)
     assert "cmeel.prefix" in findings["pinocchio"].detail
     assert "42.132 g" in findings["URDF"].detail
@@ -285,10 +285,11 @@ def test_no_browser_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(doctor.metadata, "version", version)
-    browser, playwright = (by_name(check_installation())[name] for name in ("browser", "playwright"))
-    assert browser.ok
+    chromium, playwright = (by_name(check_installation())[name] for name in ("chromium", "playwright"))
+    assert chromium.ok
     assert playwright.ok
-    assert "no Chromium in PATH: only `aerobat play --frames`" in browser.detail
+    assert "not installed: only `aerobat play --frames`" in chromium.detail
+    assert "apt-get install chromium" in chromium.detail
     assert "pip install 'aerobat-pinocchio[frames]'" in playwright.detail
 
 

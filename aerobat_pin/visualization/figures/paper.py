@@ -19,6 +19,7 @@ from aerobat_pin.robot import FORCE_POINTS, JOINTS, Aerobat, euler_angles, world
 from aerobat_pin.visualization import style
 
 Estimates = Mapping[str, Estimate]
+LEAST_HEIGHT = 0.1  # [m]: a position's panel shows at least so much, not rounding noise alone
 STICK_SPACING = 0.08  # [s] between two poses of the stick diagram, no simple fraction of a flap
 STICK_STRETCH = 2.5  # of Y against X in the stick diagram of a flight that is much longer than wide
 STICK_ROOM = (8.2, 6.0)  # largest width and height of the stick diagram's axes [in]
@@ -33,7 +34,9 @@ def draw_position(log: FlightLog) -> Figure:
     for i, (axis, name) in enumerate(zip(axes, "XYZ", strict=True)):
         axis.plot(log.time, q[:, i], color=style.AXIS_COLOURS[i])
         axis.set_ylabel(f"{name} [m]")
-        _show_at_least(axis, 0.1)
+        low, high = axis.get_ylim()
+        if high - low < LEAST_HEIGHT:
+            axis.set_ylim(0.5 * (low + high - LEAST_HEIGHT), 0.5 * (low + high + LEAST_HEIGHT))
     return figure
 
 
@@ -41,19 +44,18 @@ def draw_states(log: FlightLog) -> Figure:
     """Draw joint angles, Euler angles and world velocities over time (the paper's Fig. 6)."""
     figure, axes = _panels(3, "Joint angles, attitude and velocity", height=6.0)
     q, v = log.measured["q"], log.measured["v"].values
-    for joint, label, line in (("left_shoulder", "shoulder", "-"), ("left_elbow", "elbow", "--")):
-        colour = style.LEFT if label == "shoulder" else style.RIGHT
-        angle = np.degrees(q.sel(q_axis=joint).values)
-        axes[0].plot(log.time, angle, line, color=colour, label=rf"{label} $\theta_{label[0]}$")
+    for joint, colour, line in (("shoulder", style.LEFT, "-"), ("elbow", style.RIGHT, "--")):
+        angle = np.degrees(q.sel(q_axis=f"left_{joint}").values)
+        axes[0].plot(log.time, angle, line, color=colour, label=rf"{joint} $\theta_{joint[0]}$")
     axes[0].set_ylabel("joint angle [deg]")
-    angles = np.degrees(euler_angles(q.values))
-    for i, label in enumerate(("roll", "pitch (nose up)", "yaw")):
-        axes[1].plot(log.time, angles[:, i], style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=label)
     axes[1].set_ylabel("Euler angle [deg]")
-    velocity = world_velocity(q.values, v)
-    for i, label in enumerate("XYZ"):
-        axes[2].plot(log.time, velocity[:, i], style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=label)
     axes[2].set_ylabel("velocity, world [m/s]")
+    for axis, values, labels in (
+        (axes[1], np.degrees(euler_angles(q.values)), ("roll", "pitch (nose up)", "yaw")),
+        (axes[2], world_velocity(q.values, v), "XYZ"),
+    ):
+        for i, label in enumerate(labels):
+            axis.plot(log.time, values[:, i], style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=label)
     for axis in axes:
         style.legend_on_top(axis, ncols=3)
     return figure
@@ -100,10 +102,10 @@ def draw_estimation(log: FlightLog, estimates: Estimates) -> Figure:
             _force_lines(axis, middle, log, estimates, column, frame, row)
             axis.set_ylabel(f"$F_{name}$ [N]")
             axis.set_xlim(log.time[0], log.time[-1])
-            _box_events(axis, log)
+            _draw_event_boxes(axis, log)
             if row == enlarged.row:
                 span = (enlarged.start, enlarged.end)
-                _box(axis, span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
+                _draw_box(axis, span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
         grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
         close = grid[3][column]
         _force_lines(close, middle, log, estimates, column, frame, enlarged.row)
@@ -111,10 +113,9 @@ def draw_estimation(log: FlightLog, estimates: Estimates) -> Figure:
         values = np.concatenate([line.get_ydata()[inside] for line in close.lines])
         pad = 0.15 * float(np.ptp(values)) + 1e-3
         close.set_ylim(float(values.min()) - pad, float(values.max()) + pad)
-        close.set_xlim(enlarged.start, enlarged.end)
+        close.set(xlim=(enlarged.start, enlarged.end), xlabel="time [s]")
         close.set_ylabel(f"$F_{'xyz'[enlarged.row]}$ [N], enlarged")
-        close.set_xlabel("time [s]")
-        _box_events(close, log)
+        _draw_event_boxes(close, log)
         for spine in close.spines.values():
             spine.set_visible(True)
             spine.set_color(style.ENLARGED_ZONE)
@@ -166,14 +167,6 @@ def _panels(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Ax
     return figure, axes
 
 
-def _show_at_least(axis: Axes, height: float) -> None:
-    """Show at least this range, so that rounding noise does not fill a panel."""
-    low, high = axis.get_ylim()
-    if high - low < height:
-        middle = 0.5 * (low + high)
-        axis.set_ylim(middle - height / 2, middle + height / 2)
-
-
 def _force_lines(
     axis: Axes, time: Array, log: FlightLog, estimates: Estimates, column: int, frame: str, row: int
 ) -> None:
@@ -183,17 +176,17 @@ def _force_lines(
         axis.plot(time, estimate.force[:, column, row], line, color=colour, linewidth=0.8, label=f"estimated: {name}")
 
 
-def _box_events(axis: Axes, log: FlightLog) -> None:
+def _draw_event_boxes(axis: Axes, log: FlightLog) -> None:
     """Draw a box about each event within the flight; each kind of event has one line in the legend."""
     labelled = set()
     for event in true_events(log):
         if event.start < log.time[-1]:
             span = (event.start, min(event.end, float(log.time[-1])))
-            _box(axis, span, style.EVENT_ZONE, None if event.name in labelled else event.name)
+            _draw_box(axis, span, style.EVENT_ZONE, None if event.name in labelled else event.name)
             labelled.add(event.name)
 
 
-def _box(axis: Axes, span: tuple[float, float], colour: str, label: str | None) -> None:
+def _draw_box(axis: Axes, span: tuple[float, float], colour: str, label: str | None) -> None:
     """Draw a box as high as the panel, behind the lines so that it hides no short event."""
     low, high = axis.get_ylim()
     size = (span[1] - span[0], high - low)

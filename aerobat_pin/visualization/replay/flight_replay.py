@@ -13,7 +13,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.recording import Recording
+from aerobat_pin.visualization.replay.recording import Recording, Sheet
 
 SLOW_MOTION = 0.1  # speed of a flight's replay, of real time: a flap is too fast to be watched
 WAKE_LASTS = 0.5  # [s]: each part of it is shown for so long
@@ -86,4 +86,4 @@ def _add_wake(recording: Recording, wake: Wake) -> None:
     lift, downforce = (np.array(style.rgb(colour)) for colour in style.WAKE_COLOURS)
     colours = PALEST + np.abs(share) * (np.where(share > 0.0, lift, downforce) - PALEST)
     label = "shed wake, blue: of lift, orange: of downforce"
-    recording.add_sheet(label, style.WAKE_COLOURS[0], points, colours, drifted, WAKE_LASTS)
+    recording.sheet = Sheet(label, style.WAKE_COLOURS[0], points, colours, drifted, WAKE_LASTS)

@@ -56,23 +56,13 @@ def replay_page(
         sheet: number of triangles between two rows of the node `world/air/sheet`, and how long each row is shown [s].
     """
     start, end = float(time[0]), float(time[-1])
-
-    def percent(value: float) -> str:
-        return f"{100.0 * min(max(value, 0.0), 1.0):.2f}%"
-
     return fill(
         "replay.html",
         title=title,
         legend=legend,
-        zones=[
-            {
-                "label": zone.label,
-                "colour": zone.colour,
-                "left": percent((zone.start - start) / (end - start)),
-                "right": percent((end - zone.end) / (end - start)),
-            }
-            for zone in zones
-        ],
+        zones=zones,
+        start=start,
+        end=end,
         speeds=[f"{speed:g}" for speed in sorted({*SPEEDS, rate})],
         scene={
             "commands": [base64.b64encode(command).decode("ascii") for command in commands],

@@ -45,7 +45,17 @@ class _Arrows:
 
 
 @dataclass(frozen=True)
-class _Sheet:
+class Sheet:
+    """A translucent sheet that trails behind: each keyframe adds a row of points, shown for a while from then on.
+
+    Attributes:
+        label: for the legend, as `colour`.
+        points: (m, k, 3) in world axes, at time 0 of the drift [m].
+        colours: (m, k, 3) of the points, from 0 to 1.
+        drift: (m, 3) by which the whole sheet has moved at the keyframes [m].
+        lasting: how long a row is shown [s].
+    """
+
     label: str
     colour: str
     points: Array
@@ -70,6 +80,7 @@ class Recording:
     Attributes:
         index: (m,) rows of `time` and `q` that are keyframes: about 120 a second, of the first minute. The page says
             when that is not all of the motion.
+        sheet: to trail behind the robot, if there is one.
         size: of the robot: half the diagonal of its bounding box, or of all that it reaches if its base is fixed [m].
 
     Raises:
@@ -108,7 +119,7 @@ class Recording:
         self.size = 0.5 * float(np.linalg.norm(box, axis=-1).max()) or 1.0
         self._arrows: list[_Arrows] = []
         self._zones: list[Zone] = []
-        self._sheet: _Sheet | None = None
+        self.sheet: Sheet | None = None
 
     @property
     def time(self) -> Array:
@@ -150,19 +161,6 @@ class Recording:
         """Mark a stretch of time [s] in which something happens; its end is infinite where it goes on."""
         self._zones.append(Zone(start, end, label, colour))
 
-    def add_sheet(self, label: str, colour: str, points: Array, colours: Array, drift: Array, lasting: float) -> None:
-        """Trail a translucent sheet: each keyframe adds a row of points, which is shown for a while from then on.
-
-        Args:
-            label: for the legend.
-            colour: for the legend.
-            points: (m, k, 3) in world axes, at time 0 of the drift [m].
-            colours: (m, k, 3), from 0 to 1.
-            drift: (m, 3) by which the whole sheet has moved at the keyframes [m].
-            lasting: how long a row is shown [s].
-        """
-        self._sheet = _Sheet(label, colour, points, colours, drift, lasting)
-
     @property
     def newtons_per_centimetre(self) -> float:
         """Scale of the arrows: 1, 2 or 5 times a power of ten, so that the largest is nearly a robot's size."""
@@ -187,7 +185,7 @@ class Recording:
             until = f"{zone.start:g} s to {zone.end:g} s" if np.isfinite(zone.end) else f"from {zone.start:g} s on"
             legend.append(LegendLine("line", zone.colour, f"{zone.label}, {until}"))
         rows = None
-        if (sheet := self._sheet) is not None:
+        if (sheet := self.sheet) is not None:
             scene.move("world/air", position=sheet.drift)
             scene.sheet("world/air/sheet", sheet.points, sheet.colours)
             legend.append(LegendLine("bar", sheet.colour, sheet.label, SHEET_OPACITY))
