@@ -1,4 +1,4 @@
-"""A real headless Chromium, and what a page did in it that it should not have."""
+"""A headless Chromium for the pages: errors and requests of a page fail its test."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def started() -> Iterator[Any]:
 
 @contextmanager
 def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
-    """Open a page; afterwards there was no error in it, and no request but those to what it came from."""
+    """Open a page; fail if it had an error, or requested anything but files, data and the allowed addresses."""
     page = browser.new_page(viewport={"width": 1000, "height": 650})
     problems: list[str] = []
     requests: list[str] = []
@@ -68,5 +68,5 @@ def pixels(page: Any) -> Array:
     """Return what is drawn behind legend and controls (height, width, 3), from 0 to 1."""
     style = page.add_style_tag(content=".panel, .dg { display: none !important; }")
     image = imread(io.BytesIO(page.screenshot()))[..., :3]
-    style.evaluate("(one) => one.remove()")
+    style.evaluate("(element) => element.remove()")
     return np.asarray(image)

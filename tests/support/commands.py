@@ -29,7 +29,7 @@ def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[str]:
-    """Run `aerobat` in a process of its own, and press Ctrl-C once a file or folder of a pattern is there."""
+    """Run `aerobat` in a process of its own, and press Ctrl-C once a file or folder matches a pattern."""
     command = [sys.executable, "-m", "aerobat_pin", *words]
     process = subprocess.Popen(
         command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -37,5 +37,5 @@ def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[
     while process.poll() is None and not any(cwd.glob(at)):
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: a browser too
-    said, told = process.communicate(timeout=60)
-    return subprocess.CompletedProcess(command, process.returncode, said, told)
+    output, errors = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
