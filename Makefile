@@ -5,6 +5,8 @@ PYTHONS := 3.11 3.12 3.13
 HEART := tests/description/test_description.py tests/description/test_portability.py tests/description/test_other_tools.py \
 	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
+# Each writes the pages and figures that its first line names.
+SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
 BIN := $(VENV)/bin
 
 .PHONY: demo test test-python docs bench clean
@@ -33,8 +35,10 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 docs: $(VENV)/.installed-test
-	$(BIN)/python docs/scripts/pictures.py
-	$(BIN)/python docs/scripts/regenerate.py
+	@for script in $(SCRIPTS); do \
+		echo "docs/scripts/$$script.py"; \
+		PYTHONPATH=tests $(BIN)/python docs/scripts/$$script.py || exit 1; \
+	done
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

@@ -1,4 +1,4 @@
-"""Take the pictures of docs/replay.md: `make docs`, or `python docs/screenshots.py`. Needs a Chromium."""
+"""Take the pictures of docs/replay.md: `make docs`, or `python docs/scripts/screenshots.py`. Needs a Chromium."""
 
 from __future__ import annotations
 

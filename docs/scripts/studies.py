@@ -1,9 +1,11 @@
-"""Write docs/studies.md and its figures: the shipped sweeps, flown and drawn."""
+"""Write docs/studies.md and its figures: the shipped sweeps, flown and drawn; `--check` compares the prose."""
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
+from support.pages import HOLE, ROOT, Part, run
 
 from aerobat_pin.experiments import load_sweep, shipped_sweeps
 from aerobat_pin.experiments.sweep import run_sweep
 from aerobat_pin.visualization import style
 
+PAGE, FIGURES = "docs/studies.md", ROOT / "docs" / "figures" / "studies"
 SPAN, CHORD = "robot.changes.scale.span", "robot.changes.scale.chord"
 SPEED, FREQUENCY = "flight.velocity.0", "crank.frequency"
 NOISE, GAIN, STEP = "unknown_force.*.noise", "observers.gain", "simulation.dt"
@@ -73,8 +77,8 @@ def _heat(axes: Any, values: xr.DataArray) -> None:
         text = f"{value:.4f}" if value > 0.9 else f"{value:.2f}"
         axes.text(k, i, text, ha="center", va="center", fontsize=8, color="black" if value > 0.55 else "white")
     down, right = (values[name].values for name in values.dims)
-    axes.set_yticks(range(len(down)), [str(one) for one in down])
-    axes.set_xticks(range(len(right)), [str(one) for one in right])
+    axes.set_yticks(range(len(down)), [str(value) for value in down])
+    axes.set_xticks(range(len(right)), [str(value) for value in right])
     axes.grid(visible=False)
 
 
@@ -131,7 +135,7 @@ def sample_rate(grid: xr.Dataset) -> Figure:
             line = values.sel({GAIN: gain})
             axes.plot(1e3 * found[STEP], line, color=SHADES[i], marker=MARKERS[i], label=f"K = {gain:.0f} 1/s")
         axes.set(xscale="log", yscale=scale, xlabel="sample time [ms]", ylabel=label)
-        axes.set_xticks(1e3 * found[STEP].values, [f"{1e3 * one:g}" for one in found[STEP].values])
+        axes.set_xticks(1e3 * found[STEP].values, [f"{1e3 * step:g}" for step in found[STEP].values])
         axes.set_xticks([], minor=True)
         if scale == "log":
             axes.set(ylim=(1e-3, 1e-1))
@@ -170,29 +174,53 @@ def noise_table(grid: xr.Dataset, least: float) -> str:
     for label, chosen in FILTERS.items():
         enough = found["noise"].where(found.sel(chosen) >= least).max("noise")
         cells = (float(enough.sel(axis=axis)) for axis in AXES)
-        rows.append(f"| {label} | {' | '.join('none' if np.isnan(one) else f'{one:.1g}' for one in cells)} |")
+        rows.append(f"| {label} | {' | '.join('none' if np.isnan(cell) else f'{cell:.1g}' for cell in cells)} |")
     return "\n".join(rows)
 
 
-def page(grids: dict[str, xr.Dataset]) -> str:
-    """Return docs/studies.md."""
+FOUND = (
+    "lowest known",
+    "five percent more span",
+    "best gains",
+    "noise that leaves 0.9",
+    "kalman",
+    "smoother",
+    "worst tenth",
+)
+
+
+def results(grids: dict[str, xr.Dataset]) -> dict[str, str]:
+    """Return what the page says that only the sweeps' results tell, by the names of `FOUND`."""
     known, built = (
         grids["morphology"]["r2"].sel(observer="momentum", point="left", belief=name) for name in ("known", "as built")
     )
     usual = built.sel({SPAN: 1.05, CHORD: 1.0, "elbow": "as built", SPEED: 3.0, FREQUENCY: 4.75}).squeeze("seed")
-    at = ", ".join(f"{float(usual.sel(axis=axis)):.2f}" for axis in AXES)
     gains = grids["gain_noise"]["r2_noise_free"].sel(observer="force_level", point="left", axis="z").mean("seed")
-    best = [(float(one), float(gains.sel({NOISE: one}).idxmax(GAIN))) for one in gains[NOISE].values if one > 0.0]
-    rows = "\n".join(f"| {1e3 * one:.0f} mN | {gain:.0f} 1/s |" for one, gain in best)
+    noises = [float(noise) for noise in gains[NOISE].values if noise > 0.0]
+    best = [f"| {1e3 * noise:.0f} mN | {float(gains.sel({NOISE: noise}).idxmax(GAIN)):.0f} 1/s |" for noise in noises]
     drawn = grids["model_error"]["r2"].sel(observer="force_level", point="left").squeeze("seed")
-    tenth = ", ".join(f"{float(drawn.sel(axis=axis).quantile(0.1)):.2f}" for axis in AXES)
-    tried = load_sweep("sensor_noise").file
-    noise = {name: tried.factors["noise"].of[f"sensors.{name}.noise"] for name in ("velocity", "gyro", "joint_rate")}
     noisy = grids["sensor_noise"]["r2_noise_free"].sel(point="left", noise=1.0, axis=["y", "z"]).mean("seed")
     kalman, smoother = (
-        " and ".join(f"{float(one):.2f}" for one in noisy.sel(FILTERS[f"`{name}`"])) for name in ("kalman", "smoother")
+        " and ".join(f"{float(r2):.2f}" for r2 in noisy.sel(FILTERS[f"`{name}`"])) for name in ("kalman", "smoother")
     )
-    counts = {name: int(np.prod(grid["failed"].shape)) for name, grid in grids.items()}
+    texts = (
+        f"{float(known.min()):.4f}",
+        ", ".join(f"{float(usual.sel(axis=axis)):.2f}" for axis in AXES),
+        "\n".join(best),
+        noise_table(grids["sensor_noise"], 0.9),
+        kalman,
+        smoother,
+        ", ".join(f"{float(drawn.sel(axis=axis).quantile(0.1)):.2f}" for axis in AXES),
+    )
+    return dict(zip(FOUND, texts, strict=True))
+
+
+def page(found: Mapping[str, str]) -> str:
+    """Return docs/studies.md around the results of the sweeps."""
+    sweeps = {name: load_sweep(name) for name in shipped_sweeps()}
+    runs = {name: math.prod(sweep.shape) for name, sweep in sweeps.items()}
+    tried = sweeps["sensor_noise"].file
+    noise = {name: tried.factors["noise"].of[f"sensors.{name}.noise"] for name in ("velocity", "gyro", "joint_rate")}
     return f"""# Studies
 
 Written by `make docs`, which flies the sweeps that it shows. Each is a file of a few lines in
@@ -248,55 +276,55 @@ path. Start each with one thread: flights do not share a processor well.
 
 ## Wing morphology and flight condition
 
-`morphology`, {counts["morphology"]} runs of 1 s at K = 1000 1/s, left wing, R2 against the noisy truth. The observer that knows
-the wings finds the forces on all of them, in every flight condition: R2 is {float(known.min()):.4f} at the lowest.
+`morphology`, {runs["morphology"]} runs of 1 s at K = 1000 1/s, left wing, R2 against the noisy truth. The observer that knows
+the wings finds the forces on all of them, in every flight condition: R2 is {found["lowest known"]} at the lowest.
 
 ![R2 where the robot is known](figures/studies/morphology_known.png)
 
 The observer that believes every wing to be as built does not: span and chord change masses and air together, and 5 %
-more span leaves {at} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are small beside the forces of inertia and air, so
+more span leaves {found["five percent more span"]} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are small beside the forces of inertia and air, so
 they go first. Elbow timing costs less: the joints are measured, and what is wrong is the motion between two samples.
 
 ![R2 where the robot is believed to be as built](figures/studies/morphology_as_built.png)
 
 ## Gain against the noise of the force
 
-`gain_noise`, {counts["gain_noise"]} runs of 2 s. Noise here is a part of the force: against the noisy truth more gain is always
+`gain_noise`, {runs["gain_noise"]} runs of 2 s. Noise here is a part of the force: against the noisy truth more gain is always
 better, against the noise-free one there is a best gain, and it falls as the noise grows.
 
 | noise | best gain tried |
 |---|---|
-{rows}
+{found["best gains"]}
 
 ![1 - R2 over the gain](figures/studies/gain_noise.png)
 
 ## Noise of the sensors
 
-`sensor_noise`, {counts["sensor_noise"]} runs of 2 s. Every sample of the velocities is noisy: at the reference by {noise["velocity"]} m/s
+`sensor_noise`, {runs["sensor_noise"]} runs of 2 s. Every sample of the velocities is noisy: at the reference by {noise["velocity"]} m/s
 (linear), {noise["gyro"]} rad/s (gyro) and {noise["joint_rate"]} rad/s (joints); the scenario `noisy_sensors` has a quarter to two fifths of
 it. Positions and angles are exact. `force_level` has three gains; `kalman` and `smoother` have none, but are told the noise
 and that a force walks {tried.set["observers.kalman.force_walk"]} N in a root second. The most noise tried that leaves an R2 of 0.9:
 
-{noise_table(grids["sensor_noise"], 0.9)}
+{found["noise that leaves 0.9"]}
 
 A filter with a gain is limited by its lag where there is little noise, and by the noise, which it lets
-through nearly in proportion to K, where there is more. Those that weigh one against the other leave {kalman} (`kalman`)
-and {smoother} (`smoother`) of R2 for Fy and Fz at the reference. Fx is a fourteenth of Fy, and drowns first. One walk for all
+through nearly in proportion to K, where there is more. Those that weigh one against the other leave {found["kalman"]} (`kalman`)
+and {found["smoother"]} (`smoother`) of R2 for Fy and Fz at the reference. Fx is a fourteenth of Fy, and drowns first. One walk for all
 axes is too quick for it: a gain can do better there.
 
 ![1 - R2 over the noise of the sensors](figures/studies/sensor_noise.png)
 
 ## What a wrong belief costs
 
-`model_error`, {counts["model_error"]} runs of 2 s; air density, body and wing masses are drawn with deviations of 5, 2 and 5 %. One
-belief in ten leaves less than {tenth} of R2 for Fx, Fy, Fz. The error of Fz follows the mass of
+`model_error`, {runs["model_error"]} runs of 2 s; air density, body and wing masses are drawn with deviations of 5, 2 and 5 %. One
+belief in ten leaves less than {found["worst tenth"]} of R2 for Fx, Fy, Fz. The error of Fz follows the mass of
 the wings, which flapping shakes; Fy takes a share of every wrong belief.
 
 ![Error over wrong beliefs](figures/studies/model_error.png)
 
 ## Sample rate
 
-`sample_rate`, {counts["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a coarser clock does not
+`sample_rate`, {runs["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a coarser clock does not
 disturb them; the truth is the interval's mean, and of a longer one the noise averages out. What a coarse clock takes is
 time resolution, and the air's states at more strips or speed.
 
@@ -304,16 +332,20 @@ time resolution, and the air's states at more strips or speed.
 """
 
 
-def write(docs: Path) -> None:
-    """Fly the shipped sweeps, draw them below `docs`, and write the page."""
-    folder = docs / "figures" / "studies"
-    folder.mkdir(parents=True, exist_ok=True)
+def write() -> None:
+    """Fly the shipped sweeps, draw them, and write the page."""
+    FIGURES.mkdir(parents=True, exist_ok=True)
     grids = {}
     with tempfile.TemporaryDirectory() as work:
         for name in shipped_sweeps():
             grids[name] = run_sweep(load_sweep(name), Path(work) / name, jobs=len(os.sched_getaffinity(0)))
-    draw(grids, folder)
-    (docs / "studies.md").write_text(page(grids), encoding="utf-8")
+    draw(grids, FIGURES)
+    (ROOT / PAGE).write_text(page(results(grids)), encoding="utf-8")
+
+
+def parts() -> Iterator[Part]:
+    """Yield the page without the results of the sweeps."""
+    yield Part(PAGE, "prose", page(dict.fromkeys(FOUND, HOLE)))
 
 
 def draw(grids: dict[str, xr.Dataset], folder: Path) -> None:
@@ -332,4 +364,4 @@ def draw(grids: dict[str, xr.Dataset], folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write(Path(__file__).resolve().parents[1])
+    run(write, parts)

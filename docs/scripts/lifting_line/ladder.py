@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from support import references
+from support.section_law import ENDLESS
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly, references
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 from aerobat_pin.visualization import style
 
-ENDLESS = 1e9  # [m], a span that leaves no downwash
 INCIDENCE = np.radians(5.0)
 THEORY = {"color": style.TRUTH, "linewidth": 1.6}
 OURS = {"color": style.ESTIMATES[0], "marker": "o", "markerfacecolor": "none", "markersize": 4.5, "linestyle": "none"}

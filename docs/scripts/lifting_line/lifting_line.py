@@ -1,16 +1,19 @@
-"""Write docs/lifting_line.md and its figures: the lifting line alone, rung by rung."""
+"""Write docs/lifting_line.md and its figures: the lifting line alone, rung by rung; `--check` compares the page."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 
 import ladder
 import matplotlib as mpl
 import on_the_robot
 import shed
 import strips
+from support.pages import ROOT, Part, run
 
 from aerobat_pin.visualization import style
+
+PAGE, FIGURES = "docs/lifting_line.md", ROOT / "docs" / "figures" / "lifting_line"
 
 INTRODUCTION = """# The lifting line alone
 
@@ -86,15 +89,14 @@ LIMITS = """## Limits
 """
 
 
-def write(docs: Path) -> None:
-    """Draw every rung into `figures/lifting_line` below `docs` and write the page."""
-    folder = docs / "figures" / "lifting_line"
-    folder.mkdir(parents=True, exist_ok=True)
+def write() -> None:
+    """Draw every rung and write the page."""
+    FIGURES.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(style.RC):
         rungs, grid, stable = [draw() for draw in ladder.RUNGS], strips.grid(), strips.stable_step()
         law, wake = on_the_robot.law(), shed.shed()
         for rung in (*rungs, grid, stable, law, wake):
-            rung.figure.savefig(folder / f"{rung.name}.png", metadata={"Software": None})
+            rung.figure.savefig(FIGURES / f"{rung.name}.png", metadata={"Software": None})
     sections = [
         INTRODUCTION,
         *map(section, rungs),
@@ -106,9 +108,25 @@ def write(docs: Path) -> None:
         section(wake),
         LIMITS,
     ]
-    (docs / "lifting_line.md").write_text("\n".join(sections), encoding="utf-8")
+    (ROOT / PAGE).write_text("\n".join(sections), encoding="utf-8")
 
 
 def section(rung: ladder.Rung) -> str:
     """Return a rung as a part of the page."""
     return f"## {rung.title}\n\n![{rung.title}](figures/lifting_line/{rung.name}.png)\n\n{rung.caption}\n"
+
+
+def parts() -> Iterator[Part]:
+    """Yield the page's prose and all rungs but the number of strips, of which a part, and the wake, which take longer."""
+    prose = {"introduction": INTRODUCTION, "why sixteen": WHY_SIXTEEN, "section law": SECTION_LAW, "limits": LIMITS}
+    for name, text in prose.items():
+        yield Part(PAGE, name, text)
+    for draw in (*ladder.RUNGS, strips.stable_step, on_the_robot.law):
+        rung = draw()
+        yield Part(PAGE, rung.title, section(rung))
+    for name, text in strips.quick_parts():
+        yield Part(PAGE, name, text)
+
+
+if __name__ == "__main__":
+    run(write, parts)

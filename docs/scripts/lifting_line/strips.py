@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
-from flapping_robot import AIRSPEED as ROBOT_AIRSPEED
-from flapping_robot import FREQUENCY, PITCH, STEPS, flap_robot
 from ladder import INCIDENCE, Rung, power_of_ten
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
+from support.flapping_robot import AIRSPEED as ROBOT_AIRSPEED
+from support.flapping_robot import FREQUENCY, PITCH, STEPS, flap_robot
+from support.pages import HOLE
 
 from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 from aerobat_pin.robot import load_aerobat
@@ -85,13 +86,25 @@ def robot_errors(counts: tuple[int, ...]) -> dict[int, tuple[float, float]]:
     return found
 
 
-def robot_table(errors: dict[int, tuple[float, float]]) -> str:
-    """Return these errors as a table."""
+def robot_table(errors: Mapping[int, tuple[float, float] | None]) -> str:
+    """Return these errors as a table, with holes where there are none."""
+    mean, rms = (
+        " | ".join(HOLE if pair is None else form.format(pair[i]) for pair in errors.values())
+        for i, form in enumerate(("{:+.1f}", "{:.1f}"))
+    )
     return (
         f"| strips | {' | '.join(map(str, errors))} |\n|{'---|' * (len(errors) + 1)}\n"
-        f"| mean lift [%] | {' | '.join(f'{mean:+.1f}' for mean, _ in errors.values())} |\n"
-        f"| rms of the error over rms of the lift [%] | {' | '.join(f'{rms:.1f}' for _, rms in errors.values())} |"
+        f"| mean lift [%] | {mean} |\n"
+        f"| rms of the error over rms of the lift [%] | {rms} |"
     )
+
+
+def quick_parts() -> Iterator[tuple[str, str]]:
+    """Yield name and text of what is quick to find of `grid`: the error of the steady robot, and of the flapping one two columns."""
+    steady = [wings()["Aerobat"](count).steady_coefficients(INCIDENCE)[0] for count in (16, 200)]
+    error = 100.0 * abs(steady[0] / steady[1] - 1.0)
+    yield "16 strips on Aerobat's planform, steady", f"## How many strips{HOLE}Aerobat's planform {error:.2f} %"
+    yield "strips of the flapping robot", robot_table(dict.fromkeys(ON_THE_ROBOT) | robot_errors((8, 16)))
 
 
 def stable_step() -> Rung:

@@ -1,16 +1,13 @@
-"""Rewrite the figures and numbers of README.md and docs/: `make docs`, or `python docs/regenerate.py`."""
+"""Write docs/results.md, its figures and the table of README.md; `--check` compares the prose and the table."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Iterator
 
-import frames
-import lifting_line
 import numpy as np
-import observer_study
-import screenshots
-import studies
+from support.pages import HOLE, ROOT, Part
+from support.pages import run as write_or_check
 
 from aerobat_pin.estimation import AXES, known_inputs, r_squared, true_force
 from aerobat_pin.experiments import Experiment, run
@@ -18,7 +15,7 @@ from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization.figures import paper as figures
 
-DOCS = Path(__file__).resolve().parents[1]
+PAGE, FIGURES = "docs/results.md", ROOT / "docs" / "figures"
 SEEDS = (1, 2, 3, 4, 5)
 GAINS = (100.0, 1000.0, 2000.0)
 PAPER = {"Fx": "0.7448", "Fy": "0.9970", "Fz": "0.9991"}
@@ -123,23 +120,23 @@ def flights_table() -> str:
     return "\n".join(lines)
 
 
-def results_page(paper: list[Experiment], benchmark: list[Experiment]) -> str:
-    """Return docs/results.md."""
+def page(note: str, gain: str, paper: str, flight: str, benchmark: str, flights: str, torque: str) -> str:
+    """Return docs/results.md around its tables."""
     return f"""# Results
 
 Written by `make docs`; every number comes from the runs it makes. Where nothing else is said, ranges are over seeds
 {SEEDS[0]} to {SEEDS[-1]}.
 
-## `paper`: {paper[0].metrics["note"]}, K = {paper[0].scenario.observers.gain:.0f} 1/s
+## `paper`: {note}, K = {gain} 1/s
 
 The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. R2 against the
 noise-free truth is lower at this gain, because an observer that follows the noise is wrong by the noise.
 
-{paper_table(paper)}
+{paper}
 
 ![Estimated against actual forces](figures/estimation.png)
 
-{flight_table(paper)}
+{flight}
 
 "79 % thruster-borne" is the hold's constant lift over the weight. The height loop takes some of it back: the table has
 the mean over the flight and what the air lifts; the unknown forces lift the rest. An independent simulator, also with
@@ -151,14 +148,14 @@ added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
 
 ## `observer_benchmark`: exact model, noisy truth, worst of five seeds
 
-{benchmark_table(benchmark)}
+{benchmark}
 
 At K = 100 1/s `force_level` shows the filter's lag alone. `momentum` adds the turning of the wings within the filter's
 memory; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
 
 ## The other flights
 
-{flights_table()}
+{flights}
 
 `paper_left` pushes on the left wing alone: it drifts to the right, as the paper's figure does. `paper_open_loop` flies
 without any hold, trimmed by `aerobat trim`, on a tail and a fin that the robot does not have; the dive after 1 s is the
@@ -170,7 +167,7 @@ stop that. `tumble` has no fin and is pushed to the left.
 
 Seed 1, left wing.
 
-{torque_table()}
+{torque}
 
 * **measured**: all joint torques. They contain the reaction to the unknown force, since the linkage holds the joints
   whatever pushes; with them two point forces are six unknowns against rows of rank six.
@@ -200,26 +197,42 @@ def _span(bounds: tuple[float, float], form: str) -> str:
     return f"{form.format(bounds[0])} .. {form.format(bounds[1])}"
 
 
-def main() -> None:
-    """Run everything and rewrite the files."""
-    lifting_line.write(DOCS)
-    screenshots.main()
-    studies.write(DOCS)
+def write() -> None:
+    """Run everything, rewrite the page and the table in README.md."""
     paper = [run(load_scenario("paper", [f"simulation.seed={seed}"])) for seed in SEEDS]
     benchmark = [run(load_scenario("observer_benchmark", [f"simulation.seed={seed}"])) for seed in SEEDS]
-    page = results_page(paper, benchmark)
-    drawn = figures.draw_all(paper[0].robot, paper[0].log, paper[0].estimates, paper[0].metrics["note"])
-    for name in re.findall(r"figures/(\w+)\.png", page):
-        figures.save(drawn[name], DOCS / "figures" / name)
-        (DOCS / "figures" / f"{name}.pdf").unlink()
-    frames.main()
-    observer_study.write(DOCS)
-    (DOCS / "results.md").write_text(page, encoding="utf-8")
-    readme = DOCS.parent / "README.md"
-    block = f"<!-- results: written by docs/regenerate.py -->\n{paper_summary(paper[0])}\n<!-- /results -->"
-    text = re.sub(r"<!-- results:.*?<!-- /results -->", lambda _: block, readme.read_text(encoding="utf-8"), flags=re.S)
-    readme.write_text(text, encoding="utf-8")
+    first = paper[0]
+    text = page(
+        first.metrics["note"],
+        f"{first.scenario.observers.gain:.0f}",
+        paper_table(paper),
+        flight_table(paper),
+        benchmark_table(benchmark),
+        flights_table(),
+        torque_table(),
+    )
+    drawn = figures.draw_all(first.robot, first.log, first.estimates, first.metrics["note"])
+    for name in re.findall(r"figures/(\w+)\.png", text):
+        figures.save(drawn[name], FIGURES / name)
+        (FIGURES / f"{name}.pdf").unlink()
+    (ROOT / PAGE).write_text(text, encoding="utf-8")
+    readme = ROOT / "README.md"
+    whole = re.sub(
+        r"<!-- results:.*?<!-- /results -->", lambda _: readme_block(first), readme.read_text("utf-8"), flags=re.S
+    )
+    readme.write_text(whole, encoding="utf-8")
+
+
+def readme_block(experiment: Experiment) -> str:
+    """Return what stands in README.md between its two marks, marks included."""
+    return f"<!-- results: written by docs/scripts/results.py -->\n{paper_summary(experiment)}\n<!-- /results -->"
+
+
+def parts() -> Iterator[Part]:
+    """Yield the page without its tables, and the table of README.md."""
+    yield Part(PAGE, "prose", page(*[HOLE] * 7))
+    yield Part("README.md", "results", readme_block(run(load_scenario("paper"))))
 
 
 if __name__ == "__main__":
-    main()
+    write_or_check(write, parts)
