@@ -84,8 +84,6 @@ EXPORTED = {
     name: {entry for all_names in assigned(tree, "__all__") for entry in ast.literal_eval(all_names)}
     for name, tree in TREES.items()
 }
-    name: {e for all_ in assigned(tree, "__all__") for e in ast.literal_eval(all_)} for name, tree in TREES.items()
-}
 
 
 def imports(module: str) -> Iterator[tuple[str, str]]:
