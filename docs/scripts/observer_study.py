@@ -89,8 +89,9 @@ def page(exact: str, conditions: str, squeeze: str) -> str:
     """Return docs/observer_results.md around its tables."""
     return f"""# Observers compared
 
-Written by `make docs`. `observer_benchmark`: the 20 g robot at 6 Hz and 1 kHz, the paper's signal on all three axes of both
-wings, all joint torques measured. R2 of Fx / Fy / Fz, worse wing, worst of seeds {SEEDS[0]} to {SEEDS[-1]}, one tuning for all.
+`make docs` writes this page. The flight is `observer_benchmark`: the 20 g robot flaps at 6 Hz and is sampled at 1 kHz, the
+paper's signal pushes along all three axes of both wings, and all joint torques are measured. A cell has the R2 of
+Fx / Fy / Fz, for the worse wing and the worst of seeds {SEEDS[0]} to {SEEDS[-1]}. An observer has one tuning for all conditions;
 [observers.md](observers.md) says what each observer is.
 
 ## Exact model, against the noisy truth
@@ -99,23 +100,23 @@ wings, all joint torques measured. R2 of Fx / Fy / Fz, worse wing, worst of seed
 
 ## What noise and a wrong belief cost, against the noise-free truth
 
-Velocity noise is {SENSOR_NOISE[0]} m/s, {SENSOR_NOISE[1]} rad/s and {SENSOR_NOISE[2]} rad/s a sample (linear, gyro, joints). A filter with a gain
-trades noise for lag, and nothing helps it against a wrong belief. `kalman` and `smoother` are told the noise,
-that the air may be wrong by 20 % and the mass by 5 %, and that a force walks 0.7 N in a root second;
-[design note 7](design/0007-kalman.md) has the trail to these settings. Where one wing's force is small or none, its errors
-are set against the other's variance.
+The noise of a velocity sample is {SENSOR_NOISE[0]} m/s (linear), {SENSOR_NOISE[1]} rad/s (gyro) and {SENSOR_NOISE[2]} rad/s (joints). A filter with a gain
+trades noise for lag, and no gain helps against a wrong model. `kalman` and `smoother` know how large the noise is, and that
+the air may be wrong by 20 % and the mass by 5 %; they take a force for a random walk of 0.7 N per root second.
+[Design note 7](design/0007-kalman.md) tells how these settings were found. Where one wing's force is small or zero, its
+errors are set against the variance of the other wing's.
 
 {conditions}
 
 ![Every observer on the paper's signal](figures/observers.png)
 
-Left wing along z, everything wrong at once, seed 1, around the step. The band is two of the filter's own standard
-deviations.
+The figure shows Fz on the left wing around the step, with noise, wrong mass and wrong air at once, seed 1. The band is two
+of the filter's own standard deviations to each side.
 
 ## What cannot be seen is not made up
 
-Base rows alone, as without a torque sensor: a pair of forces that squeezes the body along the line between the wings leaves
-no trace.
+With the base rows alone, as without a torque sensor, a pair of forces that squeezes the body along the line between the
+wings leaves no trace. Every observer reports it.
 
 {squeeze}
 """

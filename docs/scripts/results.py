@@ -124,13 +124,13 @@ def page(note: str, gain: str, paper: str, flight: str, benchmark: str, flights:
     """Return docs/results.md around its tables."""
     return f"""# Results
 
-Written by `make docs`; every number comes from the runs it makes. Where nothing else is said, ranges are over seeds
-{SEEDS[0]} to {SEEDS[-1]}.
+`make docs` writes this page; every number comes from the runs that it makes. Ranges are over seeds {SEEDS[0]} to {SEEDS[-1]} unless a
+section says otherwise.
 
 ## `paper`: {note}, K = {gain} 1/s
 
-The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. R2 against the
-noise-free truth is lower at this gain, because an observer that follows the noise is wrong by the noise.
+The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. Against the
+noise-free truth R2 is lower: at this gain the observer follows the noise, which then counts as its error.
 
 {paper}
 
@@ -138,9 +138,10 @@ noise-free truth is lower at this gain, because an observer that follows the noi
 
 {flight}
 
-"79 % thruster-borne" is the hold's constant lift over the weight. The height loop takes some of it back: the table has
-the mean over the flight and what the air lifts; the unknown forces lift the rest. An independent simulator, also with
-added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
+"Attitude held, 79 % thruster-borne" means that an ideal hold, which stands for the guard's thrusters of the laboratory,
+keeps attitude and height, and that its constant lift is 79 % of the weight. The height loop takes part of that lift back:
+"hold lifts" and "air lifts" are means over the flight, and the unknown forces carry the rest. An independent simulator,
+also with added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
 
 ![Position](figures/position.png)
 ![Joint angles, attitude and velocity](figures/states.png)
@@ -150,18 +151,19 @@ added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
 
 {benchmark}
 
-At K = 100 1/s `force_level` shows the filter's lag alone. `momentum` adds the turning of the wings within the filter's
-memory; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
+At K = 100 1/s `force_level` loses by the filter's lag alone. `momentum` also loses because the wings turn while its filter
+remembers older samples; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
 
 ## The other flights
 
 {flights}
 
-`paper_left` pushes on the left wing alone: it drifts to the right, as the paper's figure does. `paper_open_loop` flies
-without any hold, trimmed by `aerobat trim`, on a tail and a fin that the robot does not have; the dive after 1 s is the
-step. Its roll and yaw stay within 6 deg for the scenario's own seed and not for all: drooped wings are laterally unstable,
-what the noise of the two wings starts doubles every 0.48 s (the trim's Floquet multipliers), and a hold is what it takes to
-stop that. `tumble` has no fin and is pushed to the left.
+In `paper_left` the unknown force pushes on the left wing alone, and the robot drifts to the right, as in the paper's
+figure. `paper_open_loop` flies without a hold, in the trim that `aerobat trim` found, on a tail and a fin that the real
+robot does not have; it dives after 1 s because of the force's step. Its roll and yaw stay within 6 deg for the scenario's
+own seed, but not for every seed. Drooped wings are laterally unstable: what the noise of the two wings starts doubles every
+0.48 s, by the Floquet multipliers of the trim, and only a hold stops it. `tumble` has no fin, and its force pushes to the
+left.
 
 ## What must be known of the joint torques
 
@@ -169,19 +171,21 @@ Seed 1, left wing.
 
 {torque}
 
-* **measured**: all joint torques. They contain the reaction to the unknown force, since the linkage holds the joints
-  whatever pushes; with them two point forces are six unknowns against rows of rank six.
-* **modelled**: the torque that the prescribed motion takes without the unknown force, as the paper's text describes its
-  `u_m`. The joint rows then say "nothing pushes here", which is wrong, and the estimate is pulled between them and the base
-  rows. Rank six, and yet wrong: rank tells what the equations could decide, not whether they are true.
-* **motor_only**: the crank's torque. The power of all joints is one true row beside the six of the base: rank six again.
-  `force_level` uses it without loss. `momentum` filters the ten rows first, and what a crank sensor leaves open rotates
-  between them while the filter remembers.
-* **none**: base rows alone, rank five. An equal and opposite pair along the line between the points leaves no trace; the
-  estimate has that part at zero. Where the true forces have none of it (`observer_benchmark`, both wings alike), little is
-  lost; where they have (`paper`, whose normals lean toward each other), Fy is lost.
+* **measured**: all joint torques are known. They contain the reaction to the unknown force, because the linkage holds the
+  joints whatever pushes. Two point forces are six unknowns, and the rows have rank six.
+* **modelled**: the torque that the prescribed motion would take without the unknown force, which is how the paper's text
+  describes its `u_m`. The joint rows then claim that nothing pushes, which is wrong, and the estimate is a compromise
+  between them and the base rows. The rank is six all the same: it tells what the equations can decide, not whether they
+  are true.
+* **motor_only**: the crank's torque alone. It gives the power of all joints, one true row beside the six of the base, and
+  the rank is six again. `force_level` uses that row without loss. `momentum` filters all ten rows first, and the directions
+  that a crank sensor leaves open change within the memory of its filter.
+* **none**: the base rows alone, with rank five. A pair of equal and opposite forces along the line between the two points
+  leaves no trace in them, and the estimate sets that part to zero. Little is lost where the true forces have no such part
+  (`observer_benchmark`, where both wings' forces are alike). Where they have (`paper`, whose wing normals lean toward each
+  other), Fy is lost.
 
-Whenever some pattern of forces leaves no trace, the observers leave it out of the estimate and report it.
+A pattern of forces that leaves no trace is left out of the estimate, and the observers report it.
 
 ## The linkage
 

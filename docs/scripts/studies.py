@@ -223,8 +223,9 @@ def page(found: Mapping[str, str]) -> str:
     noise = {name: tried.factors["noise"].of[f"sensors.{name}.noise"] for name in ("velocity", "gyro", "joint_rate")}
     return f"""# Studies
 
-Written by `make docs`, which flies the sweeps that it shows. Each is a file of a few lines in
-[`aerobat_pin/experiments/sweep/shipped`](../aerobat_pin/experiments/sweep/shipped); `aerobat sweep NAME` flies it again, a copy of the file makes it yours.
+`make docs` writes this page and flies the sweeps that it shows. Each sweep is a file of a few lines in
+[`aerobat_pin/experiments/sweep/shipped`](../aerobat_pin/experiments/sweep/shipped). `aerobat sweep NAME` flies it again; to
+change it, copy the file.
 
 ```sh
 aerobat sweep morphology                        # all processors; a minute on two
@@ -232,9 +233,9 @@ aerobat sweep mine.toml --jobs 4 --out runs/mine
 aerobat sweep mine.toml --cluster tcp://10.0.0.1:8786
 ```
 
-Interrupted, whatever the reason, the same command goes on: every finished run is on the disk, none is flown twice. A run
-that fails is in the tables with its reason. `results.nc` is one grid labelled by what was varied, `results.csv` one row a
-run.
+After an interruption, whatever its reason, the same command goes on: every finished run is on the disk, and none is flown
+twice. A run that fails stands in the tables with its reason. `results.nc` is one grid whose dimensions are what was varied;
+`results.csv` has a row for each run.
 
 ```python
 import xarray as xr
@@ -247,15 +248,15 @@ grid["r2"].sel({{"crank.frequency": 4.75, "observer": "momentum", "axis": "z"}})
 
 | table or key | makes |
 |---|---|
-| `name` | must be there: of the sweep, and of its folder below `runs/` |
-| `description` | a line that says what it is for; may be missing |
+| `name` | required: the name of the sweep, and of its folder below `runs/` |
+| `description` | optional: a line that says what the sweep is for |
 | `base` | the scenario that every run starts from: a shipped name, or a file beside this one |
-| `[set]` | dotted keys that are set in it |
+| `[set]` | dotted keys that every run changes in it |
 | `[ranges]` | a dimension for each dotted key: a list, or `{{from = 50, to = 3200, count = 7, spacing = "log"}}` |
-| `[factors.NAME]` | a dimension NAME of `values`, a list or range of factors, `of` several keys: `[factors.NAME.of]` says what each is at a factor of 1 |
+| `[factors.NAME]` | a dimension NAME that scales several keys together: `values` is a list or range of factors, and `[factors.NAME.of]` has the value of each key at a factor of 1 |
 | `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
-| `[draws]` | the dimension `draw`: `count` draws, with a `seed` of their own, of the keys in `[draws.values]`: `{{distribution = "uniform", low, high}}`, `log_uniform`, or `{{distribution = "normal", mean, deviation}}` |
-| `seeds` | the dimension `seed`: how many, counted up from the base scenario's |
+| `[draws]` | the dimension `draw`: `count` random draws, with a `seed` of their own, of the keys in `[draws.values]`, each `{{distribution = "uniform", low, high}}`, `log_uniform`, or `{{distribution = "normal", mean, deviation}}` |
+| `seeds` | the dimension `seed`: how many seeds, counted up from that of the base scenario |
 
 ```toml
 # mine.toml
@@ -268,29 +269,31 @@ seeds = 2
 "unknown_force.*.noise" = [0.01, 0.03]
 ```
 
-The runs are all combinations, with the same draws for each. A number in a key is a place in a list
-(`flight.velocity.0`), a `*` all of them (`unknown_force.*.noise`). What the observers *believe* is a key like any other.
+The runs are all combinations of the dimensions, and every combination has the same draws. In a key, a number is a place in
+a list (`flight.velocity.0`) and a `*` is every place (`unknown_force.*.noise`). What the observers *believe* is varied like
+any other key.
 
-On a cluster the workers must have the same versions installed, and see the user's own morphology files under the same
-path. Start each with one thread: flights do not share a processor well.
+On a cluster the workers must have the same versions installed, and must see your own morphology files under the same path.
+Start each worker with one thread: flights that share a processor slow each other down.
 
 ## Wing morphology and flight condition
 
-`morphology`, {runs["morphology"]} runs of 1 s at K = 1000 1/s, left wing, R2 against the noisy truth. The observer that knows
-the wings finds the forces on all of them, in every flight condition: R2 is {found["lowest known"]} at the lowest.
+`morphology` has {runs["morphology"]} runs of 1 s at K = 1000 1/s. The figures show R2 against the noisy truth, on the left wing. An
+observer that knows the wings finds the forces on all of them, in every flight condition: the lowest R2 is {found["lowest known"]}.
 
 ![R2 where the robot is known](figures/studies/morphology_known.png)
 
-The observer that believes every wing to be as built does not: span and chord change masses and air together, and 5 %
-more span leaves {found["five percent more span"]} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are small beside the forces of inertia and air, so
-they go first. Elbow timing costs less: the joints are measured, and what is wrong is the motion between two samples.
+An observer that believes every wing to be as built does not. Span and chord change masses and air forces together: 5 % more
+span leaves an R2 of {found["five percent more span"]} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are lost first, because they are small
+beside the forces of inertia and air. The elbow's timing costs less, because the joints are measured and only the motion
+between two samples is wrong.
 
 ![R2 where the robot is believed to be as built](figures/studies/morphology_as_built.png)
 
 ## Gain against the noise of the force
 
-`gain_noise`, {runs["gain_noise"]} runs of 2 s. Noise here is a part of the force: against the noisy truth more gain is always
-better, against the noise-free one there is a best gain, and it falls as the noise grows.
+`gain_noise` has {runs["gain_noise"]} runs of 2 s. The noise here is a part of the force. Against the noisy truth more gain is always
+better; against the noise-free truth there is a best gain, which falls as the noise grows.
 
 | noise | best gain tried |
 |---|---|
@@ -300,33 +303,33 @@ better, against the noise-free one there is a best gain, and it falls as the noi
 
 ## Noise of the sensors
 
-`sensor_noise`, {runs["sensor_noise"]} runs of 2 s. Every sample of the velocities is noisy: at the reference by {noise["velocity"]} m/s
-(linear), {noise["gyro"]} rad/s (gyro) and {noise["joint_rate"]} rad/s (joints); the scenario `noisy_sensors` has a quarter to two fifths of
-it. Positions and angles are exact. `force_level` has three gains; `kalman` and `smoother` have none, but are told the noise
-and that a force walks {tried.set["observers.kalman.force_walk"]} N in a root second. The most noise tried that leaves an R2 of 0.9:
+`sensor_noise` has {runs["sensor_noise"]} runs of 2 s. Every velocity sample is noisy; the reference is {noise["velocity"]} m/s (linear), {noise["gyro"]} rad/s (gyro) and
+{noise["joint_rate"]} rad/s (joints), and the scenario `noisy_sensors` has a quarter to two fifths of it. Positions and angles are exact.
+`force_level` is tried with three gains. `kalman` and `smoother` have no gain; they know how large the noise is, and take a
+force for a random walk of {tried.set["observers.kalman.force_walk"]} N per root second. The most noise tried that leaves an R2 of 0.9, over the reference:
 
 {found["noise that leaves 0.9"]}
 
-A filter with a gain is limited by its lag where there is little noise, and by the noise, which it lets
-through nearly in proportion to K, where there is more. Those that weigh one against the other leave {found["kalman"]} (`kalman`)
-and {found["smoother"]} (`smoother`) of R2 for Fy and Fz at the reference. Fx is a fourteenth of Fy, and drowns first. One walk for all
-axes is too quick for it: a gain can do better there.
+Where there is little noise, a filter with a gain is limited by its lag; where there is more, by the noise, which it lets
+through nearly in proportion to K. The two observers that weigh noise against lag reach an R2 of {found["kalman"]} (`kalman`) and
+{found["smoother"]} (`smoother`) for Fy and Fz at the reference. Fx is a fourteenth of Fy and is lost first. All axes share one random
+walk, which is too quick for Fx: there a filter with a gain can do better.
 
 ![1 - R2 over the noise of the sensors](figures/studies/sensor_noise.png)
 
 ## What a wrong belief costs
 
-`model_error`, {runs["model_error"]} runs of 2 s; air density, body and wing masses are drawn with deviations of 5, 2 and 5 %. One
-belief in ten leaves less than {found["worst tenth"]} of R2 for Fx, Fy, Fz. The error of Fz follows the mass of
-the wings, which flapping shakes; Fy takes a share of every wrong belief.
+`model_error` has {runs["model_error"]} runs of 2 s, in which the believed air density, body mass and wing mass are drawn with standard
+deviations of 5, 2 and 5 %. One belief in ten leaves an R2 below {found["worst tenth"]} for Fx, Fy, Fz. The error of Fz follows the
+believed mass of the wings, because flapping accelerates it; every wrong belief adds to the error of Fy.
 
 ![Error over wrong beliefs](figures/studies/model_error.png)
 
 ## Sample rate
 
-`sample_rate`, {runs["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a coarser clock does not
-disturb them; the truth is the interval's mean, and of a longer one the noise averages out. What a coarse clock takes is
-time resolution, and the air's states at more strips or speed.
+`sample_rate` has {runs["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a longer sample time does not disturb
+them. The truth is the mean over an interval, and over a longer interval its noise averages out. What a longer sample time
+costs is resolution in time and, with more strips or at a higher speed, the stability of the air's states.
 
 ![1 - R2 and lag over the sample time](figures/studies/sample_rate.png)
 """
