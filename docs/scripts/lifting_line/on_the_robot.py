@@ -40,9 +40,9 @@ def law() -> Rung:
     rms, top, thrust = (100.0 * (mine / theirs - 1.0) for mine, theirs in zip(ours, lattice, strict=True))
     share = 100.0 * (alone[:, 0].mean() / lattice.thrust_mean - 1.0)
     caption = (
-        "Left, a steady plate without ends: on the robot it drags s c (1 - c^3 (3 - c^2) / 2) of rho V Gamma, s and c the sine "
-        f"and cosine of its incidence and Gamma the attached plate's: {drags}. Right, the flapping rectangle through the "
-        f"robot's kernel. Against the lattice: lift rms {ours.lift_rms:.4f} N ({rms:+.1f} %), maximum {ours.lift_max:.4f} N "
+        "Left, the drag of a steady plate without ends, through the robot's kernel: s c (1 - c^3 (3 - c^2) / 2) times rho V Gamma, where "
+        f"s and c are the sine and cosine of the incidence and Gamma is the circulation of the attached plate; {drags}. Right, the "
+        f"flapping rectangle through the same kernel. Against the lattice: lift rms {ours.lift_rms:.4f} N ({rms:+.1f} %), maximum {ours.lift_max:.4f} N "
         f"({top:+.1f} %), mean thrust {ours.thrust_mean:.4f} N ({thrust:+.1f} %; the line alone {share:+.1f} %)."
     )
     return Rung("on_the_robot", "On the robot", figure, caption)

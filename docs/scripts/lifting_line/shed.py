@@ -51,13 +51,13 @@ def shed() -> Rung:
     finer, trail = flap_robot(160, STEPS)
     pairs = [(1e3 * impulse_lift(of), 1e3 * lifts[:, 2].mean()) for lifts, of in ((force, wake), (finer, trail))]
     caption = (
-        f"The robot on a prescribed motion, {AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz, 16 strips. Above, what stays behind over a "
-        f"flap (`Wake.mean_trailing`): {mean[mean > 0.0].sum():.3f} m²/s behind the left wing, as much the other way round behind the right one, nothing in "
-        "sum. Below, the sheet of three flaps from above, coloured as in the replay: wide where the wings were spread, narrow where "
-        "they were folded, blue where they lifted, orange where they pushed down.\n\n"
-        "The sheet's vertical impulse grows by rho Gamma times the area that the trailing edges sweep, and this should be the mean "
-        f"lift. It is, for the rectangle of above at 5 deg: {', '.join(shares)} of flapping. For the robot's strips it is "
+        f"The robot on a prescribed motion, {AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz, 16 strips. Above, the trailing vortices, mean over a "
+        f"flap (`Wake.mean_trailing`): {mean[mean > 0.0].sum():.3f} m²/s behind the left wing, as much behind the right one with the other sense, nothing in "
+        "sum. Below, the sheet of three flaps seen from above, coloured as in the replay. It is wide where the wings were spread and narrow where "
+        "they were folded, blue where they lifted and orange where they pushed down.\n\n"
+        "The sheet's vertical impulse grows by rho Gamma times the area that the trailing edges sweep in a second. This rate should be the mean "
+        f"lift, and for the rectangle of above at 5 deg of incidence it is: {', '.join(shares)} of flapping. For the robot's strips it is "
         f"{pairs[0][0]:.0f} of {pairs[0][1]:.0f} mN, {100.0 * pairs[0][0] / pairs[0][1]:.0f} %, and with 160 strips {pairs[1][0]:.0f} of {pairs[1][1]:.0f} mN, {100.0 * pairs[1][0] / pairs[1][1]:.0f} %. "
-        "At such angles the strips' law is not that of a vortex sheet, and with 16 strips the joints cost what the study above says."
+        "At the robot's angles the strips' law is not that of a vortex sheet, and with 16 strips the joints cost what the study of their number says."
     )
     return Rung("shed", "What a steady flapper leaves behind", figure, caption)

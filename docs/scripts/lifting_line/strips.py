@@ -64,13 +64,13 @@ def grid() -> Rung:
     axis.set_ylim(bottom=1e-6)
     flap, aerobat = found["rectangle, flapping"], found["Aerobat, steady"]
     caption = (
-        f"Error of lift against 200 strips (steady) and of lift rms against 80 (flapping as above). With 16 strips: "
+        f"Error of the steady lift against 200 strips, and of the rms of the flapping rectangle's lift against 80. With 16 strips: "
         f"rectangle steady {found['rectangle, steady'][16]:.4f} %, flapping {flap[16]:.2f} %, Aerobat's planform "
         f"{aerobat[16]:.2f} %; the worst of these with 12 to 40 strips is {max(e[n] for e in (flap, aerobat) for n in STRIPS[1:]):.2f} %. "
         f"The elliptic wing, exact to {power_of_ten(max(exact.values()) / 100.0)} with any number, is not drawn. Odd numbers of strips have a "
-        f"station in the kink that flapping makes at the root: {found['rectangle, flapping, odd'][17]:.2f} % with 17.\n\n"
-        f"The robot flapping on its joints loses more. Prescribed motion, {ROBOT_AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz; lift of "
-        "the strips without added mass over a flap, against 160 strips:\n\n"
+        f"station in the kink that flapping makes at the root: with 17 the error is {found['rectangle, flapping, odd'][17]:.2f} %.\n\n"
+        f"The robot, which flaps about its joints, loses more. The table has the lift of the strips over a flap, without added mass, against 160 strips, on a "
+        f"prescribed motion: {ROBOT_AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz.\n\n"
         f"{robot_table(robot)}"
     )
     return Rung("strips", "How many strips", figure, caption)
@@ -131,8 +131,8 @@ def stable_step() -> Rung:
     caption = (
         f"Largest step [ms] with which the classical fourth-order Runge-Kutta method is stable at {AIRSPEED:g} m/s, from the "
         "eigenvalues of A. It falls with the square of the number of strips and with the airspeed. With the flights' step of "
-        f"{1e3 * STEP:g} ms, 40 strips on Aerobat's planform are stable up to {AIRSPEED * robot[40] / STEP:.1f} m/s past the "
-        f"section only, which a flapping tip exceeds: such a flight diverges. 16 strips are, up to "
+        f"{1e3 * STEP:g} ms, 40 strips on Aerobat's planform are stable only where the air passes a section at less than "
+        f"{AIRSPEED * robot[40] / STEP:.1f} m/s. A flapping tip is faster, and such a flight diverges. 16 strips are stable up to "
         f"{AIRSPEED * robot[16] / STEP:.0f} m/s.\n\n"
         f"| strips | {' | '.join(map(str, STRIPS))} |\n|{'---|' * (len(STRIPS) + 1)}\n{rows}"
     )
