@@ -9,7 +9,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-python docs bench clean
+.PHONY: demo test test-python coverage docs bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -30,6 +30,13 @@ test-python:
 		$(VENV)-$(VERSION)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
 		$(VENV)-$(VERSION)/bin/python -m pytest $(HEART); \
 	fi
+
+# Lines of aerobat_pin that no test runs; processes that tests start count too.
+coverage: $(VENV)/.installed-test
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --fail-under=95
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
