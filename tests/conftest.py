@@ -1,4 +1,4 @@
-"""Flights that several test files look at, flown once."""
+"""Flights that several test files look at, flown once; and the seed of the random order in which tests run."""
 
 from __future__ import annotations
 
@@ -43,3 +43,12 @@ def paper_plant() -> Plant:
     """Build the paper's plant."""
     scenario = load_scenario("paper")
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how to run the tests in the same order again."""
+    seed = config.getoption("randomly_seed", None)
+    if seed is not None:
+        terminalreporter.write_line(
+            f"random order: --randomly-seed={seed} repeats it, -p no:randomly runs file by file"
+        )

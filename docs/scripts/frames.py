@@ -1,8 +1,10 @@
-"""Draw the description's frames: `make docs`, or `python docs/frames.py`."""
+"""Draw the description's frames; `--check` says instead whether every kind of frame has its name in the picture."""
 
 from __future__ import annotations
 
+import argparse
 import io
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -116,8 +118,22 @@ def figure() -> Figure:
     return page
 
 
+def differences() -> list[str]:
+    """Return the frames of the robot that the picture does not name, and the names in it that no frame has."""
+    labels = {text.get_text().split("\n")[0] for axes in figure().axes for text in axes.texts} - {""}
+    model = load_aerobat().model
+    frames = {frame.name for frame in model.frames if frame.name.startswith(("base_link", "left_", "right_"))}
+    frames = {name for name in frames if "fixed" not in name and model.existBodyName(name)}
+    unnamed = frames - labels - {"right_linkage_J1", "right_linkage_J8"}  # the left ones stand for these
+    return [f"{name} is not named" for name in unnamed] + [f"{name} is no frame" for name in labels - frames]
+
+
 def main() -> None:
     """Write the picture into the description with 128 colours and without a date: small, and the same every time."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 where a frame has no name")
+    if parser.parse_args().check:
+        sys.exit("\n".join(differences()) or 0)
     drawn = io.BytesIO()
     figure().savefig(drawn, dpi=140)
     Image.open(drawn).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(PICTURE, optimize=True)
