@@ -61,7 +61,7 @@ def run(
 
             write_all(made, folder, show)
         written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    print_table(made.metrics, noisy=bool(loaded.sensors.fitted))
+    print_table(made.scores, noisy=bool(loaded.sensors.fitted))
     typer.echo(f"\nresults in {target}/")
     for path in written:
         typer.echo(f"  {target / path}")

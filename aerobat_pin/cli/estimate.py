@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aerobat_pin.cli.console import interruptible, print_table, progress
+
+if TYPE_CHECKING:
+    from aerobat_pin.estimation import Scores
 
 
 @interruptible()
@@ -49,15 +52,15 @@ def estimate(
         return
     target = out if out is not None else Path("runs") / f"{name}-estimate"
     with output_folder(target, force=force) as folder, progress() as show:
-        estimates, metrics = experiments.run_recorded(flight, belief, show)
-        experiments.write_recorded(belief, estimates, metrics, folder)
+        made = experiments.run_recorded(flight, belief, show)
+        experiments.write(made, folder)
         from aerobat_pin.visualization.figures import paper as figures
 
         (folder / "figures").mkdir()
-        figures.save(figures.estimation(flight, estimates), folder / "figures" / "estimation")
+        figures.save(figures.estimation(flight, made.estimates), folder / "figures" / "estimation")
         written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    _print_inputs(metrics)
-    print_table(metrics)
+    _print_inputs(made.scores)
+    print_table(made.scores)
     typer.echo(f"\nresults in {target}/")
     for path in written:
         typer.echo(f"  {target / path}")
@@ -76,10 +79,10 @@ def _passes_self_check(belief: Any) -> bool:
     return good
 
 
-def _print_inputs(metrics: dict[str, Any]) -> None:
+def _print_inputs(scores: Scores) -> None:
     """Print where each input of the observers comes from, and how large the forces found are."""
-    for name, source in metrics["inputs"].items():
+    for name, source in scores.inputs.items():
         typer.echo(f"{name:<14} {source}")
-    for name, scores in metrics["observers"].items():
-        for one in scores["components"]:
-            typer.echo(f"{name:<14} {one['name']:<24} rms {1e3 * one['rms']:9.2f} m{one['unit']}")
+    for name, found in scores.observers.items():
+        for component in found.components:
+            typer.echo(f"{name:<14} {component.name:<24} rms {1e3 * component.rms:9.2f} m{component.unit}")

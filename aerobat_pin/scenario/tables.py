@@ -197,7 +197,7 @@ class SimulationSection(Section):
 
 
 class KalmanSection(Section):
-    """What the observers `kalman` and `smoother` believe of sensors and models; see `aerobat_pin.observers.kalman.kalman`."""
+    """What the observers `kalman` and `smoother` believe of sensors and models; see `aerobat_pin.observers.kalman`."""
 
     sensor_noise: tuple[Positive, Positive, Positive] = Field(
         (0.02, 0.01, 0.05), description="deviation of a sample: velocity, gyro, joint rates [m/s, rad/s, rad/s]"

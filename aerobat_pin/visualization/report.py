@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from aerobat_pin.estimation import TABLE_HEADER, Scores
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.scenario import scenario_toml
 from aerobat_pin.visualization.figures.linkage_svg import animation
@@ -53,7 +54,7 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
     title = escape(scenario.name)
     links = "".join(f'<a href="#{name}">{escape(text)}</a>' for name, text in SECTIONS.items())
     parts = {
-        "forces": _forces(metrics["observers"]) + _picture(images, "estimation"),
+        "forces": _forces(experiment.scores) + _picture(images, "estimation"),
         "known": _known(experiment),
         "flight": _table(_flight(experiment)) + _picture(images, "position", "states", "stick_diagram"),
         "air": _picture(images, "aerodynamics", "power"),
@@ -108,16 +109,8 @@ def _flight(experiment: Experiment) -> list[tuple[str, str]]:
     return facts
 
 
-def _forces(observers: Mapping[str, Any]) -> str:
-    head = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag")
-    rows = []
-    for name, scores in observers.items():
-        for point in (key for key, value in scores.items() if isinstance(value, dict) and "Fx" in value):
-            for axis, one in scores[point].items():
-                numbers = [_number(one[key], "{:.5f}", "no signal") for key in ("r2", "r2_noise_free")]
-                lag = _number(one["lag_s"] and 1e3 * one["lag_s"], "{:.2f} ms", "-")
-                rows.append((name, point, axis, *numbers, f"{1e3 * one['rmse']:.2f} mN", lag))
-    return _grid(head, rows, text=3) + (
+def _forces(scores: Scores) -> str:
+    return _grid(TABLE_HEADER, list(scores.rows()), text=3) + (
         '<p class="soft">R2 against the true force with its noise, and against its noise-free part. The lag is the '
         "delay of the noise-free force that fits the estimate best.</p>"
     )

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.scores import flight_metrics
+from aerobat_pin.estimation.flight_summary import flight_summary
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.sensors import sensed, sensed_attitude
@@ -194,7 +194,7 @@ def test_the_flight_is_judged_by_what_was_true() -> None:
     end = flight.metrics["flight"]["position_end"]
     assert end[0] == pytest.approx(0.3, abs=0.05)
     assert flight.log.measured["q"].values[-1, 0] == pytest.approx(end[0] + 10.0)
-    assert flight_metrics(flight.log, flight.robot.mass)["position_end"] == end
+    assert list(flight_summary(flight.log, flight.robot.mass).position_end) == end
     assert flight.metrics["note"].endswith("; imperfect sensors: position")
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.errors import SweepError
-from aerobat_pin.experiments.sweep.columns import TAKEN
+from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
 from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
@@ -96,7 +96,7 @@ def load_sweep(source: str | Path) -> Sweep:
         dimensions.append(_draw_dimension(file.draws))
     seeds = tuple(base.simulation.seed + k for k in range(file.seeds))
     dimensions.append(Dimension(SEED, seeds, tuple({"simulation.seed": seed} for seed in seeds)))
-    for name in (one.name for one in dimensions if one.name in TAKEN):
+    for name in (one.name for one in dimensions if one.name in RESERVED_NAMES):
         raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
     sweep = Sweep(file, base, tuple(dimensions))
     count = int(np.prod(sweep.shape))

@@ -10,7 +10,7 @@ import xarray as xr
 from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Store
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
-from aerobat_pin.experiments.sweep.results import grid, table
+from aerobat_pin.experiments.sweep.results import results_csv, results_grid
 
 Progress = Callable[[int, int, int], None]
 
@@ -56,6 +56,8 @@ def run_sweep(
             failed += "failed" in store.finished[number]
             if progress is not None:
                 progress(len(store.finished), count, failed)
-        made = grid(sweep, store.finished)
-        store.write({GRID: bytes(made.to_netcdf(engine="h5netcdf")), TABLE: table(sweep, store.finished).encode()})
-    return made
+        grid = results_grid(sweep, store.finished)
+        store.write(
+            {GRID: bytes(grid.to_netcdf(engine="h5netcdf")), TABLE: results_csv(sweep, store.finished).encode()}
+        )
+    return grid
