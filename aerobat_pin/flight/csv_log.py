@@ -34,14 +34,14 @@ from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.flight.flight_log import KNOWN, POSE_AXIS, TWIST_AXIS, FlightLog, channel
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS
-from aerobat_pin.scenario import read_rows
+from aerobat_pin.scenario import TextTable
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 VELOCITY, GYRO = ("vx", "vy", "vz"), ("wx", "wy", "wz")
 WIND = ("wind_x", "wind_y", "wind_z")
 THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))
 RATES = tuple(f"{name}_rate" for name in JOINTS)
-TORQUES = tuple(f"torque_{name}" for name in JOINTS)
+TORQUE_COLUMNS = tuple(f"torque_{name}" for name in JOINTS)
 UNITS = {
     "time": "s",
     **dict.fromkeys(POSE[:3], "m"),
@@ -49,7 +49,7 @@ UNITS = {
     **dict.fromkeys((*VELOCITY, *WIND, "airspeed"), "m/s"),
     **dict.fromkeys((*GYRO, "crank_rate", *RATES), "rad/s"),
     **dict.fromkeys(("crank_angle", *JOINTS), "rad"),
-    **dict.fromkeys(("crank_torque", *TORQUES, *THRUST[3:]), "N m"),
+    **dict.fromkeys(("crank_torque", *TORQUE_COLUMNS, *THRUST[3:]), "N m"),
     **dict.fromkeys(THRUST[:3], "N"),
 }
 THRUSTERS = f"{KNOWN}thrusters"
@@ -64,13 +64,13 @@ WRITTEN: tuple[tuple[Sequence[str], Sequence[str], Sequence[str] | None], ...] =
     (("airspeed",), ("airspeed",), None),
     (WIND, ("wind_W",), ("x", "y", "z")),
     (("crank_torque",), ("crank_torque",), None),
-    (TORQUES, ("motor_torque", "joint_torque"), JOINTS),
+    (TORQUE_COLUMNS, ("motor_torque", "joint_torque"), JOINTS),
     (THRUST, (THRUSTERS,), TWIST_AXIS),
 )
 FASTEST_CRANK = 60.0  # [Hz]: a faster one is in degrees
-SLOWEST = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
-SHORTEST = 3  # samples: rates of a shorter record cannot be told
-HEADER = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+LONGEST_SAMPLE_TIME = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
+FEWEST_SAMPLES = 3  # rates of a shorter record cannot be told
+HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 
 
 def read_csv(path: str | Path) -> FlightLog:
@@ -79,8 +79,9 @@ def read_csv(path: str | Path) -> FlightLog:
     Raises:
         LogError: the file cannot be read, or is not a flight; the message names file, column and line.
     """
-    columns, lines = _columns(Path(path))
-    _check(columns, lines, path)
+    text = TextTable(Path(path), "log", LogError)
+    columns = _columns(text)
+    _check(columns, text)
     time = columns["time"]
     per_sample, per_interval = ("time",), ("interval",)
     coords = {
@@ -88,7 +89,7 @@ def read_csv(path: str | Path) -> FlightLog:
         "interval": channel(time[:-1], per_interval, "s", "start of the interval"),
         "pose_axis": list(POSE_AXIS),
     }
-    pose = _stack(columns, POSE)
+    pose = _stacked(columns, POSE)
     pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
     made = {"pose": channel(pose, ("time", "pose_axis"), "m, -", "body placement in world: position, quaternion")}
     for names, title, meaning in (
@@ -102,7 +103,7 @@ def read_csv(path: str | Path) -> FlightLog:
             labels = {"twist_axis": list(TWIST_AXIS), "axis": ["x", "y", "z"], "joint": list(JOINTS)}
             coords[axis] = labels[axis]
             unit = ", ".join(dict.fromkeys(UNITS[name] for name in names))
-            made[title] = channel(_stack(columns, names), ("time", axis), unit, meaning)
+            made[title] = channel(_stacked(columns, names), ("time", axis), unit, meaning)
     for name, meaning in (
         ("crank_angle", "absolute crank angle t1"),
         ("crank_rate", "rate of the crank angle"),
@@ -113,17 +114,23 @@ def read_csv(path: str | Path) -> FlightLog:
             made[name] = channel(values, per_sample, UNITS[name], meaning)
     if "crank_torque" in columns:
         made["crank_torque"] = channel(
-            _means(columns["crank_torque"]), per_interval, "N m", "motor torque at the crank"
+            _interval_means(columns["crank_torque"]), per_interval, "N m", "motor torque at the crank"
         )
-    if all(name in columns for name in TORQUES):
+    if all(name in columns for name in TORQUE_COLUMNS):
         coords["joint"] = list(JOINTS)
         made["joint_torque"] = channel(
-            _means(_stack(columns, TORQUES)), ("interval", "joint"), "N m", "motor torque at the joints"
+            _interval_means(_stacked(columns, TORQUE_COLUMNS)),
+            ("interval", "joint"),
+            "N m",
+            "motor torque at the joints",
         )
     if all(name in columns for name in THRUST):
         coords["twist_axis"] = list(TWIST_AXIS)
         made[THRUSTERS] = channel(
-            _means(_stack(columns, THRUST)), ("interval", "twist_axis"), "N, N m", "known wrench at the body COM"
+            _interval_means(_stacked(columns, THRUST)),
+            ("interval", "twist_axis"),
+            "N, N m",
+            "known wrench at the body COM",
         )
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}))
 
@@ -154,42 +161,22 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
         raise OutputError(f"log {path}: cannot be written: {error.strerror or error}") from error
 
 
-def _columns(path: Path) -> tuple[dict[str, Array], list[int]]:
-    """Read the columns by name, and on which lines their values stand.
-
-    Raises LogError for what is not a table of numbers with known names and units.
-    """
-    rows, lines = read_rows(path, "log", LogError)
-    if len(rows) < 1 + SHORTEST:
-        raise LogError(
-            f"log {path}: {max(len(rows) - 1, 0)} samples: a header and {SHORTEST} rows or more were expected"
-        )
-    names, lines = [_name(cell, path) for cell in rows[0]], lines[1:]
+def _columns(text: TextTable) -> dict[str, Array]:
+    """Return the columns by name. Raises LogError for what is not a table of numbers with known names and units."""
+    names = [_name(cell, text.path) for cell in text.header]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise LogError(f"log {path}: column '{twice.pop()}' is there twice")
-    table = np.full((len(rows) - 1, len(names)), np.nan)
-    for i, row in enumerate(rows[1:]):
-        if len(row) != len(names):
-            raise LogError(f"log {path}, line {lines[i]}: {len(row)} values: {len(names)} were expected")
-        for k, cell in enumerate(row):
-            try:
-                table[i, k] = float(cell)
-            except ValueError:
-                raise LogError(f"log {path}, line {lines[i]}: {names[k]} = {cell!r}: a number was expected") from None
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        row, column = bad[0]
-        missing = len(np.unique(bad[:, 0]))
+        raise LogError(f"log {text.path}: column '{twice.pop()}' is there twice")
+    table = text.numbers()
+    if len(table) < FEWEST_SAMPLES:
         raise LogError(
-            f"log {path}, line {lines[row]}: {names[column]} is not finite ({missing} such rows): leave those rows "
-            "out; gaps in time are allowed"
+            f"log {text.path}: {len(table)} samples: a header and {FEWEST_SAMPLES} rows or more were expected"
         )
-    return {name: table[:, k] for k, name in enumerate(names)}, lines
+    return dict(zip(names, table.T, strict=True))
 
 
 def _name(cell: str, path: Path) -> str:
-    found = HEADER.fullmatch(cell)
+    found = HEADER_CELL.fullmatch(cell)
     name = found["name"] if found else cell.strip()
     if name not in UNITS:
         close = difflib.get_close_matches(name, UNITS, n=1)
@@ -201,12 +188,13 @@ def _name(cell: str, path: Path) -> str:
     return name
 
 
-def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> None:
+def _check(columns: dict[str, Array], text: TextTable) -> None:
     """Raise LogError unless the columns make a flight."""
+    path = text.path
     missing = [name for name in ("time", *POSE) if name not in columns]
     if missing:
         raise LogError(f"log {path}: no column named {', '.join(missing)}")
-    for group in ((*VELOCITY, *GYRO), JOINTS, RATES, WIND, TORQUES, THRUST):
+    for group in ((*VELOCITY, *GYRO), JOINTS, RATES, WIND, TORQUE_COLUMNS, THRUST):
         there = [name for name in group if name in columns]
         if there and len(there) < len(group):
             absent = [name for name in group if name not in columns]
@@ -220,14 +208,14 @@ def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> Non
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
         what = "is repeated" if steps[row - 1] == 0.0 else "runs backwards"
-        raise LogError(f"log {path}, line {lines[row]}: time = {time[row]:g} s {what}: rising stamps were expected")
+        raise LogError(f"log {path}, line {text.line(row)}: time = {time[row]:g} s {what}: rising stamps were expected")
     step = float(np.median(steps))
-    if step > SLOWEST:
+    if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
-    norm = np.linalg.norm(_stack(columns, POSE[3:]), axis=1)
+    norm = np.linalg.norm(_stacked(columns, POSE[3:]), axis=1)
     if np.any(np.abs(norm - 1.0) > 0.01):
         row = int(np.argmax(np.abs(norm - 1.0) > 0.01))
-        raise LogError(f"log {path}, line {lines[row]}: the quaternion has length {norm[row]:.3g}: 1 was expected")
+        raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
     if "crank_angle" in columns:
         rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
         if rate > FASTEST_CRANK:
@@ -235,14 +223,14 @@ def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> Non
     for name in JOINTS:
         if name in columns and np.max(np.abs(columns[name])) > 2.0 * np.pi:
             row = int(np.argmax(np.abs(columns[name])))
-            raise LogError(f"log {path}, line {lines[row]}: {name} = {columns[name][row]:g}: radians were expected")
+            raise LogError(f"log {path}, line {text.line(row)}: {name} = {columns[name][row]:g}: radians were expected")
 
 
-def _stack(columns: dict[str, Array], names: Sequence[str]) -> Array:
+def _stacked(columns: dict[str, Array], names: Sequence[str]) -> Array:
     return np.column_stack([columns[name] for name in names])
 
 
-def _means(samples: Array) -> Array:
+def _interval_means(samples: Array) -> Array:
     return np.asarray(0.5 * (samples[1:] + samples[:-1]))
 
 

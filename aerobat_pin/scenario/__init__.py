@@ -1,6 +1,6 @@
 """What happens, as checked text: the keys of a scenario file, their units, and the messages when one is wrong."""
 
-from aerobat_pin.scenario.csv_rows import read_rows
+from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.describe import describe_scenario
 from aerobat_pin.scenario.dotted_keys import assign, with_settings
 from aerobat_pin.scenario.messages import nothing_there
@@ -19,6 +19,7 @@ __all__ = [
     "Scenario",
     "SensorSection",
     "SensorsSection",
+    "TextTable",
     "UnknownForce",
     "Whole",
     "assign",
@@ -26,7 +27,6 @@ __all__ = [
     "load_scenario",
     "nothing_there",
     "parse_scenario",
-    "read_rows",
     "scenario_toml",
     "shipped_scenarios",
     "with_settings",

@@ -18,7 +18,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario.csv_rows import read_rows
+from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
 
 Axes = Literal["link", "body", "world"]
@@ -240,18 +240,13 @@ def _ticks(edges: Array, tick: float) -> int:
 
 
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:
-    """Read `time` and one other column of a CSV. Raises ScenarioError naming what is wrong with the file."""
-    where = f"unknown_force: recorded file {path}"
-    rows, _ = read_rows(path, "unknown_force: recorded file", ScenarioError)
-    names = [cell.partition("[")[0].strip() for cell in rows[0]] if rows else []
+    """Read `time` and one other column of a table of text. Raises ScenarioError naming what is wrong with the file."""
+    text = TextTable(path, "unknown_force: recorded file", ScenarioError)
+    where, names = f"unknown_force: recorded file {path}", text.names
     for name in ("time", column):
         if name not in names:
             raise ScenarioError(f"{where}: no column named '{name}'; its header has {', '.join(names) or 'nothing'}")
-    chosen = [names.index("time"), names.index(column)]
-    try:
-        table = np.array([[float(row[at]) for at in chosen] for row in rows[1:]], float).reshape(-1, 2)
-    except (ValueError, IndexError) as error:
-        raise ScenarioError(f"{where}: a number was expected in every row of time and {column}: {error}") from error
-    if len(table) < 2 or not np.all(np.isfinite(table)) or np.any(np.diff(table[:, 0]) <= 0.0):
-        raise ScenarioError(f"{where}: two rows or more of finite numbers with rising times were expected")
-    return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])
+    time, force = text.numbers([names.index("time"), names.index(column)]).T.copy()
+    if len(time) < 2 or np.any(np.diff(time) <= 0.0):
+        raise ScenarioError(f"{where}: two rows or more with rising times were expected")
+    return time, force
