@@ -25,7 +25,7 @@ def test_a_shipped_scenario_survives_writing_and_reading(name: str, tmp_path: Pa
 
 
 def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
-    """`--set` takes TOML values and bare words, and counts list entries from 0."""
+    """`--set` takes TOML values and bare words, counts list entries from 0, and reaches all of them by a `*`."""
     scenario = load_scenario(
         "paper",
         [
@@ -33,10 +33,12 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
             "robot.morphology=aerobat",
             "unknown_force.1.axes=world",
             "unknown_force.0.direction=[1, 0, 0]",
+            "unknown_force.*.noise=0.5",
         ],
     )
     assert scenario.simulation.dt == 0.0005
     assert scenario.robot.morphology == "aerobat"
+    assert [force.noise for force in scenario.unknown_force] == [0.5, 0.5]
     assert [force.axes for force in scenario.unknown_force] == ["link", "world"]
     assert scenario.unknown_force[0].direction == (1.0, 0.0, 0.0)
 
@@ -65,7 +67,9 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("crank.motor.torque_limit=0.1", 'crank.motor is given, but crank.drive = "constant"; write drive = "motor"'),
         ("crank.spin_up.duration=0", "crank.spin_up.duration = 0: input should be greater than 0"),
         ("crank.motor.torq_limit=1", "unknown key 'crank.motor.torq_limit'; did you mean 'torque_limit'"),
-        ("unknown_force.9.noise=0", "'9' is not an index of a list of 2"),
+        ("unknown_force.9.noise=0", "'9' is not an index of 'unknown_force', a list of 2"),
+        ("unknown_force.²=0", "'²' is not an index of 'unknown_force', a list of 2"),
+        ("hold.*=0", "'hold' is a table, not a list; '*' stands for the items of a list"),
         ("simulation.dt.x=1", "'simulation.dt' is a value, not a table"),
         ("simulation.dt", "dotted.key=value was expected"),
     ],
