@@ -37,7 +37,7 @@ def estimate(
     """Estimate the unknown forces of a recorded flight; no truth is needed."""
     from aerobat_pin import experiments
     from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import belief_about, read_log, who_is_believed
+    from aerobat_pin.estimation import belief_about, read_log, describe_belief
     from aerobat_pin.experiments import output_folder
 
     if log is None and not self_check:
@@ -45,7 +45,7 @@ def estimate(
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])
-    typer.echo(who_is_believed(belief, morphology, settings or []))
+    typer.echo(describe_belief(belief, morphology, settings or []))
     if self_check and not _passes_self_check(belief):
         raise typer.Exit(1)
     if flight is None:

@@ -59,7 +59,7 @@ def belief_about(
     return parse_scenario(with_settings(_without_none(values), settings), f"belief about {name}")
 
 
-def who_is_believed(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
+def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
     """Say in a line which robot is believed, how heavy it is, and who said so.
 
     Args:

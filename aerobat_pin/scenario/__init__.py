@@ -3,7 +3,7 @@
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.describe import describe_scenario
 from aerobat_pin.scenario.dotted_keys import assign, with_settings
-from aerobat_pin.scenario.messages import nothing_there
+from aerobat_pin.scenario.messages import not_found_message
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario, shipped_scenarios
 from aerobat_pin.scenario.tables import AirSection, Number, Positive, RobotSection, SensorSection, SensorsSection, Whole
 from aerobat_pin.scenario.toml import scenario_toml
@@ -25,7 +25,7 @@ __all__ = [
     "assign",
     "describe_scenario",
     "load_scenario",
-    "nothing_there",
+    "not_found_message",
     "parse_scenario",
     "scenario_toml",
     "shipped_scenarios",

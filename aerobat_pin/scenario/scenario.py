@@ -17,7 +17,7 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.dotted_keys import with_settings
-from aerobat_pin.scenario.messages import explain, nothing_there
+from aerobat_pin.scenario.messages import explain, not_found_message
 from aerobat_pin.scenario.tables import (
     AirSection,
     BelievedSection,
@@ -159,7 +159,7 @@ def _read(source: str) -> dict[str, Any]:
     else:
         folder = resources.files("aerobat_pin") / "scenario" / "shipped"
         names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
-        raise ScenarioError(nothing_there("scenario", source, names))
+        raise ScenarioError(not_found_message("scenario", source, names))
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -12,7 +12,7 @@ import xarray as xr
 from support.commands import aerobat
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.estimate import belief_about, estimate_log, who_is_believed
+from aerobat_pin.estimation.estimate import belief_about, estimate_log, describe_belief
 from aerobat_pin.estimation.self_check import Check, self_check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.flight_log import FlightLog
@@ -87,12 +87,12 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
         (True, None, ["robot.changes.body.mass=0.07"], "aerobat_guard with changes, 80.8 g, as the log notes"),
     ],
 )
-def test_who_is_believed_is_said_with_the_reason(
+def test_the_believed_robot_is_named_with_the_reason(
     noted: bool, morphology: str | None, settings: list[str], told: str, paper: Experiment
 ) -> None:
     """A robot of another mass makes other forces: nobody is to believe one without knowing."""
     belief = belief_about(paper.log if noted else None, "x", morphology, [], settings)
-    assert who_is_believed(belief, morphology, settings) == f"believed: {told}"
+    assert describe_belief(belief, morphology, settings) == f"believed: {told}"
 
 
 @pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])

@@ -38,7 +38,7 @@ def scenario(**force: Any) -> Scenario:
 def means(edges: np.ndarray, **force: Any) -> np.ndarray:
     """Return the noise-free means over intervals of one force."""
     [signal] = scenario(**force).unknown_force
-    return signal.held(edges, np.random.default_rng(1))[1]
+    return signal.interval_means(edges, np.random.default_rng(1))[1]
 
 
 def window(t: float, start: float, duration: float) -> float:
@@ -138,9 +138,9 @@ def test_every_signal_may_carry_noise_of_its_own_stream() -> None:
     edges = np.arange(20_001) * 1e-3
     [noisy] = scenario(signal="sine", noise=0.03).unknown_force
     [papers] = scenario(noise=0.03).unknown_force
-    drawn = noisy.held(edges, np.random.default_rng(5))[0]
+    drawn = noisy.interval_means(edges, np.random.default_rng(5))[0]
     assert drawn.std() == pytest.approx(0.03, rel=5.0 / np.sqrt(4e4))
-    np.testing.assert_array_equal(drawn, papers.held(edges, np.random.default_rng(5))[0])
+    np.testing.assert_array_equal(drawn, papers.interval_means(edges, np.random.default_rng(5))[0])
 
 
 @pytest.mark.parametrize("axes", ["link", "body", "world"])

@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from aerobat_pin.errors import SweepError
-from aerobat_pin.scenario import Number, Positive, Whole, nothing_there
+from aerobat_pin.scenario import Number, Positive, Whole, not_found_message
 
 SEED, DRAW = "seed", "draw"
 KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # of values, which pydantic puts into its places
@@ -183,7 +183,7 @@ def _text(source: str) -> str:
     if "/" not in source and shipped.is_file():
         return str(shipped.read_text(encoding="utf-8"))
     if not path.is_file():
-        raise SweepError(nothing_there("sweep", source, _names()))
+        raise SweepError(not_found_message("sweep", source, _names()))
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
