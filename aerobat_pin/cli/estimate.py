@@ -37,7 +37,7 @@ def estimate(
     """Estimate the unknown forces of a recorded flight; no truth is needed."""
     from aerobat_pin import experiments
     from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import belief_about, read_log, describe_belief
+    from aerobat_pin.estimation import belief_about, describe_belief, read_log
     from aerobat_pin.experiments import output_folder
 
     if log is None and not self_check:

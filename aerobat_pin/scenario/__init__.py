@@ -3,10 +3,10 @@
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.describe import describe_scenario
 from aerobat_pin.scenario.dotted_keys import assign, with_settings
-from aerobat_pin.scenario.messages import not_found_message
+from aerobat_pin.scenario.messages import explain_plainly
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario, shipped_scenarios
 from aerobat_pin.scenario.tables import AirSection, Number, Positive, RobotSection, SensorSection, SensorsSection, Whole
-from aerobat_pin.scenario.toml import scenario_toml
+from aerobat_pin.scenario.toml import read_toml, scenario_toml, shipped_names
 from aerobat_pin.scenario.unknown_forces import Axes, RecordedForce, UnknownForce
 
 __all__ = [
@@ -24,10 +24,12 @@ __all__ = [
     "Whole",
     "assign",
     "describe_scenario",
+    "explain_plainly",
     "load_scenario",
-    "not_found_message",
     "parse_scenario",
+    "read_toml",
     "scenario_toml",
+    "shipped_names",
     "shipped_scenarios",
     "with_settings",
 ]

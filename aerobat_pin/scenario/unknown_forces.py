@@ -56,7 +56,7 @@ class UnknownForce(Section):
             rng: source of the noise.
 
         Returns:
-            Mean noise (n,) and mean noise-free force (n,) [N] over each interval, without the part that follows the elbow.
+            Mean noise (n,) and mean noise-free force (n,) [N] over each interval, without what follows the elbow.
 
         Raises:
             ScenarioError: a recorded series cannot be read.
