@@ -184,5 +184,5 @@ def _table_at(loc: tuple[Any, ...]) -> type[_Table]:
     if loc[0] == "factors" and len(loc) > 2:
         return Factors
     if loc[0] == "draws" and len(loc) > 1:
-        return Draws if len(loc) == 2 else Normal if loc[3] == "normal" else Uniform
+        return Draws if len(loc) == 2 else Normal if loc[3:4] == ("normal",) else Uniform
     return SweepFile
