@@ -12,7 +12,7 @@ import xarray as xr
 from support.commands import aerobat
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.estimate import belief_about, estimate_log, describe_belief
+from aerobat_pin.estimation.estimate import belief_about, describe_belief, estimate_log
 from aerobat_pin.estimation.self_check import Check, self_check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.flight_log import FlightLog
