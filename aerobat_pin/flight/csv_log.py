@@ -10,22 +10,24 @@
 | `crank_angle` | rad | absolute t1, unwrapped or not; or instead of it the four joints |
 | `crank_rate` | rad/s | optional, beside the angle: of a tachometer, or of the angle once smoothed |
 | `left_shoulder`, ... | rad | joint angles; any of them may have `<joint>_rate` [rad/s] beside it |
-| `airspeed` | m/s | optional: of the air past the body, along its x axis from ahead |
+| `airspeed` | m/s | optional: of the air that meets the body from ahead, along its x axis |
 | `wind_x`, `wind_y`, `wind_z` | m/s | optional: of the air over ground, world axes |
 | `crank_torque` | N m | optional: of the motor on the crank |
 | `torque_<joint>` | N m | optional, all four or none: of the motor at the joints |
 | `thrust_fx` ... `thrust_mz` | N, N m | optional, all six or none: known wrench at the body COM, body axes |
 
-A header cell is a name, or a name with its unit as in `x [m]`. Forces and torques are samples; their interval means are
-taken as the mean of both ends. Writing a log, where they are means, a sample is the mean of both its neighbours.
+A header cell is a name, or a name with its unit as in `x [m]`. A table has samples of forces and torques, a log has
+interval means: reading takes the mean of both ends of an interval, writing the mean of both intervals beside a sample.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -36,41 +38,68 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
-POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-VELOCITY, GYRO = ("vx", "vy", "vz"), ("wx", "wy", "wz")
-WIND = ("wind_x", "wind_y", "wind_z")
-THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))
-RATES = tuple(f"{name}_rate" for name in JOINTS)
-TORQUE_COLUMNS = tuple(f"torque_{name}" for name in JOINTS)
-UNITS = {
-    "time": "s",
-    **dict.fromkeys(POSE[:3], "m"),
-    **dict.fromkeys(POSE[3:], "-"),
-    **dict.fromkeys((*VELOCITY, *WIND, "airspeed"), "m/s"),
-    **dict.fromkeys((*GYRO, "crank_rate", *RATES), "rad/s"),
-    **dict.fromkeys(("crank_angle", *JOINTS), "rad"),
-    **dict.fromkeys(("crank_torque", *TORQUE_COLUMNS, *THRUST[3:]), "N m"),
-    **dict.fromkeys(THRUST[:3], "N"),
-}
 THRUSTERS = f"{KNOWN}thrusters"
-# Columns, the channels of which one may hold them, and their labels there.
-WRITTEN: tuple[tuple[Sequence[str], Sequence[str], Sequence[str] | None], ...] = (
-    (POSE, ("q", "pose"), POSE_AXIS),
-    ((*VELOCITY, *GYRO), ("v", "twist"), TWIST_AXIS),
-    (("crank_angle",), ("crank_angle",), None),
-    (("crank_rate",), ("crank_rate",), None),
-    (JOINTS, ("q", "joint_angle"), JOINTS),
-    (RATES, ("v", "joint_rate"), JOINTS),
-    (("airspeed",), ("airspeed",), None),
-    (WIND, ("wind_W",), ("x", "y", "z")),
-    (("crank_torque",), ("crank_torque",), None),
-    (TORQUE_COLUMNS, ("motor_torque", "joint_torque"), JOINTS),
-    (THRUST, (THRUSTERS,), TWIST_AXIS),
-)
 FASTEST_CRANK = 60.0  # [Hz]: a faster one is in degrees
 LONGEST_SAMPLE_TIME = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
 FEWEST_SAMPLES = 3  # rates of a shorter record cannot be told
 HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+
+
+@dataclass(frozen=True)
+class ColumnGroup:
+    """Columns that a table has all of or none, and the channel of a log that they make.
+
+    Attributes:
+        channels: names of the channels that may hold them; reading makes the last one.
+        columns: unit -> names of columns, between blanks.
+        meaning: of the channel.
+        axis: name of the channel's second dimension; empty for a channel of one number.
+        labels: of the columns along it.
+        means: the channel has interval means.
+    """
+
+    channels: tuple[str, ...]
+    columns: dict[str, str]
+    meaning: str
+    axis: str = ""
+    labels: tuple[str, ...] = ()
+    means: bool = False
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Column -> unit."""
+        return {name: unit for unit, names in self.columns.items() for name in names.split()}
+
+
+QUATERNION, XYZ = "qx qy qz qw", ("x", "y", "z")
+
+RATES, TORQUES = " ".join(f"{name}_rate" for name in JOINTS), " ".join(f"torque_{name}" for name in JOINTS)
+THRUST = {"N": "thrust_fx thrust_fy thrust_fz", "N m": "thrust_mx thrust_my thrust_mz"}
+TWIST = {"m/s": "vx vy vz", "rad/s": "wx wy wz"}
+GROUPS = (
+    ColumnGroup(
+        ("q", "pose"),
+        {"m": "x y z", "-": QUATERNION},
+        "body placement in world: position, quaternion",
+        "pose_axis",
+        POSE_AXIS,
+    ),
+    ColumnGroup(("v", "twist"), TWIST, "body twist in body axes", "twist_axis", TWIST_AXIS),
+    ColumnGroup(("crank_angle",), {"rad": "crank_angle"}, "absolute crank angle t1"),
+    ColumnGroup(("crank_rate",), {"rad/s": "crank_rate"}, "rate of the crank angle"),
+    ColumnGroup(("q", "joint_angle"), {"rad": " ".join(JOINTS)}, "joint angles", "joint", JOINTS),
+    ColumnGroup(("v", "joint_rate"), {"rad/s": RATES}, "joint rates", "joint", JOINTS),
+    ColumnGroup(("airspeed",), {"m/s": "airspeed"}, "airspeed along the body's x axis"),
+    ColumnGroup(
+        ("wind_W",), {"m/s": "wind_x wind_y wind_z"}, "velocity of the air over ground, world axes", "axis", XYZ
+    ),
+    ColumnGroup(("crank_torque",), {"N m": "crank_torque"}, "motor torque at the crank", means=True),
+    ColumnGroup(
+        ("motor_torque", "joint_torque"), {"N m": TORQUES}, "motor torque at the joints", "joint", JOINTS, True
+    ),
+    ColumnGroup((THRUSTERS,), THRUST, "known wrench at the body COM", "twist_axis", TWIST_AXIS, True),
+)
+UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()}
 
 
 def read_csv(path: str | Path) -> FlightLog:
@@ -82,77 +111,51 @@ def read_csv(path: str | Path) -> FlightLog:
     text = TextTable(Path(path), "log", LogError)
     columns = _columns(text)
     _check(columns, text)
+    quaternion = np.array([columns[name] for name in QUATERNION.split()])
+    columns |= dict(zip(QUATERNION.split(), quaternion / np.linalg.norm(quaternion, axis=0), strict=True))
+    if "crank_angle" in columns:
+        columns["crank_angle"] = np.unwrap(columns["crank_angle"])
     time = columns["time"]
-    per_sample, per_interval = ("time",), ("interval",)
-    coords = {
-        "time": channel(time, per_sample, "s", "sample time"),
-        "interval": channel(time[:-1], per_interval, "s", "start of the interval"),
-        "pose_axis": list(POSE_AXIS),
+    coords: dict[str, Any] = {
+        "time": channel(time, ("time",), "s", "sample time"),
+        "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
-    pose = _stacked(columns, POSE)
-    pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
-    made = {"pose": channel(pose, ("time", "pose_axis"), "m, -", "body placement in world: position, quaternion")}
-    for names, title, meaning in (
-        ((*VELOCITY, *GYRO), "twist", "body twist in body axes"),
-        (JOINTS, "joint_angle", "joint angles"),
-        (RATES, "joint_rate", "joint rates"),
-        (WIND, "wind_W", "velocity of the air over ground, world axes"),
-    ):
-        if all(name in columns for name in names):
-            axis = {"twist": "twist_axis", "wind_W": "axis"}.get(title, "joint")
-            labels = {"twist_axis": list(TWIST_AXIS), "axis": ["x", "y", "z"], "joint": list(JOINTS)}
-            coords[axis] = labels[axis]
-            unit = ", ".join(dict.fromkeys(UNITS[name] for name in names))
-            made[title] = channel(_stacked(columns, names), ("time", axis), unit, meaning)
-    for name, meaning in (
-        ("crank_angle", "absolute crank angle t1"),
-        ("crank_rate", "rate of the crank angle"),
-        ("airspeed", "airspeed along the body's x axis"),
-    ):
-        if name in columns:
-            values = np.unwrap(columns[name]) if name == "crank_angle" else columns[name]
-            made[name] = channel(values, per_sample, UNITS[name], meaning)
-    if "crank_torque" in columns:
-        made["crank_torque"] = channel(
-            _interval_means(columns["crank_torque"]), per_interval, "N m", "motor torque at the crank"
-        )
-    if all(name in columns for name in TORQUE_COLUMNS):
-        coords["joint"] = list(JOINTS)
-        made["joint_torque"] = channel(
-            _interval_means(_stacked(columns, TORQUE_COLUMNS)),
-            ("interval", "joint"),
-            "N m",
-            "motor torque at the joints",
-        )
-    if all(name in columns for name in THRUST):
-        coords["twist_axis"] = list(TWIST_AXIS)
-        made[THRUSTERS] = channel(
-            _interval_means(_stacked(columns, THRUST)),
-            ("interval", "twist_axis"),
-            "N, N m",
-            "known wrench at the body COM",
-        )
+    made = {}
+    for group in GROUPS:
+        if all(name in columns for name in group.units):
+            values = np.column_stack([columns[name] for name in group.units])
+            values = 0.5 * (values[1:] + values[:-1]) if group.means else values
+            dims: tuple[str, ...] = ("interval" if group.means else "time",)
+            if group.axis:
+                dims = (*dims, group.axis)
+                coords[group.axis] = list(group.labels)
+            else:
+                values = values[:, 0]
+            unit = ", ".join(dict.fromkeys(group.units.values()))
+            made[group.channels[-1]] = channel(values, dims, unit, group.meaning)
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}))
 
 
 def write_csv(log: FlightLog, path: str | Path) -> None:
     """Write the measured side of a flight as a table that `read_csv` reads, units in the header.
 
-    Samples come back as they were, to ten digits; forces and torques smoothed over their neighbours, because a table
-    has samples where a log has interval means. What a log notes beside its channels, such as its robot, is not written.
+    Samples come back as they were, to ten digits; forces and torques come back smoothed over their neighbours. What a
+    log notes beside its channels, such as its robot, is not written.
 
     Raises:
         LogError: a known force has no column.
         OutputError: the file cannot be written.
     """
-    strange = [str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN) and name != THRUSTERS]
-    if strange:
-        raise LogError(f"flight log: a table has no column for {', '.join(strange)}: drop the channel first")
+    unwritten = [str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN) and name != THRUSTERS]
+    if unwritten:
+        raise LogError(f"flight log: a table has no column for {', '.join(unwritten)}: drop the channel first")
     columns = {"time": log.time}
-    for names, channels, labels in WRITTEN:
-        for values in (log.measured[name] for name in channels if name in log.measured):
-            table = values.values[:, None] if labels is None else values.sel({values.dims[1]: list(labels)}).values
-            columns |= dict(zip(names, (table if values.dims[0] == "time" else _samples(table)).T, strict=True))
+    for group in GROUPS:
+        for values in (log.measured[name] for name in group.channels if name in log.measured):
+            table = (
+                values.values[:, None] if not group.axis else values.sel({values.dims[1]: list(group.labels)}).values
+            )
+            columns |= dict(zip(group.units, (_samples(table) if group.means else table).T, strict=True))
     header = ",".join(f"{name} [{UNITS[name]}]" for name in columns)
     rows = (",".join(f"{value:.10g}" for value in row) for row in np.column_stack(list(columns.values())).tolist())
     try:
@@ -191,13 +194,13 @@ def _name(cell: str, path: Path) -> str:
 def _check(columns: dict[str, Array], text: TextTable) -> None:
     """Raise LogError unless the columns make a flight."""
     path = text.path
-    missing = [name for name in ("time", *POSE) if name not in columns]
+    missing = [name for name in ("time", *GROUPS[0].units) if name not in columns]
     if missing:
         raise LogError(f"log {path}: no column named {', '.join(missing)}")
-    for group in ((*VELOCITY, *GYRO), JOINTS, RATES, WIND, TORQUE_COLUMNS, THRUST):
-        there = [name for name in group if name in columns]
-        if there and len(there) < len(group):
-            absent = [name for name in group if name not in columns]
+    for group in GROUPS:
+        there = [name for name in group.units if name in columns]
+        absent = [name for name in group.units if name not in columns]
+        if there and absent:
             raise LogError(f"log {path}: {', '.join(there)} without {', '.join(absent)}: all of them or none")
     if "crank_rate" in columns and "crank_angle" not in columns:
         raise LogError(f"log {path}: crank_rate without crank_angle: the linkage closes at an angle")
@@ -212,7 +215,7 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
     step = float(np.median(steps))
     if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
-    norm = np.linalg.norm(_stacked(columns, POSE[3:]), axis=1)
+    norm = np.linalg.norm([columns[name] for name in QUATERNION.split()], axis=0)
     if np.any(np.abs(norm - 1.0) > 0.01):
         row = int(np.argmax(np.abs(norm - 1.0) > 0.01))
         raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
@@ -224,14 +227,6 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
         if name in columns and np.max(np.abs(columns[name])) > 2.0 * np.pi:
             row = int(np.argmax(np.abs(columns[name])))
             raise LogError(f"log {path}, line {text.line(row)}: {name} = {columns[name][row]:g}: radians were expected")
-
-
-def _stacked(columns: dict[str, Array], names: Sequence[str]) -> Array:
-    return np.column_stack([columns[name] for name in names])
-
-
-def _interval_means(samples: Array) -> Array:
-    return np.asarray(0.5 * (samples[1:] + samples[:-1]))
 
 
 def _samples(means: Array) -> Array:

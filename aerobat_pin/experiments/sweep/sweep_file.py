@@ -116,7 +116,7 @@ class Factors(_Table):
     def settings(self, factor: float) -> dict[str, Any]:
         """Return what a factor sets."""
         return {
-            key: [factor * one for one in reference] if isinstance(reference, list) else factor * reference
+            key: [factor * number for number in reference] if isinstance(reference, list) else factor * reference
             for key, reference in self.of.items()
         }
 
@@ -140,8 +140,8 @@ class SweepFile(_Table):
         for name in (name for name in names if names.count(name) > 1):
             raise ValueError(f"'{name}' is the name of two dimensions")
         varied = [*self.ranges, *(self.draws.values if self.draws else {})]
-        varied += [key for one in self.factors.values() for key in one.of]
-        varied += [key for sets in self.variants.values() for key in {key for one in sets.values() for key in one}]
+        varied += [key for factors in self.factors.values() for key in factors.of]
+        varied += [key for sets in self.variants.values() for key in {key for keys in sets.values() for key in keys}]
         if "simulation.seed" in varied:
             raise ValueError("simulation.seed is counted up by `seeds`; give their number there")
         for key in (key for key in varied if varied.count(key) > 1):
