@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from aerobat_pin.errors import LogError, OutputError
@@ -152,14 +153,11 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
     columns = {"time": log.time}
     for group in GROUPS:
         for values in (log.measured[name] for name in group.channels if name in log.measured):
-            table = (
-                values.values[:, None] if not group.axis else values.sel({values.dims[1]: list(group.labels)}).values
-            )
-            columns |= dict(zip(group.units, (_samples(table) if group.means else table).T, strict=True))
-    header = ",".join(f"{name} [{UNITS[name]}]" for name in columns)
-    rows = (",".join(f"{value:.10g}" for value in row) for row in np.column_stack(list(columns.values())).tolist())
+            array = values.sel({values.dims[1]: list(group.labels)}).values if group.axis else values.values[:, None]
+            columns |= dict(zip(group.units, (_samples(array) if group.means else array).T, strict=True))
+    table = pd.DataFrame({f"{name} [{UNITS[name]}]": values for name, values in columns.items()})
     try:
-        Path(path).write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+        table.to_csv(path, index=False, float_format="%.10g", lineterminator="\n")
     except OSError as error:
         raise OutputError(f"log {path}: cannot be written: {error.strerror or error}") from error
 
