@@ -53,6 +53,14 @@ class Scenario(Section):
     observers: ObserverSection = ObserverSection()
     believed: BelievedSection = BelievedSection()
 
+    def __repr__(self) -> str:
+        frames = ", ".join(dict.fromkeys(force.frame for force in self.unknown_force)) or "no frame"
+        return (
+            f"Scenario {self.name}: {self.description}\n"
+            f"  robot {self.robot.morphology}; {self.simulation.duration:g} s in steps of {self.simulation.dt:g} s, "
+            f"seed {self.simulation.seed}; unknown forces at {frames}; observers {', '.join(self.observers.names)}"
+        )
+
     @property
     def believed_robot(self) -> RobotSection:
         """The robot that the observers believe in."""

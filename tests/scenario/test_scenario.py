@@ -10,7 +10,7 @@ from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError,
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
 from aerobat_pin.robot.aerobat import load_morphology
-from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.scenario.scenario import load_scenario, parse_scenario, shipped_scenarios
 from aerobat_pin.scenario.toml import scenario_toml
 
 
@@ -22,6 +22,16 @@ def test_a_shipped_scenario_survives_writing_and_reading(name: str, tmp_path: Pa
     file.write_text(scenario_toml(scenario), encoding="utf-8")
     assert load_scenario(file) == scenario
     assert name in shipped_scenarios()
+
+
+def test_a_part_that_is_taken_off_in_python_is_off_in_the_written_scenario(tmp_path: Path) -> None:
+    """TOML has no null: `tail = None` is written as `tail = false`."""
+    values = load_scenario("paper").model_dump(exclude_none=True)
+    values["robot"]["changes"] = {"tail": None, "wing": {"force_point": None}}
+    scenario = parse_scenario(values, "without a tail")
+    (tmp_path / "again.toml").write_text(scenario_toml(scenario), encoding="utf-8")
+    assert load_scenario(tmp_path / "again.toml") == scenario
+    assert load_morphology("aerobat", scenario.robot.changes).tail is None
 
 
 def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
