@@ -50,5 +50,5 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     seed = config.getoption("randomly_seed", None)
     if seed is not None:
         terminalreporter.write_line(
-            f"random order: --randomly-seed={seed} repeats it, -p no:randomly runs file by file"
+            f"random order: --randomly-seed={seed} repeats it, -p no:randomly goes file by file"
         )

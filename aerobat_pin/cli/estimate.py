@@ -35,14 +35,14 @@ def estimate_command(
     """
     from aerobat_pin import experiments
     from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import belief_about, read_log, who_is_believed
+    from aerobat_pin.estimation import belief_about, describe_belief, read_log
 
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])
-    typer.echo(who_is_believed(belief, morphology, settings or []))
+    typer.echo(describe_belief(belief, morphology, settings or []))
     if self_check and not _passes_self_check(belief):
         raise typer.Exit(1)
     if flight is None:

@@ -1,6 +1,6 @@
 """From a flight log and a believed robot to known inputs, estimates and their scores."""
 
-from aerobat_pin.estimation.estimate import belief_about, check_names, estimate_log, read_log, who_is_believed
+from aerobat_pin.estimation.estimate import belief_about, check_names, describe_belief, estimate_log, read_log
 from aerobat_pin.estimation.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.estimation.known_inputs import KnownInputs, known_inputs
 from aerobat_pin.estimation.motion import motion
@@ -27,6 +27,7 @@ __all__ = [
     "Scores",
     "belief_about",
     "check_names",
+    "describe_belief",
     "estimate_log",
     "flight_summary",
     "known_inputs",
@@ -38,5 +39,4 @@ __all__ = [
     "self_check",
     "true_events",
     "true_force",
-    "who_is_believed",
 ]

@@ -12,7 +12,7 @@ import xarray as xr
 from support.commands import aerobat
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.estimate import belief_about, estimate_log, who_is_believed
+from aerobat_pin.estimation.estimate import belief_about, describe_belief, estimate_log
 from aerobat_pin.estimation.self_check import Check, self_check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.flight_log import FlightLog
@@ -87,12 +87,12 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
         (True, None, ["robot.changes.body.mass=0.07"], "aerobat_guard with changes, 80.8 g, as the log notes"),
     ],
 )
-def test_who_is_believed_is_said_with_the_reason(
+def test_the_believed_robot_is_named_with_the_reason(
     noted: bool, morphology: str | None, settings: list[str], told: str, paper: Experiment
 ) -> None:
     """A robot of another mass makes other forces: nobody is to believe one without knowing."""
     belief = belief_about(paper.log if noted else None, "x", morphology, [], settings)
-    assert who_is_believed(belief, morphology, settings) == f"believed: {told}"
+    assert describe_belief(belief, morphology, settings) == f"believed: {told}"
 
 
 @pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
@@ -111,7 +111,10 @@ def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
         (("hall.csv", "--observer", "oracle"), "choose from momentum, force_level"),
         (("hall.csv", "--morphology", "aerobot"), "no morphology named 'aerobot'"),
         (("hall.csv", "--set", "observers.gian=1"), "did you mean 'gain'"),
-        (("hall.csv", "--set", "crank.frequency=50"), "'crank.frequency' is nothing to believe of a recorded flight"),
+        (
+            ("hall.csv", "--set", "crank.frequency=50"),
+            "'crank.frequency' does not belong to the belief about a recorded flight",
+        ),
         (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
         (("broken.csv",), "unknown column 'height'"),
         (("notes.nc",), "cannot be read as NetCDF-4"),

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario import read_rows
+from aerobat_pin.scenario import TextTable
 from aerobat_pin.visualization.replay.recording import Recording, record
 
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
@@ -84,16 +84,8 @@ def _load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, p
 
 def _read_table(table: Path) -> tuple[list[str], Array]:
     """Return the columns' names without units, and their values (n, columns)."""
-    rows, lines = read_rows(table, "motion", LogError)
-    if len(rows) < 3:
+    text = TextTable(table, "motion", LogError)
+    numbers = text.numbers()
+    if len(numbers) < 2:
         raise LogError(f"motion {table}: a header and two rows or more were expected")
-    names = [re.sub(r"\[[^\]]*\]", "", cell).strip() for cell in rows[0]]
-    numbers = []
-    for line, row in zip(lines[1:], rows[1:], strict=True):
-        try:
-            numbers.append([float(cell) for cell in row])
-        except ValueError as error:
-            raise LogError(f"motion {table}, line {line}: {error}") from error
-        if len(row) != len(names) or not np.all(np.isfinite(numbers[-1])):
-            raise LogError(f"motion {table}, line {line}: {len(names)} finite numbers were expected")
-    return names, np.array(numbers)
+    return text.names, numbers
