@@ -5,9 +5,11 @@ PYTHONS := 3.11 3.12 3.13
 HEART := tests/description/test_description.py tests/description/test_portability.py tests/description/test_other_tools.py \
 	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
+# Each writes the pages and figures that its first line names.
+SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-python docs bench clean
+.PHONY: demo test test-python coverage docs bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -29,12 +31,21 @@ test-python:
 		$(VENV)-$(VERSION)/bin/python -m pytest $(HEART); \
 	fi
 
+# Lines of aerobat_pin that no test runs; processes that tests start count too.
+coverage: $(VENV)/.installed-test
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --fail-under=95
+
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 docs: $(VENV)/.installed-test
-	$(BIN)/python docs/scripts/pictures.py
-	$(BIN)/python docs/scripts/regenerate.py
+	@for script in $(SCRIPTS); do \
+		echo "docs/scripts/$$script.py"; \
+		PYTHONPATH=tests $(BIN)/python docs/scripts/$$script.py || exit 1; \
+	done
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

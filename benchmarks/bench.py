@@ -8,6 +8,7 @@ the lowest and the highest round beside it. Nothing fails here: benchmarks infor
     python benchmarks/bench.py --quick               a glance
     python benchmarks/bench.py --save before.json    keep the figures
     python benchmarks/bench.py --compare before.json measure again and print what changed
+    python benchmarks/bench.py --against FOLDER      measure another checkout too, in turn, five times each
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from against import against
 from measure import Call, Figure, Part, figure, interleaved
 from sweeping import sweep_figures
 
@@ -226,7 +228,7 @@ def absolute_figures(rounds: int) -> Iterator[Figure]:
 def process_figures(count: int) -> Iterator[Figure]:
     """Whole processes, from start to exit, caches warm."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    program = [sys.executable, "-m", "aerobat_pin.cli"]
+    program = [sys.executable, "-m", "aerobat_pin"]
     with tempfile.TemporaryDirectory() as folder:
         commands = {
             "python -c pass": ([sys.executable, "-c", "pass"], None),
@@ -283,7 +285,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer rounds, and each process only once")
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="write the figures to a file")
     parser.add_argument("--compare", type=Path, metavar="FILE.json", help="print the change since saved figures")
+    parser.add_argument("--against", type=Path, metavar="FOLDER", help="compare with another checkout, run by run")
     chosen = parser.parse_args()
+    if chosen.against:
+        print("\n".join(against(chosen.against.resolve(), ["--quick"] if chosen.quick else [])))
+        return
     before = json.loads(chosen.compare.read_text(encoding="utf-8")) if chosen.compare else None
     rounds, runs = (3, 1) if chosen.quick else (15, 5)
     conditions = machine()

@@ -1,4 +1,4 @@
-"""Flights that several test files look at, flown once."""
+"""Flights that several test files look at, flown once; and the seed of the random order in which tests run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.write_all import write_all
+from aerobat_pin.visualization.write_all import write_figures_and_pages
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +27,7 @@ def paper_folder(paper: Experiment, tmp_path_factory: pytest.TempPathFactory) ->
     """Return the folder with everything that `aerobat run paper` writes."""
     target = tmp_path_factory.mktemp("paper")
     write(paper, target)
-    write_all(paper, target)
+    write_figures_and_pages(paper, target)
     return target
 
 
@@ -43,3 +43,12 @@ def paper_plant() -> Plant:
     """Build the paper's plant."""
     scenario = load_scenario("paper")
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how to run the tests in the same order again."""
+    seed = config.getoption("randomly_seed", None)
+    if seed is not None:
+        terminalreporter.write_line(
+            f"random order: --randomly-seed={seed} repeats it, -p no:randomly goes file by file"
+        )

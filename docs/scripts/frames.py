@@ -1,8 +1,10 @@
-"""Draw the description's frames: `make docs`, or `python docs/frames.py`."""
+"""Draw the description's frames; `--check` says instead whether every kind of frame has its name in the picture."""
 
 from __future__ import annotations
 
+import argparse
 import io
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,7 +19,7 @@ from PIL import Image
 from aerobat_description import PACKAGE_PATH
 from aerobat_description.meshes import parts
 from aerobat_pin.robot import Aerobat, load_aerobat
-from aerobat_pin.visualization.style import AXES, INK, MUTED, RC
+from aerobat_pin.visualization.style import AXIS_COLOURS, INK, MUTED, RC
 
 PICTURE = Path(PACKAGE_PATH, "frames.png")
 ARROW = 0.024  # [m]
@@ -73,7 +75,7 @@ def draw_view(axes: Axes, robot: Aerobat, q: np.ndarray, view: np.ndarray, names
     for name, offset in names.items():
         place = data.oMf[model.getFrameId(name)]
         origin = view @ place.translation
-        for axis, colour in zip(place.rotation.T, AXES, strict=True):
+        for axis, colour in zip(place.rotation.T, AXIS_COLOURS, strict=True):
             tip = view @ (place.translation + ARROW * axis)
             if np.linalg.norm((tip - origin)[:2]) < 0.1 * ARROW:  # along the line of sight: a dot
                 axes.plot(*origin[:2], "o", color=colour, markersize=4.0, zorder=4)
@@ -111,13 +113,27 @@ def figure() -> Figure:
         flat.set_xlim(-0.06, 0.215)
         flat.set_ylim(-0.045, 0.06)
         bent.autoscale_view()
-        for name, colour, place in zip("xyz", AXES, (0.90, 0.93, 0.96), strict=True):
+        for name, colour, place in zip("xyz", AXIS_COLOURS, (0.90, 0.93, 0.96), strict=True):
             page.text(place, 0.965, name, color=to_rgb(colour), fontsize=11, weight="bold")
     return page
 
 
+def differences() -> list[str]:
+    """Return the frames of the robot that the picture does not name, and the names in it that no frame has."""
+    labels = {text.get_text().split("\n")[0] for axes in figure().axes for text in axes.texts} - {""}
+    model = load_aerobat().model
+    frames = {frame.name for frame in model.frames if frame.name.startswith(("base_link", "left_", "right_"))}
+    frames = {name for name in frames if "fixed" not in name and model.existBodyName(name)}
+    unnamed = frames - labels - {"right_linkage_J1", "right_linkage_J8"}  # the left ones stand for these
+    return [f"{name} is not named" for name in unnamed] + [f"{name} is no frame" for name in labels - frames]
+
+
 def main() -> None:
     """Write the picture into the description with 128 colours and without a date: small, and the same every time."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 where a frame has no name")
+    if parser.parse_args().check:
+        sys.exit("\n".join(differences()) or 0)
     drawn = io.BytesIO()
     figure().savefig(drawn, dpi=140)
     Image.open(drawn).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(PICTURE, optimize=True)

@@ -1,121 +1,21 @@
-"""Write docs/observer_results.md and its figure: every observer on `observer_benchmark`, under the same conditions."""
+"""Write docs/observer_results.md and its figure: every observer under the same conditions; `--check` compares the prose."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pinocchio as pin
+from support.observer_conditions import CONDITIONS, SEEDS, TUNING, estimated, flown, worst
+from support.pages import HOLE, ROOT, Part, run
 
-from aerobat_pin.estimation import KnownInputs, known_inputs, true_force
-from aerobat_pin.flight import simulate
-from aerobat_pin.observers import OBSERVERS, Estimate
+from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.observers.kalman.kalman import SENSOR_NOISE
-from aerobat_pin.robot import FORCE_POINTS, load_robot
-from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style
 
-SEEDS = (1, 2, 3, 4, 5)
+PAGE = "docs/observer_results.md"
 FILTERS = ("force_level", "second_order")  # `momentum` differs from `force_level` in the third digit
-# One tuning for every condition. 0.7 N/sqrt(s) is 0.15 N, the force's standard deviation, in 46 ms, about a quarter of a
-# wingbeat. The rest is how good the belief is said to be: air to 20 %, mass to 5 %.
-TUNING: dict[str, dict[str, Any]] = {
-    name: {"force_walk": 0.7, "known_error": {"aerodynamic": 0.2}, "mass_error": 0.05}
-    for name in ("kalman", "smoother")
-}
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What is wrong with the inputs, and how large the right wing's force is beside the left one's."""
-
-    name: str
-    noise: float = 0.0
-    mass: float = 1.0
-    air: float = 1.0
-    share: float = 1.0
-
-
-CONDITIONS = (
-    Condition("exact"),
-    Condition("velocity noise", noise=1.0),
-    Condition("mass +5 %", mass=1.05),
-    Condition("air +20 %", air=1.2),
-    Condition("all three", noise=1.0, mass=1.05, air=1.2),
-    Condition("all three, left wing only", noise=1.0, mass=1.05, air=1.2, share=0.0),
-    Condition("all three, right = -0.5 left", noise=1.0, mass=1.05, air=1.2, share=-0.5),
-)
-
-
-def scenario(seed: int, share: float) -> Scenario:
-    """Return the benchmark with the right wing's force scaled by a share of its own."""
-    given = load_scenario("observer_benchmark", [f"simulation.seed={seed}"])
-    forces = []
-    for force in given.unknown_force:
-        if force.frame == FORCE_POINTS[1]:
-            if share == 0.0:
-                continue
-            along = tuple(float(np.sign(share)) * x for x in force.direction)
-            size = {name: abs(share) * getattr(force, name) for name in ("amplitude", "noise", "step")}
-            force = force.model_copy(update={"direction": along, **size})
-        forces.append(force)
-    return given.model_copy(update={"unknown_force": tuple(forces)})
-
-
-class Flight(NamedTuple):
-    """A flight: the model, exact inputs, and the forces (m, 2, 3) with and without their noise [N]."""
-
-    model: pin.Model
-    inputs: KnownInputs
-    noisy: np.ndarray
-    clean: np.ndarray
-
-
-@cache
-def flown(seed: int, share: float) -> Flight:
-    """Fly the benchmark with the right wing's force scaled by a share of its own."""
-    chosen = scenario(seed, share)
-    log, robot = simulate(chosen), load_robot(chosen)
-    noisy, clean = (np.stack([true_force(log, name)[i] for name in FORCE_POINTS], axis=1) for i in range(2))
-    return Flight(robot.model, known_inputs(log, robot), noisy, clean)
-
-
-def estimated(
-    name: str,
-    seed: int,
-    condition: Condition,
-    gain: float = 1000.0,
-    rows: Any = "all",
-    tuning: dict[str, dict[str, Any]] = TUNING,
-) -> Estimate:
-    """Run an observer on a flight whose velocities are noisy and whose belief is wrong."""
-    flight = flown(seed, condition.share)
-    model, inputs = flight.model.copy(), flight.inputs
-    for i, inertia in enumerate(flight.model.inertias.tolist()):
-        model.inertias[i] = pin.Inertia(condition.mass * inertia.mass, inertia.lever, condition.mass * inertia.inertia)
-    spread = condition.noise * np.repeat(SENSOR_NOISE, [3, 3, 4])
-    v = inputs.v + spread * np.random.default_rng([seed, 77]).standard_normal(inputs.v.shape)
-    known = {key: values * (condition.air if key == "aerodynamic" else 1.0) for key, values in inputs.known.items()}
-    observer = OBSERVERS[name](model, FORCE_POINTS, gain, rows, **tuning.get(name, {}))
-    return observer.run(inputs.time, inputs.q, v, inputs.tau, known)
-
-
-def worst(name: str, condition: Condition, gain: float = 1000.0, *, noisy: bool = False) -> np.ndarray:
-    """Return R2 (x, y, z) of the worse wing and worst seed against the noise-free or the noisy truth.
-
-    Errors of both wings are set against the variance of the left one's force: the right one's may be small or none.
-    """
-    scores = []
-    for seed in SEEDS:
-        flight = flown(seed, condition.share)
-        true = flight.noisy if noisy else flight.clean
-        error = estimated(name, seed, condition, gain).force - true
-        scores.append(1.0 - np.mean(error**2, axis=0) / np.var(true[:, 0], axis=0))
-    return np.min(np.array(scores), axis=(0, 1))
 
 
 def cells(values: np.ndarray) -> str:
@@ -185,45 +85,53 @@ def comparison(path: Path) -> None:
         plt.close(figure)
 
 
-def write(docs: Path) -> None:
-    """Write the page and its figure."""
-    comparison(docs / "figures" / "observers.png")
-    (docs / "observer_results.md").write_text(
-        f"""# Observers compared
+def page(exact: str, conditions: str, squeeze: str) -> str:
+    """Return docs/observer_results.md around its tables."""
+    return f"""# Observers compared
 
-Written by `make docs`. `observer_benchmark`: the 20 g robot at 6 Hz and 1 kHz, the paper's signal on all three axes of both
-wings, all joint torques measured. R2 of Fx / Fy / Fz, worse wing, worst of seeds {SEEDS[0]} to {SEEDS[-1]}, one tuning for all.
+`make docs` writes this page. The flight is `observer_benchmark`: the 20 g robot flaps at 6 Hz and is sampled at 1 kHz, the
+paper's signal pushes along all three axes of both wings, and all joint torques are measured. A cell has the R2 of
+Fx / Fy / Fz, for the worse wing and the worst of seeds {SEEDS[0]} to {SEEDS[-1]}. An observer has one tuning for all conditions;
 [observers.md](observers.md) says what each observer is.
 
 ## Exact model, against the noisy truth
 
-{exact_table()}
+{exact}
 
 ## What noise and a wrong belief cost, against the noise-free truth
 
-Velocity noise is {SENSOR_NOISE[0]} m/s, {SENSOR_NOISE[1]} rad/s and {SENSOR_NOISE[2]} rad/s a sample (linear, gyro, joints). A filter with a gain
-trades noise for lag, and nothing helps it against a wrong belief. `kalman` and `smoother` are told the noise,
-that the air may be wrong by 20 % and the mass by 5 %, and that a force walks 0.7 N in a root second;
-[design note 7](design/0007-kalman.md) has the trail to these settings. Where one wing's force is small or none, its errors
-are set against the other's variance.
+The noise of a velocity sample is {SENSOR_NOISE[0]} m/s (linear), {SENSOR_NOISE[1]} rad/s (gyro) and {SENSOR_NOISE[2]} rad/s (joints). A filter with a gain
+trades noise for lag, and no gain helps against a wrong model. `kalman` and `smoother` know how large the noise is, and that
+the air may be wrong by 20 % and the mass by 5 %; they take a force for a random walk of 0.7 N per root second.
+[Design note 7](design/0007-kalman.md) tells how these settings were found. Where one wing's force is small or zero, its
+errors are set against the variance of the other wing's.
 
-{condition_table()}
+{conditions}
 
 ![Every observer on the paper's signal](figures/observers.png)
 
-Left wing along z, everything wrong at once, seed 1, around the step. The band is two of the filter's own standard
-deviations.
+The figure shows Fz on the left wing around the step, with noise, wrong mass and wrong air at once, seed 1. The band is two
+of the filter's own standard deviations to each side.
 
 ## What cannot be seen is not made up
 
-Base rows alone, as without a torque sensor: a pair of forces that squeezes the body along the line between the wings leaves
-no trace.
+With the base rows alone, as without a torque sensor, a pair of forces that squeezes the body along the line between the
+wings leaves no trace. Every observer reports it.
 
-{squeeze_table()}
-""",
-        encoding="utf-8",
-    )
+{squeeze}
+"""
+
+
+def write() -> None:
+    """Write the page and its figure."""
+    comparison(ROOT / "docs" / "figures" / "observers.png")
+    (ROOT / PAGE).write_text(page(exact_table(), condition_table(), squeeze_table()), encoding="utf-8")
+
+
+def parts() -> Iterator[Part]:
+    """Yield the page without its tables."""
+    yield Part(PAGE, "prose", page(HOLE, HOLE, HOLE))
 
 
 if __name__ == "__main__":
-    write(Path(__file__).resolve().parents[1])
+    run(write, parts)

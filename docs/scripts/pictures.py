@@ -1,4 +1,4 @@
-"""Render the robot for docs/robot.md, off screen with MuJoCo: `make docs`, or `python docs/pictures.py`."""
+"""Render the robot for docs/robot.md, off screen with MuJoCo: `make docs`, or `python docs/scripts/pictures.py`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,11 @@
-"""Write docs/studies.md and its figures: the shipped sweeps, flown and drawn."""
+"""Write docs/studies.md and its figures: the shipped sweeps, flown and drawn; `--check` compares the prose."""
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
+from support.pages import HOLE, ROOT, Part, run
 
 from aerobat_pin.experiments import load_sweep, shipped_sweeps
 from aerobat_pin.experiments.sweep import run_sweep
 from aerobat_pin.visualization import style
 
+PAGE, FIGURES = "docs/studies.md", ROOT / "docs" / "figures" / "studies"
 SPAN, CHORD = "robot.changes.scale.span", "robot.changes.scale.chord"
 SPEED, FREQUENCY = "flight.velocity.0", "crank.frequency"
 NOISE, GAIN, STEP = "unknown_force.*.noise", "observers.gain", "simulation.dt"
@@ -73,8 +77,8 @@ def _heat(axes: Any, values: xr.DataArray) -> None:
         text = f"{value:.4f}" if value > 0.9 else f"{value:.2f}"
         axes.text(k, i, text, ha="center", va="center", fontsize=8, color="black" if value > 0.55 else "white")
     down, right = (values[name].values for name in values.dims)
-    axes.set_yticks(range(len(down)), [str(one) for one in down])
-    axes.set_xticks(range(len(right)), [str(one) for one in right])
+    axes.set_yticks(range(len(down)), [str(value) for value in down])
+    axes.set_xticks(range(len(right)), [str(value) for value in right])
     axes.grid(visible=False)
 
 
@@ -109,7 +113,9 @@ def model_error(grid: xr.Dataset) -> Figure:
         axes = figure.add_subplot(1, 3, k + 1)
         for i, axis in enumerate(AXES):
             wrong = 100.0 * (grid[key].values / truth - 1.0)
-            axes.plot(wrong, 1e3 * found.sel(axis=axis), MARKERS[i], ms=3, color=style.AXES[i], label=f"F{axis}")
+            axes.plot(
+                wrong, 1e3 * found.sel(axis=axis), MARKERS[i], ms=3, color=style.AXIS_COLOURS[i], label=f"F{axis}"
+            )
         axes.set(xlabel="believed too high [%]", title=name, ylim=(0.0, None))
         if k == 0:
             axes.set_ylabel("error rms [mN]")
@@ -131,7 +137,7 @@ def sample_rate(grid: xr.Dataset) -> Figure:
             line = values.sel({GAIN: gain})
             axes.plot(1e3 * found[STEP], line, color=SHADES[i], marker=MARKERS[i], label=f"K = {gain:.0f} 1/s")
         axes.set(xscale="log", yscale=scale, xlabel="sample time [ms]", ylabel=label)
-        axes.set_xticks(1e3 * found[STEP].values, [f"{1e3 * one:g}" for one in found[STEP].values])
+        axes.set_xticks(1e3 * found[STEP].values, [f"{1e3 * step:g}" for step in found[STEP].values])
         axes.set_xticks([], minor=True)
         if scale == "log":
             axes.set(ylim=(1e-3, 1e-1))
@@ -170,33 +176,58 @@ def noise_table(grid: xr.Dataset, least: float) -> str:
     for label, chosen in FILTERS.items():
         enough = found["noise"].where(found.sel(chosen) >= least).max("noise")
         cells = (float(enough.sel(axis=axis)) for axis in AXES)
-        rows.append(f"| {label} | {' | '.join('none' if np.isnan(one) else f'{one:.1g}' for one in cells)} |")
+        rows.append(f"| {label} | {' | '.join('none' if np.isnan(cell) else f'{cell:.1g}' for cell in cells)} |")
     return "\n".join(rows)
 
 
-def page(grids: dict[str, xr.Dataset]) -> str:
-    """Return docs/studies.md."""
+FOUND = (
+    "lowest known",
+    "five percent more span",
+    "best gains",
+    "noise that leaves 0.9",
+    "kalman",
+    "smoother",
+    "worst tenth",
+)
+
+
+def results(grids: dict[str, xr.Dataset]) -> dict[str, str]:
+    """Return what the page says that only the sweeps' results tell, by the names of `FOUND`."""
     known, built = (
         grids["morphology"]["r2"].sel(observer="momentum", point="left", belief=name) for name in ("known", "as built")
     )
     usual = built.sel({SPAN: 1.05, CHORD: 1.0, "elbow": "as built", SPEED: 3.0, FREQUENCY: 4.75}).squeeze("seed")
-    at = ", ".join(f"{float(usual.sel(axis=axis)):.2f}" for axis in AXES)
     gains = grids["gain_noise"]["r2_noise_free"].sel(observer="force_level", point="left", axis="z").mean("seed")
-    best = [(float(one), float(gains.sel({NOISE: one}).idxmax(GAIN))) for one in gains[NOISE].values if one > 0.0]
-    rows = "\n".join(f"| {1e3 * one:.0f} mN | {gain:.0f} 1/s |" for one, gain in best)
+    noises = [float(noise) for noise in gains[NOISE].values if noise > 0.0]
+    best = [f"| {1e3 * noise:.0f} mN | {float(gains.sel({NOISE: noise}).idxmax(GAIN)):.0f} 1/s |" for noise in noises]
     drawn = grids["model_error"]["r2"].sel(observer="force_level", point="left").squeeze("seed")
-    tenth = ", ".join(f"{float(drawn.sel(axis=axis).quantile(0.1)):.2f}" for axis in AXES)
-    tried = load_sweep("sensor_noise").file
-    noise = {name: tried.factors["noise"].of[f"sensors.{name}.noise"] for name in ("velocity", "gyro", "joint_rate")}
     noisy = grids["sensor_noise"]["r2_noise_free"].sel(point="left", noise=1.0, axis=["y", "z"]).mean("seed")
     kalman, smoother = (
-        " and ".join(f"{float(one):.2f}" for one in noisy.sel(FILTERS[f"`{name}`"])) for name in ("kalman", "smoother")
+        " and ".join(f"{float(r2):.2f}" for r2 in noisy.sel(FILTERS[f"`{name}`"])) for name in ("kalman", "smoother")
     )
-    counts = {name: int(np.prod(grid["failed"].shape)) for name, grid in grids.items()}
+    texts = (
+        f"{float(known.min()):.4f}",
+        ", ".join(f"{float(usual.sel(axis=axis)):.2f}" for axis in AXES),
+        "\n".join(best),
+        noise_table(grids["sensor_noise"], 0.9),
+        kalman,
+        smoother,
+        ", ".join(f"{float(drawn.sel(axis=axis).quantile(0.1)):.2f}" for axis in AXES),
+    )
+    return dict(zip(FOUND, texts, strict=True))
+
+
+def page(found: Mapping[str, str]) -> str:
+    """Return docs/studies.md around the results of the sweeps."""
+    sweeps = {name: load_sweep(name) for name in shipped_sweeps()}
+    runs = {name: math.prod(sweep.shape) for name, sweep in sweeps.items()}
+    tried = sweeps["sensor_noise"].file
+    noise = {name: tried.factors["noise"].of[f"sensors.{name}.noise"] for name in ("velocity", "gyro", "joint_rate")}
     return f"""# Studies
 
-Written by `make docs`, which flies the sweeps that it shows. Each is a file of a few lines in
-[`aerobat_pin/experiments/sweep/shipped`](../aerobat_pin/experiments/sweep/shipped); `aerobat sweep NAME` flies it again, a copy of the file makes it yours.
+`make docs` writes this page and flies the sweeps that it shows. Each sweep is a file of a few lines in
+[`aerobat_pin/experiments/sweep/shipped`](../aerobat_pin/experiments/sweep/shipped). `aerobat sweep NAME` flies it again; to
+change it, copy the file.
 
 ```sh
 aerobat sweep morphology                        # all processors; a minute on two
@@ -204,9 +235,9 @@ aerobat sweep mine.toml --jobs 4 --out runs/mine
 aerobat sweep mine.toml --cluster tcp://10.0.0.1:8786
 ```
 
-Interrupted, whatever the reason, the same command goes on: every finished run is on the disk, none is flown twice. A run
-that fails is in the tables with its reason. `results.nc` is one grid labelled by what was varied, `results.csv` one row a
-run.
+After an interruption, whatever its reason, the same command goes on: every finished run is on the disk, and none is flown
+twice. A run that fails stands in the tables with its reason. `results.nc` is one grid whose dimensions are what was varied;
+`results.csv` has a row for each run.
 
 ```python
 import xarray as xr
@@ -219,15 +250,15 @@ grid["r2"].sel({{"crank.frequency": 4.75, "observer": "momentum", "axis": "z"}})
 
 | table or key | makes |
 |---|---|
-| `name` | must be there: of the sweep, and of its folder below `runs/` |
-| `description` | a line that says what it is for; may be missing |
+| `name` | required: the name of the sweep, and of its folder below `runs/` |
+| `description` | optional: a line that says what the sweep is for |
 | `base` | the scenario that every run starts from: a shipped name, or a file beside this one |
-| `[set]` | dotted keys that are set in it |
+| `[set]` | dotted keys that every run changes in it |
 | `[ranges]` | a dimension for each dotted key: a list, or `{{from = 50, to = 3200, count = 7, spacing = "log"}}` |
-| `[factors.NAME]` | a dimension NAME of `values`, a list or range of factors, `of` several keys: `[factors.NAME.of]` says what each is at a factor of 1 |
+| `[factors.NAME]` | a dimension NAME that scales several keys together: `values` is a list or range of factors, and `[factors.NAME.of]` has the value of each key at a factor of 1 |
 | `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
-| `[draws]` | the dimension `draw`: `count` draws, with a `seed` of their own, of the keys in `[draws.values]`: `{{distribution = "uniform", low, high}}`, `log_uniform`, or `{{distribution = "normal", mean, deviation}}` |
-| `seeds` | the dimension `seed`: how many, counted up from the base scenario's |
+| `[draws]` | the dimension `draw`: `count` random draws, with a `seed` of their own, of the keys in `[draws.values]`, each `{{distribution = "uniform", low, high}}`, `log_uniform`, or `{{distribution = "normal", mean, deviation}}` |
+| `seeds` | the dimension `seed`: how many seeds, counted up from that of the base scenario |
 
 ```toml
 # mine.toml
@@ -240,80 +271,86 @@ seeds = 2
 "unknown_force.*.noise" = [0.01, 0.03]
 ```
 
-The runs are all combinations, with the same draws for each. A number in a key is a place in a list
-(`flight.velocity.0`), a `*` all of them (`unknown_force.*.noise`). What the observers *believe* is a key like any other.
+The runs are all combinations of the dimensions, and every combination has the same draws. In a key, a number is a place in
+a list (`flight.velocity.0`) and a `*` is every place (`unknown_force.*.noise`). What the observers *believe* is varied like
+any other key.
 
-On a cluster the workers must have the same versions installed, and see the user's own morphology files under the same
-path. Start each with one thread: flights do not share a processor well.
+On a cluster the workers must have the same versions installed, and must see your own morphology files under the same path.
+Start each worker with one thread: flights that share a processor slow each other down.
 
 ## Wing morphology and flight condition
 
-`morphology`, {counts["morphology"]} runs of 1 s at K = 1000 1/s, left wing, R2 against the noisy truth. The observer that knows
-the wings finds the forces on all of them, in every flight condition: R2 is {float(known.min()):.4f} at the lowest.
+`morphology` has {runs["morphology"]} runs of 1 s at K = 1000 1/s. The figures show R2 against the noisy truth, on the left wing. An
+observer that knows the wings finds the forces on all of them, in every flight condition: the lowest R2 is {found["lowest known"]}.
 
 ![R2 where the robot is known](figures/studies/morphology_known.png)
 
-The observer that believes every wing to be as built does not: span and chord change masses and air together, and 5 %
-more span leaves {at} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are small beside the forces of inertia and air, so
-they go first. Elbow timing costs less: the joints are measured, and what is wrong is the motion between two samples.
+An observer that believes every wing to be as built does not. Span and chord change masses and air forces together: 5 % more
+span leaves an R2 of {found["five percent more span"]} for Fx, Fy, Fz at 3 m/s and 4.75 Hz. Fx and Fy are lost first, because they are small
+beside the forces of inertia and air. The elbow's timing costs less, because the joints are measured and only the motion
+between two samples is wrong.
 
 ![R2 where the robot is believed to be as built](figures/studies/morphology_as_built.png)
 
 ## Gain against the noise of the force
 
-`gain_noise`, {counts["gain_noise"]} runs of 2 s. Noise here is a part of the force: against the noisy truth more gain is always
-better, against the noise-free one there is a best gain, and it falls as the noise grows.
+`gain_noise` has {runs["gain_noise"]} runs of 2 s. The noise here is a part of the force. Against the noisy truth more gain is always
+better; against the noise-free truth there is a best gain, which falls as the noise grows.
 
 | noise | best gain tried |
 |---|---|
-{rows}
+{found["best gains"]}
 
 ![1 - R2 over the gain](figures/studies/gain_noise.png)
 
 ## Noise of the sensors
 
-`sensor_noise`, {counts["sensor_noise"]} runs of 2 s. Every sample of the velocities is noisy: at the reference by {noise["velocity"]} m/s
-(linear), {noise["gyro"]} rad/s (gyro) and {noise["joint_rate"]} rad/s (joints); the scenario `noisy_sensors` has a quarter to two fifths of
-it. Positions and angles are exact. `force_level` has three gains; `kalman` and `smoother` have none, but are told the noise
-and that a force walks {tried.set["observers.kalman.force_walk"]} N in a root second. The most noise tried that leaves an R2 of 0.9:
+`sensor_noise` has {runs["sensor_noise"]} runs of 2 s. Every velocity sample is noisy; the reference is {noise["velocity"]} m/s (linear), {noise["gyro"]} rad/s (gyro) and
+{noise["joint_rate"]} rad/s (joints), and the scenario `noisy_sensors` has a quarter to two fifths of it. Positions and angles are exact.
+`force_level` is tried with three gains. `kalman` and `smoother` have no gain; they know how large the noise is, and take a
+force for a random walk of {tried.set["observers.kalman.force_walk"]} N per root second. The most noise tried that leaves an R2 of 0.9, over the reference:
 
-{noise_table(grids["sensor_noise"], 0.9)}
+{found["noise that leaves 0.9"]}
 
-A filter with a gain is limited by its lag where there is little noise, and by the noise, which it lets
-through nearly in proportion to K, where there is more. Those that weigh one against the other leave {kalman} (`kalman`)
-and {smoother} (`smoother`) of R2 for Fy and Fz at the reference. Fx is a fourteenth of Fy, and drowns first. One walk for all
-axes is too quick for it: a gain can do better there.
+Where there is little noise, a filter with a gain is limited by its lag; where there is more, by the noise, which it lets
+through nearly in proportion to K. The two observers that weigh noise against lag reach an R2 of {found["kalman"]} (`kalman`) and
+{found["smoother"]} (`smoother`) for Fy and Fz at the reference. Fx is a fourteenth of Fy and is lost first. All axes share one random
+walk, which is too quick for Fx: there a filter with a gain can do better.
 
 ![1 - R2 over the noise of the sensors](figures/studies/sensor_noise.png)
 
 ## What a wrong belief costs
 
-`model_error`, {counts["model_error"]} runs of 2 s; air density, body and wing masses are drawn with deviations of 5, 2 and 5 %. One
-belief in ten leaves less than {tenth} of R2 for Fx, Fy, Fz. The error of Fz follows the mass of
-the wings, which flapping shakes; Fy takes a share of every wrong belief.
+`model_error` has {runs["model_error"]} runs of 2 s, in which the believed air density, body mass and wing mass are drawn with standard
+deviations of 5, 2 and 5 %. One belief in ten leaves an R2 below {found["worst tenth"]} for Fx, Fy, Fz. The error of Fz follows the
+believed mass of the wings, because flapping accelerates it; every wrong belief adds to the error of Fy.
 
 ![Error over wrong beliefs](figures/studies/model_error.png)
 
 ## Sample rate
 
-`sample_rate`, {counts["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a coarser clock does not
-disturb them; the truth is the interval's mean, and of a longer one the noise averages out. What a coarse clock takes is
-time resolution, and the air's states at more strips or speed.
+`sample_rate` has {runs["sample_rate"]} runs of 2 s. The observers filter exactly between samples, so a longer sample time does not disturb
+them. The truth is the mean over an interval, and over a longer interval its noise averages out. What a longer sample time
+costs is resolution in time and, with more strips or at a higher speed, the stability of the air's states.
 
 ![1 - R2 and lag over the sample time](figures/studies/sample_rate.png)
 """
 
 
-def write(docs: Path) -> None:
-    """Fly the shipped sweeps, draw them below `docs`, and write the page."""
-    folder = docs / "figures" / "studies"
-    folder.mkdir(parents=True, exist_ok=True)
+def write() -> None:
+    """Fly the shipped sweeps, draw them, and write the page."""
+    FIGURES.mkdir(parents=True, exist_ok=True)
     grids = {}
     with tempfile.TemporaryDirectory() as work:
         for name in shipped_sweeps():
             grids[name] = run_sweep(load_sweep(name), Path(work) / name, jobs=len(os.sched_getaffinity(0)))
-    draw(grids, folder)
-    (docs / "studies.md").write_text(page(grids), encoding="utf-8")
+    draw(grids, FIGURES)
+    (ROOT / PAGE).write_text(page(results(grids)), encoding="utf-8")
+
+
+def parts() -> Iterator[Part]:
+    """Yield the page without the results of the sweeps."""
+    yield Part(PAGE, "prose", page(dict.fromkeys(FOUND, HOLE)))
 
 
 def draw(grids: dict[str, xr.Dataset], folder: Path) -> None:
@@ -332,4 +369,4 @@ def draw(grids: dict[str, xr.Dataset], folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write(Path(__file__).resolve().parents[1])
+    run(write, parts)

@@ -1,7 +1,7 @@
 """The lifting line agrees with the classics: Wagner, Theodorsen and Garrick in two dimensions, Prandtl in three.
 
 Two dimensions are the limit of a span far larger than the chord (1e9 m here), which leaves no downwash. Angles are
-small: the normal velocity of a section at incidence a and speed U is U a. Flapping is in test_stroke.py.
+small: the normal velocity of a section at incidence a and speed U is U a. Flapping is in test_flapping_wing.py.
 """
 
 from __future__ import annotations
@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.references import (
+from support.references import (
     LATTICE_START,
     elliptic,
     jones,
@@ -22,6 +20,8 @@ from aerobat_pin.aerodynamics.references import (
     theodorsen,
     wagner,
 )
+
+from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.robot.aerobat import load_aerobat
 
 ENDLESS = 1e9  # [m]

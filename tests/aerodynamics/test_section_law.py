@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from on_the_robot import HALVES, arrays_of, plate, plate_drag, rectangle_loads
 from support.gliding import BARE, gliding, settled
+from support.references import LATTICE_FLAP
+from support.section_law import HALVES, arrays_of, plate, plate_drag, rectangle_loads
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.references import LATTICE_FLAP
 from aerobat_pin.aerodynamics.robot_air import air_loads
 from aerobat_pin.aerodynamics.strips import FORCE_X, FORCE_Z, LOADS
 from aerobat_pin.robot.wing import LINKS
@@ -73,7 +73,7 @@ def test_a_steady_plate_has_the_drag_of_its_closed_form() -> None:
 
 
 def test_the_flapping_rectangle_through_the_robots_strips() -> None:
-    """PteraSoftware 5.1.0 as in test_stroke.py: lift within the 8 % of a lifting line, thrust 27.6 % short."""
+    """PteraSoftware 5.1.0 as in test_flapping_wing.py: lift within the 8 % of a lifting line, thrust 27.6 % short."""
     ours, _ = rectangle_loads()
     assert ours.lift_rms == pytest.approx(LATTICE_FLAP.lift_rms, rel=0.08)
     assert ours.lift_max == pytest.approx(LATTICE_FLAP.lift_max, rel=0.08)

@@ -113,7 +113,10 @@ def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
         (("hall.csv", "--observer", "oracle"), "choose from momentum, force_level"),
         (("hall.csv", "--morphology", "aerobot"), "no morphology named 'aerobot'"),
         (("hall.csv", "--set", "observers.gian=1"), "did you mean 'gain'"),
-        (("hall.csv", "--set", "crank.frequency=50"), "'crank.frequency' does not belong to the belief about"),
+        (
+            ("hall.csv", "--set", "crank.frequency=50"),
+            "'crank.frequency' does not belong to the belief about a recorded flight",
+        ),
         (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
         (("broken.csv",), "unknown column 'height'"),
         (("notes.nc",), "cannot be read as NetCDF-4"),

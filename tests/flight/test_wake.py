@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
-from shed import impulse_lift, rectangle_wake
+from support.flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
 from support.gliding import BARE, gliding, settled
+from support.shed_wake import impulse_lift, rectangle_wake
 
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
 from aerobat_pin.aerodynamics.wind import drift, wind_field

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from observer_study import TUNING, Condition, estimated, flown, worst
+from support.observer_conditions import TUNING, Condition, estimated, flown, worst
 
 from aerobat_pin.estimation.scores import r_squared
 

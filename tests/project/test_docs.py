@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
-from collections.abc import Callable
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
-import ladder
-import lifting_line
 import numpy as np
-import on_the_robot
 import pytest
-import strips
 from support.commands import call
 from support.quadruped import FEET, write_log, write_urdf
 
@@ -22,11 +20,12 @@ from aerobat_pin.flight.csv_log import UNITS
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot.closing_bars import bar_placements, visual_model_with_bars
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
 PAGE = (DOCS / "observers.md").read_text()
 [QUADRUPED] = re.findall(r"^## A quadruped's log.*?(?=^## )", PAGE, re.DOTALL | re.MULTILINE)
 RECORDED = (DOCS / "recorded.md").read_text()
-LINE = (DOCS / "lifting_line.md").read_text()
+WRITTEN = ("lifting_line/lifting_line.py", "frames.py", "observer_study.py", "results.py", "studies.py")
 
 
 def blocks(text: str) -> list[str]:
@@ -147,26 +146,49 @@ def test_every_option_of_the_page_on_recorded_flights_is_taken() -> None:
     assert belief.observers.settings("smoother")["known_error"] == {"aerodynamic": 0.2}
 
 
-@pytest.mark.parametrize("draw", [*ladder.RUNGS, strips.stable_step, on_the_robot.law], ids=lambda draw: draw.__name__)
-def test_the_lifting_lines_page_says_what_its_script_finds(draw: Callable[[], ladder.Rung]) -> None:
-    """Every part but the count of strips and the wake, which take longer: title, figure and numbers, to the letter."""
-    assert lifting_line.section(draw()) in LINE
+def script(name: str, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run a script of the documentation, as `make docs` does, in a process of its own."""
+    path = os.pathsep.join((str(ROOT), str(ROOT / "tests")))
+    command = [sys.executable, str(ROOT / "docs" / "scripts" / name), *words]
+    return subprocess.run(
+        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False, timeout=300
+    )
 
 
-def test_the_lifting_lines_page_holds_its_prose_and_some_of_its_longer_studies() -> None:
-    """Prose as in the script; of the strip count, steady Aerobat and two columns of the robot in flapping flight."""
-    for prose in (
-        lifting_line.INTRODUCTION,
-        lifting_line.WHY_SIXTEEN,
-        lifting_line.SECTION_LAW,
-        lifting_line.LIMITS,
-    ):
-        assert prose in LINE
-    counted = LINE.split("## How many strips")[1].split("\n## ")[0]
-    steady = [strips.wings()["Aerobat"](n).steady_coefficients(ladder.INCIDENCE)[0] for n in (16, 200)]
-    assert f"Aerobat's planform {100.0 * abs(steady[0] / steady[1] - 1.0):.2f} %" in counted
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in counted.splitlines() if line.startswith("| ")]
-    assert rows[0][1:] == [str(count) for count in strips.ON_THE_ROBOT]
-    for count, (mean, rms) in strips.robot_errors((8, 16)).items():
-        column = rows[0].index(str(count))
-        assert [row[column] for row in rows[1:]] == [f"{mean:+.1f}", f"{rms:.1f}"]
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_page_says_what_its_script_finds(name: str) -> None:
+    """To the letter: prose, and all numbers that are quick to find."""
+    checked = script(name, "--check")
+    assert checked.returncode == 0, checked.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "page", "old", "new", "part"),
+    [
+        ("observer_study.py", "docs/observer_results.md", "leaves\nno trace", "leaves a trace", "prose"),
+        ("results.py", "README.md", "seed 1; attitude", "seed 2; attitude", "results"),
+    ],
+)
+def test_a_page_that_was_changed_by_hand_is_found_out(
+    tmp_path: Path, name: str, page: str, old: str, new: str, part: str
+) -> None:
+    """Exit code 1, page and part named, and no other part."""
+    (tmp_path / "docs").mkdir()
+    for path in (ROOT / "README.md", *DOCS.glob("*.md")):
+        text = path.read_text()
+        if path == ROOT / page:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / path.relative_to(ROOT)).write_text(text)
+    checked = script(name, "--check", str(tmp_path))
+    assert checked.returncode == 1
+    assert checked.stderr == f"{page}: '{part}' is not what the script finds\n"
+
+
+def test_make_docs_runs_every_script() -> None:
+    """Those that draw alone too; the parts of the lifting line's page are run by its script."""
+    scripts = {path.relative_to(DOCS / "scripts").as_posix() for path in (DOCS / "scripts").rglob("*.py")}
+    programs = {name for name in scripts if '__name__ == "__main__"' in (DOCS / "scripts" / name).read_text()}
+    [listed] = re.findall(r"^SCRIPTS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert sorted(f"{name}.py" for name in listed.split()) == sorted(programs)
+    assert programs > set(WRITTEN)

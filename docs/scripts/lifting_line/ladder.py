@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from support import references
+from support.section_law import ENDLESS
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly, references
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 from aerobat_pin.visualization import style
 
-ENDLESS = 1e9  # [m], a span that leaves no downwash
 INCIDENCE = np.radians(5.0)
 THEORY = {"color": style.TRUTH, "linewidth": 1.6}
 OURS = {"color": style.ESTIMATES[0], "marker": "o", "markerfacecolor": "none", "markersize": 4.5, "linestyle": "none"}
@@ -43,8 +44,8 @@ def step() -> Rung:
     error.set_ylabel("difference [%]")
     _finish(figure, (main, error), "distance flown s [semichords]")
     caption = (
-        f"Lift after a step of incidence in two dimensions. The line is R. T. Jones's fit of Wagner's function to "
-        f"{power_of_ten(np.max(np.abs(ours - fit)))}; the fit is within {100 * np.max(np.abs(ours / exact - 1)):.1f} % of "
+        f"Lift after a step of incidence in two dimensions. The line gives R. T. Jones's fit of Wagner's function to "
+        f"{power_of_ten(np.max(np.abs(ours - fit)))}; the fit itself is within {100 * np.max(np.abs(ours / exact - 1)):.1f} % of "
         f"Wagner's exact function up to s = {s[-1]:.0f}, worst at s = {s[np.argmax(np.abs(ours / exact - 1))]:.1f}."
     )
     return Rung("step", "Two dimensions: a step of incidence", figure, caption)
@@ -69,8 +70,8 @@ def harmonic() -> Rung:
     main.set_xscale("log")
     _finish(figure, (main, error), "reduced frequency k [-]")
     caption = (
-        f"Harmonic lift in two dimensions. The line is the C(k) of Jones's fit to {power_of_ten(np.max(np.abs(ours - fit)))}, "
-        f"and that is within {off.max():.2f} % of Theodorsen's, worst at k = {k[np.argmax(off)]:.2f}."
+        f"Harmonic lift in two dimensions. The line gives the C(k) of Jones's fit to {power_of_ten(np.max(np.abs(ours - fit)))}; "
+        f"the fit itself is within {off.max():.2f} % of Theodorsen's C(k), worst at k = {k[np.argmax(off)]:.2f}."
     )
     return Rung("harmonic", "Two dimensions: harmonic lift", figure, caption)
 
@@ -144,9 +145,9 @@ def steady() -> Rung:
     axes[0].legend()
     lift, drag = worst["rectangular"]
     caption = (
-        f"Steady wings at 5 deg, 16 strips. Elliptic: CL and CDi are Prandtl's to {power_of_ten(worst['elliptic'].max())}. "
-        f"Rectangular: Glauert's series to {power_of_ten(lift)} in CL and {power_of_ten(drag)} in CDi. A vortex lattice gives CL 0.314 "
-        f"at aspect ratio 4: that is a limit of lifting lines, not of this one."
+        f"Steady wings at 5 deg, 16 strips. On elliptic wings CL and CDi are Prandtl's to {power_of_ten(worst['elliptic'].max())}. "
+        f"On rectangular ones they are those of Glauert's series, CL to {power_of_ten(lift)} and CDi to {power_of_ten(drag)}. At aspect "
+        f"ratio 4 a vortex lattice gives CL 0.314: what is missing there is missing in every lifting line."
     )
     return Rung("steady", "Three dimensions: steady wings", figure, caption)
 
@@ -172,7 +173,7 @@ def start() -> Rung:
     ratios = ", ".join(f"{value:+.1f} % at {where:g}" for value, where in zip(off, lattice[:, 0], strict=True))
     caption = (
         f"Impulsive start of a rectangular wing of aspect ratio 4 at 5 deg. Line against lattice: {ratios} semichords. "
-        f"With no downwash yet, the line begins with half the lift of endless sections, CL {coefficient(np.zeros(1))[0]:.3f}; "
+        f"The line begins without downwash, with half the lift of endless sections, CL {coefficient(np.zeros(1))[0]:.3f}; "
         "the lattice begins lower."
     )
     return Rung("start", "Three dimensions: an impulsive start", figure, caption)

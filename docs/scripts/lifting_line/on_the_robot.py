@@ -1,112 +1,17 @@
-"""The section law that flies on the robot beside the line's own; for docs/lifting_line.md.
-
-The robot's compiled strips (`aerobat_pin.aerodynamics.strips`) carry a lifting line without a robot here.
-"""
+"""The section law that flies on the robot beside the line's own; for docs/lifting_line.md."""
 
 from __future__ import annotations
 
 import numpy as np
-from ladder import ENDLESS, OURS, THEORY, Rung
+from ladder import OURS, THEORY, Rung
 from matplotlib.figure import Figure
+from support import references
+from support.section_law import RECTANGLE, plate, plate_drag, rectangle_loads
 
-from aerobat_pin.aerodynamics import FORCE_X, FORCE_Z, LOADS, AirArrays, LiftingLine, Stroke, air_loads, fly, references
-from aerobat_pin.numerics import Array
-from aerobat_pin.robot import LINKS
+from aerobat_pin.aerodynamics import LiftingLine, fly
 from aerobat_pin.visualization import style
 
-HALVES = [1, 3]  # the links that carry a wing's left and right half
-RECTANGLE = Stroke(4.0, frequency=5.0, flap=np.radians(30.0))  # the lattice's
 MARKED = (20.0, 30.0, 39.0)  # [deg]
-
-
-def arrays_of(line: LiftingLine) -> AirArrays:
-    """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body."""
-    middle = np.column_stack([line.mid_chord, line.y, np.zeros(line.strips)])
-    pressure = 0.5 * line.air_density * line.chord * line.width
-    return AirArrays(
-        strips=np.vstack([middle.T, 0.25 * line.chord, 1.0 / line.semichord, pressure]),
-        link=np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp),
-        downwash=np.vstack([line.downwash, line.centre_downwash]),
-        numbers=np.array([line.air_density, line.lift_slope, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        tail=np.zeros(9),
-    )
-
-
-def fly_strips(air: AirArrays, twists: Array, step: float, last: int) -> Array:
-    """Fly the strips from air at rest with the classical Runge-Kutta method.
-
-    Args:
-        air: constants.
-        twists: (2n + 1, 5, 6) of the links against the air at every half step.
-        step: [s].
-        last: how many steps to report.
-
-    Returns:
-        Loads (last, 9, N) at the beginnings of the last steps.
-    """
-    count = air.link.shape[0]
-    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3 * count), np.empty((last, LOADS, count))
-    state, steps = np.zeros(3 * count), len(twists) // 2
-    scratch = np.empty((LOADS, count))
-
-    def slope(k: int, here: Array, found: Array = scratch) -> Array:
-        air_loads(air, None, twists[k], here, wrenches, rates, found)
-        return rates.copy()
-
-    for k in range(steps):
-        first = slope(2 * k, state, loads[k - steps + last] if k >= steps - last else scratch)
-        second = slope(2 * k + 1, state + 0.5 * step * first)
-        third = slope(2 * k + 1, state + 0.5 * step * second)
-        fourth = slope(2 * k + 2, state + step * third)
-        state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-    return loads
-
-
-def plate(incidence: float) -> tuple[float, float]:
-    """Return normal force and drag of a steady plate without ends, over rho V Gamma of the attached one."""
-    line, speed = LiftingLine(ENDLESS, 0.1, strips=1), 4.0
-    air, twists = arrays_of(line), np.zeros((len(LINKS), 6))
-    twists[HALVES, 0], twists[HALVES, 2] = speed * np.cos(incidence), -speed * np.sin(incidence)
-    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3), np.empty((LOADS, 1))
-
-    def slope(state: Array) -> Array:
-        air_loads(air, None, twists, state, wrenches, rates, loads)
-        return rates.copy()
-
-    offset = slope(np.zeros(3))  # the rates are affine in the state
-    slope(-np.linalg.solve(np.column_stack([slope(unit) - offset for unit in np.eye(3)]), offset))
-    attached = line.air_density * speed * np.pi * line.chord[0] * speed * np.sin(incidence) * line.width[0]
-    fx, fz = loads[FORCE_X, 0] / attached, loads[FORCE_Z, 0] / attached
-    return float(fz), float(fz * np.sin(incidence) - fx * np.cos(incidence))
-
-
-def plate_drag(incidence: Array | float) -> Array:
-    """Return the closed form of that drag: s c (1 - c^3 (3 - c^2) / 2), the cube of a small incidence; c >= 0."""
-    s, c = np.sin(incidence), np.cos(incidence)
-    return np.asarray(s * c * (1.0 - c**3 * (3.0 - c**2) / 2.0))
-
-
-def rectangle_loads() -> tuple[references.FlapLoads, Array]:
-    """Fly the lattice's rectangle through the robot's kernel: its loads, and lift and thrust (200, 2) over a flap [N].
-
-    Normal force and suction of the strips, and the added mass as `fly` has it.
-    """
-    line, last = LiftingLine(0.40, 0.10), 200
-    half = np.where(line.y > 0.0, 0, 1)
-    motion = [RECTANGLE(t) for t in np.linspace(0.0, 1.0, 2001)]
-    twists = np.zeros((len(motion), len(LINKS), 6))
-    twists[:, HALVES] = [now.twist for now in motion]
-    loads, force = fly_strips(arrays_of(line), twists, 1e-3, last), np.empty((last, 2))
-    for k, now in enumerate(motion[-2 * last - 1 : -1 : 2]):
-        _, _, az, bx, by, _ = now.twist_rate[half].T
-        reaction = -line.width * line.added_mass * (az + bx * line.y - by * line.mid_chord)
-        normal = loads[k, FORCE_Z] + reaction
-        thrust, _, lift = sum(
-            now.rotation[i] @ [loads[k, FORCE_X, half == i].sum(), 0.0, normal[half == i].sum()] for i in range(2)
-        )
-        force[k] = lift, thrust
-    lift, thrust = force.T
-    return references.FlapLoads(np.sqrt(np.mean(lift**2)), np.abs(lift).max(), thrust.mean()), force
 
 
 def law() -> Rung:
@@ -135,9 +40,9 @@ def law() -> Rung:
     rms, top, thrust = (100.0 * (mine / theirs - 1.0) for mine, theirs in zip(ours, lattice, strict=True))
     share = 100.0 * (alone[:, 0].mean() / lattice.thrust_mean - 1.0)
     caption = (
-        "Left, a steady plate without ends: on the robot it drags s c (1 - c^3 (3 - c^2) / 2) of rho V Gamma, s and c the sine "
-        f"and cosine of its incidence and Gamma the attached plate's: {drags}. Right, the flapping rectangle through the "
-        f"robot's kernel. Against the lattice: lift rms {ours.lift_rms:.4f} N ({rms:+.1f} %), maximum {ours.lift_max:.4f} N "
+        "Left, the drag of a steady plate without ends, through the robot's kernel: s c (1 - c^3 (3 - c^2) / 2) times rho V Gamma, where "
+        f"s and c are the sine and cosine of the incidence and Gamma is the circulation of the attached plate; {drags}. Right, the "
+        f"flapping rectangle through the same kernel. Against the lattice: lift rms {ours.lift_rms:.4f} N ({rms:+.1f} %), maximum {ours.lift_max:.4f} N "
         f"({top:+.1f} %), mean thrust {ours.thrust_mean:.4f} N ({thrust:+.1f} %; the line alone {share:+.1f} %)."
     )
     return Rung("on_the_robot", "On the robot", figure, caption)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
-from flapping_robot import AIRSPEED as ROBOT_AIRSPEED
-from flapping_robot import FREQUENCY, PITCH, STEPS, flap_robot
 from ladder import INCIDENCE, Rung, power_of_ten
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
+from support.flapping_robot import AIRSPEED as ROBOT_AIRSPEED
+from support.flapping_robot import FREQUENCY, PITCH, STEPS, flap_robot
+from support.pages import HOLE
 
 from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 from aerobat_pin.robot import load_aerobat
@@ -63,13 +64,13 @@ def grid() -> Rung:
     axis.set_ylim(bottom=1e-6)
     flap, aerobat = found["rectangle, flapping"], found["Aerobat, steady"]
     caption = (
-        f"Error of lift against 200 strips (steady) and of lift rms against 80 (flapping as above). With 16 strips: "
+        f"Error of the steady lift against 200 strips, and of the rms of the flapping rectangle's lift against 80. With 16 strips: "
         f"rectangle steady {found['rectangle, steady'][16]:.4f} %, flapping {flap[16]:.2f} %, Aerobat's planform "
         f"{aerobat[16]:.2f} %; the worst of these with 12 to 40 strips is {max(e[n] for e in (flap, aerobat) for n in STRIPS[1:]):.2f} %. "
         f"The elliptic wing, exact to {power_of_ten(max(exact.values()) / 100.0)} with any number, is not drawn. Odd numbers of strips have a "
-        f"station in the kink that flapping makes at the root: {found['rectangle, flapping, odd'][17]:.2f} % with 17.\n\n"
-        f"The robot flapping on its joints loses more. Prescribed motion, {ROBOT_AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz; lift of "
-        "the strips without added mass over a flap, against 160 strips:\n\n"
+        f"station in the kink that flapping makes at the root: with 17 the error is {found['rectangle, flapping, odd'][17]:.2f} %.\n\n"
+        f"The robot, which flaps about its joints, loses more. The table has the lift of the strips over a flap, without added mass, against 160 strips, on a "
+        f"prescribed motion: {ROBOT_AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz.\n\n"
         f"{robot_table(robot)}"
     )
     return Rung("strips", "How many strips", figure, caption)
@@ -85,13 +86,25 @@ def robot_errors(counts: tuple[int, ...]) -> dict[int, tuple[float, float]]:
     return found
 
 
-def robot_table(errors: dict[int, tuple[float, float]]) -> str:
-    """Return these errors as a table."""
+def robot_table(errors: Mapping[int, tuple[float, float] | None]) -> str:
+    """Return these errors as a table, with holes where there are none."""
+    mean, rms = (
+        " | ".join(HOLE if pair is None else form.format(pair[i]) for pair in errors.values())
+        for i, form in enumerate(("{:+.1f}", "{:.1f}"))
+    )
     return (
         f"| strips | {' | '.join(map(str, errors))} |\n|{'---|' * (len(errors) + 1)}\n"
-        f"| mean lift [%] | {' | '.join(f'{mean:+.1f}' for mean, _ in errors.values())} |\n"
-        f"| rms of the error over rms of the lift [%] | {' | '.join(f'{rms:.1f}' for _, rms in errors.values())} |"
+        f"| mean lift [%] | {mean} |\n"
+        f"| rms of the error over rms of the lift [%] | {rms} |"
     )
+
+
+def quick_parts() -> Iterator[tuple[str, str]]:
+    """Yield name and text of what is quick to find of `grid`: the error of the steady robot, and of the flapping one two columns."""
+    steady = [wings()["Aerobat"](count).steady_coefficients(INCIDENCE)[0] for count in (16, 200)]
+    error = 100.0 * abs(steady[0] / steady[1] - 1.0)
+    yield "16 strips on Aerobat's planform, steady", f"## How many strips{HOLE}Aerobat's planform {error:.2f} %"
+    yield "strips of the flapping robot", robot_table(dict.fromkeys(ON_THE_ROBOT) | robot_errors((8, 16)))
 
 
 def stable_step() -> Rung:
@@ -118,8 +131,8 @@ def stable_step() -> Rung:
     caption = (
         f"Largest step [ms] with which the classical fourth-order Runge-Kutta method is stable at {AIRSPEED:g} m/s, from the "
         "eigenvalues of A. It falls with the square of the number of strips and with the airspeed. With the flights' step of "
-        f"{1e3 * STEP:g} ms, 40 strips on Aerobat's planform are stable up to {AIRSPEED * robot[40] / STEP:.1f} m/s past the "
-        f"section only, which a flapping tip exceeds: such a flight diverges. 16 strips are, up to "
+        f"{1e3 * STEP:g} ms, 40 strips on Aerobat's planform are stable only where the air passes a section at less than "
+        f"{AIRSPEED * robot[40] / STEP:.1f} m/s. A flapping tip is faster, and such a flight diverges. 16 strips are stable up to "
         f"{AIRSPEED * robot[16] / STEP:.0f} m/s.\n\n"
         f"| strips | {' | '.join(map(str, STRIPS))} |\n|{'---|' * (len(STRIPS) + 1)}\n{rows}"
     )

@@ -1,24 +1,21 @@
-"""Rewrite the figures and numbers of README.md and docs/: `make docs`, or `python docs/regenerate.py`."""
+"""Write docs/results.md, its figures and the table of README.md; `--check` compares the prose and the table."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Iterator
 
-import frames
-import lifting_line
 import numpy as np
-import observer_study
-import screenshots
-import studies
+from support.pages import HOLE, ROOT, Part
+from support.pages import run as write_or_check
 
 from aerobat_pin.estimation import FORCE_AXES, known_inputs, r_squared, true_force
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization.figures import paper as figures
+from aerobat_pin.visualization import draw_all, style
 
-DOCS = Path(__file__).resolve().parents[1]
+PAGE, FIGURES = "docs/results.md", ROOT / "docs" / "figures"
 SEEDS = (1, 2, 3, 4, 5)
 GAINS = (100.0, 1000.0, 2000.0)
 PAPER = {"Fx": "0.7448", "Fy": "0.9970", "Fz": "0.9991"}
@@ -123,27 +120,28 @@ def flights_table() -> str:
     return "\n".join(lines)
 
 
-def results_page(paper: list[Experiment], benchmark: list[Experiment]) -> str:
-    """Return docs/results.md."""
+def page(note: str, gain: str, paper: str, flight: str, benchmark: str, flights: str, torque: str) -> str:
+    """Return docs/results.md around its tables."""
     return f"""# Results
 
-Written by `make docs`; every number comes from the runs it makes. Where nothing else is said, ranges are over seeds
-{SEEDS[0]} to {SEEDS[-1]}.
+`make docs` writes this page; every number comes from the runs that it makes. Ranges are over seeds {SEEDS[0]} to {SEEDS[-1]} unless a
+section says otherwise.
 
-## `paper`: {paper[0].metrics["note"]}, K = {paper[0].scenario.observers.gain:.0f} 1/s
+## `paper`: {note}, K = {gain} 1/s
 
-The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. R2 against the
-noise-free truth is lower at this gain, because an observer that follows the noise is wrong by the noise.
+The paper reports R2 of {", ".join(PAPER.values())} for Fx, Fy and Fz, against the noisy truth. Against the
+noise-free truth R2 is lower: at this gain the observer follows the noise, which then counts as its error.
 
-{paper_table(paper)}
+{paper}
 
 ![Estimated against actual forces](figures/estimation.png)
 
-{flight_table(paper)}
+{flight}
 
-"79 % thruster-borne" is the hold's constant lift over the weight. The height loop takes some of it back: the table has
-the mean over the flight and what the air lifts; the unknown forces lift the rest. An independent simulator, also with
-added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
+"Attitude held, 79 % thruster-borne" means that an ideal hold, which stands for the guard's thrusters of the laboratory,
+keeps attitude and height, and that its constant lift is 79 % of the weight. The height loop takes part of that lift back:
+"hold lifts" and "air lifts" are means over the flight, and the unknown forces carry the rest. An independent simulator,
+also with added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
 
 ![Position](figures/position.png)
 ![Joint angles, attitude and velocity](figures/states.png)
@@ -151,40 +149,43 @@ added mass, ended this flight at X 5.96 m with pitch from 2.3 to 7.7 deg.
 
 ## `observer_benchmark`: exact model, noisy truth, worst of five seeds
 
-{benchmark_table(benchmark)}
+{benchmark}
 
-At K = 100 1/s `force_level` shows the filter's lag alone. `momentum` adds the turning of the wings within the filter's
-memory; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
+At K = 100 1/s `force_level` loses by the filter's lag alone. `momentum` also loses because the wings turn while its filter
+remembers older samples; see [design note 3](design/0003-the-unknown-force-and-the-flight.md).
 
 ## The other flights
 
-{flights_table()}
+{flights}
 
-`paper_left` pushes on the left wing alone: it drifts to the right, as the paper's figure does. `paper_open_loop` flies
-without any hold, trimmed by `aerobat trim`, on a tail and a fin that the robot does not have; the dive after 1 s is the
-step. Its roll and yaw stay within 6 deg for the scenario's own seed and not for all: drooped wings are laterally unstable,
-what the noise of the two wings starts doubles every 0.48 s (the trim's Floquet multipliers), and a hold is what it takes to
-stop that. `tumble` has no fin and is pushed to the left.
+In `paper_left` the unknown force pushes on the left wing alone, and the robot drifts to the right, as in the paper's
+figure. `paper_open_loop` flies without a hold, in the trim that `aerobat trim` found, on a tail and a fin that the real
+robot does not have; it dives after 1 s because of the force's step. Its roll and yaw stay within 6 deg for the scenario's
+own seed, but not for every seed. Drooped wings are laterally unstable: what the noise of the two wings starts doubles every
+0.48 s, by the Floquet multipliers of the trim, and only a hold stops it. `tumble` has no fin, and its force pushes to the
+left.
 
 ## What must be known of the joint torques
 
 Seed 1, left wing.
 
-{torque_table()}
+{torque}
 
-* **measured**: all joint torques. They contain the reaction to the unknown force, since the linkage holds the joints
-  whatever pushes; with them two point forces are six unknowns against rows of rank six.
-* **modelled**: the torque that the prescribed motion takes without the unknown force, as the paper's text describes its
-  `u_m`. The joint rows then say "nothing pushes here", which is wrong, and the estimate is pulled between them and the base
-  rows. Rank six, and yet wrong: rank tells what the equations could decide, not whether they are true.
-* **motor_only**: the crank's torque. The power of all joints is one true row beside the six of the base: rank six again.
-  `force_level` uses it without loss. `momentum` filters the ten rows first, and what a crank sensor leaves open rotates
-  between them while the filter remembers.
-* **none**: base rows alone, rank five. An equal and opposite pair along the line between the points leaves no trace; the
-  estimate has that part at zero. Where the true forces have none of it (`observer_benchmark`, both wings alike), little is
-  lost; where they have (`paper`, whose normals lean toward each other), Fy is lost.
+* **measured**: all joint torques are known. They contain the reaction to the unknown force, because the linkage holds the
+  joints whatever pushes. Two point forces are six unknowns, and the rows have rank six.
+* **modelled**: the torque that the prescribed motion would take without the unknown force, which is how the paper's text
+  describes its `u_m`. The joint rows then claim that nothing pushes, which is wrong, and the estimate is a compromise
+  between them and the base rows. The rank is six all the same: it tells what the equations can decide, not whether they
+  are true.
+* **motor_only**: the crank's torque alone. It gives the power of all joints, one true row beside the six of the base, and
+  the rank is six again. `force_level` uses that row without loss. `momentum` filters all ten rows first, and the directions
+  that a crank sensor leaves open change within the memory of its filter.
+* **none**: the base rows alone, with rank five. A pair of equal and opposite forces along the line between the two points
+  leaves no trace in them, and the estimate sets that part to zero. Little is lost where the true forces have no such part
+  (`observer_benchmark`, where both wings' forces are alike). Where they have (`paper`, whose wing normals lean toward each
+  other), Fy is lost.
 
-Whenever some pattern of forces leaves no trace, the observers leave it out of the estimate and report it.
+A pattern of forces that leaves no trace is left out of the estimate, and the observers report it.
 
 ## The linkage
 
@@ -200,26 +201,42 @@ def _span(bounds: tuple[float, float], form: str) -> str:
     return f"{form.format(bounds[0])} .. {form.format(bounds[1])}"
 
 
-def main() -> None:
-    """Run everything and rewrite the files."""
-    lifting_line.write(DOCS)
-    screenshots.main()
-    studies.write(DOCS)
+def write() -> None:
+    """Run everything, rewrite the page and the table in README.md."""
     paper = [run(load_scenario("paper", [f"simulation.seed={seed}"])) for seed in SEEDS]
     benchmark = [run(load_scenario("observer_benchmark", [f"simulation.seed={seed}"])) for seed in SEEDS]
-    page = results_page(paper, benchmark)
-    drawn = figures.draw_all(paper[0].robot, paper[0].log, paper[0].estimates, paper[0].metrics["note"])
-    for name in re.findall(r"figures/(\w+)\.png", page):
-        figures.save(drawn[name], DOCS / "figures" / name)
-        (DOCS / "figures" / f"{name}.pdf").unlink()
-    frames.main()
-    observer_study.write(DOCS)
-    (DOCS / "results.md").write_text(page, encoding="utf-8")
-    readme = DOCS.parent / "README.md"
-    block = f"<!-- results: written by docs/regenerate.py -->\n{paper_summary(paper[0])}\n<!-- /results -->"
-    text = re.sub(r"<!-- results:.*?<!-- /results -->", lambda _: block, readme.read_text(encoding="utf-8"), flags=re.S)
-    readme.write_text(text, encoding="utf-8")
+    first = paper[0]
+    text = page(
+        first.metrics["note"],
+        f"{first.scenario.observers.gain:.0f}",
+        paper_table(paper),
+        flight_table(paper),
+        benchmark_table(benchmark),
+        flights_table(),
+        torque_table(),
+    )
+    drawn = draw_all(first)
+    for name in re.findall(r"figures/(\w+)\.png", text):
+        style.save(drawn[name], FIGURES / name)
+        (FIGURES / f"{name}.pdf").unlink()
+    (ROOT / PAGE).write_text(text, encoding="utf-8")
+    readme = ROOT / "README.md"
+    whole = re.sub(
+        r"<!-- results:.*?<!-- /results -->", lambda _: readme_block(first), readme.read_text("utf-8"), flags=re.S
+    )
+    readme.write_text(whole, encoding="utf-8")
+
+
+def readme_block(experiment: Experiment) -> str:
+    """Return what stands in README.md between its two marks, marks included."""
+    return f"<!-- results: written by docs/scripts/results.py -->\n{paper_summary(experiment)}\n<!-- /results -->"
+
+
+def parts() -> Iterator[Part]:
+    """Yield the page without its tables, and the table of README.md."""
+    yield Part(PAGE, "prose", page(*[HOLE] * 7))
+    yield Part("README.md", "results", readme_block(run(load_scenario("paper"))))
 
 
 if __name__ == "__main__":
-    main()
+    write_or_check(write, parts)

@@ -1,4 +1,4 @@
-"""The robot flapping along a prescribed motion: what its strips lift, and what they leave behind; for docs/lifting_line.md."""
+"""The robot that flaps along a prescribed motion: what its strips lift, and what they leave behind."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from on_the_robot import fly_strips
 
 from aerobat_pin.aerodynamics import CIRCULATION, FORCE_X, FORCE_Z, LEAD, RobotAir
 from aerobat_pin.flight import Wake
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import LINKS, load_aerobat
 from aerobat_pin.scenario import AirSection
+from support.section_law import fly_strips
 
 AIRSPEED, PITCH, FREQUENCY = 4.5, np.radians(8.0), 4.75  # [m/s, rad, Hz]
 STEPS, FLAPS = 8400, 4  # a flap at its finest, which 160 strips need; the fourth no longer changes
@@ -61,8 +61,8 @@ def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
         Force of the strips, without added mass, in world axes (steps, 3) [N]; what they shed; both over the last flap.
     """
     motion, stride = prescribed(), STEPS // steps
-    air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
-    twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])
+    air, flap = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
+    twists = np.concatenate([np.tile(flap, (FLAPS, 1, 1)), flap[:1]])
     loads = fly_strips(air.arrays, twists, 1.0 / FREQUENCY / steps, steps)
     rotation, place = (each[:: 2 * stride][:, air.link] for each in (motion.rotation, motion.place))
     local = np.stack([loads[:, FORCE_X], 0.0 * loads[:, FORCE_X], loads[:, FORCE_Z]], axis=-1)

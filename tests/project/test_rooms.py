@@ -1,0 +1,109 @@
+"""The rooms of `aerobat_pin`: a screenful of them, each with one purpose and one door, and every name one thing."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PIN, DESCRIPTION = ROOT / "aerobat_pin", ROOT / "aerobat_description"
+ROOMS = sorted(path.parent for path in PIN.glob("*/__init__.py"))
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for package in (PIN, DESCRIPTION)
+    for path in sorted(package.rglob("*.py"))
+}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+SHARED = {"main": "where a program begins: `aerobat`, and `python -m aerobat_description.generate`"}
+
+
+EXPORTED = {
+    name: set(getattr(importlib.import_module(name), "__all__", ()))
+    for name, path in MODULES.items()
+    if path.name == "__init__.py"
+}
+
+
+def imports(module: str) -> Iterator[tuple[str, str]]:
+    """Yield what a module imports of ours, in functions too: the module, and the name of it or nothing."""
+    for node in ast.walk(TREES[module]):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for name in node.names:
+                inner = f"{node.module}.{name.name}"
+                exported = name.name in EXPORTED.get(node.module, ())
+                yield (inner, "") if inner in MODULES and not exported else (node.module, name.name)
+        elif isinstance(node, ast.Import):
+            yield from ((name.name, "") for name in node.names)
+
+
+def definitions(tree: ast.Module) -> Iterator[str]:
+    """Yield the names that a module defines at its top."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                yield from (part.id for part in ast.walk(target) if isinstance(part, ast.Name))
+
+
+def is_command(node: ast.stmt) -> bool:
+    """Return whether a statement defines a command of the command line, which has the name that a user types."""
+    return isinstance(node, ast.FunctionDef) and any("command" in ast.unparse(mark) for mark in node.decorator_list)
+
+
+def test_the_top_of_the_package_fits_on_a_screen() -> None:
+    """At most sixteen entries."""
+    assert len([path for path in PIN.iterdir() if path.name != "__pycache__"]) <= 16
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
+def test_a_room_says_in_one_sentence_what_it_is_for(room: Path) -> None:
+    """The first paragraph of its door's docstring; how the door works may follow."""
+    said = (ast.get_docstring(TREES[f"aerobat_pin.{room.name}"]) or "").split("\n\n")[0]
+    assert said.endswith(".")
+    assert re.findall(r"[.?!](?=\s)", said) == []
+
+
+def test_no_file_is_long() -> None:
+    """At most 330 lines; the median of `aerobat_pin` at most 120."""
+    lines = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in MODULES.items()}
+    assert {name: count for name, count in lines.items() if count > 330} == {}
+    assert median(count for name, count in lines.items() if name.startswith("aerobat_pin")) <= 120
+
+
+def test_a_name_is_one_thing() -> None:
+    """No function, class or constant is defined at the top of two modules; commands carry the names that users type."""
+    places = defaultdict(list)
+    for module, tree in TREES.items():
+        kept = ast.Module([node for node in tree.body if not is_command(node)], [])
+        for name in set(definitions(kept)) - set(SHARED):
+            if not name.startswith("__"):  # Python's own: `__all__`, `__getattr__`
+                places[name].append(module)
+    assert {name: modules for name, modules in places.items() if len(modules) > 1} == {}
+
+
+def test_rooms_are_entered_through_their_doors() -> None:
+    """From another room: `from aerobat_pin.<room> import name`, a name that the room exports."""
+    doors = {f"aerobat_pin.{room.name}" for room in ROOMS}
+    wrong = []
+    for module in TREES:
+        for target, name in imports(module):
+            door = ".".join(target.split(".")[:2])
+            if door in doors and not f"{module}.".startswith(f"{door}."):
+                wrong += [f"{module}: {target} {name}"] if target != door or name not in {"", *EXPORTED[door]} else []
+    assert wrong == []
+
+
+def test_every_room_has_its_layer_in_the_import_contract() -> None:
+    """At most fourteen layers; that no import points upward, lint-imports and tests/project/test_house.py check."""
+    layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
+    assert len(layers) <= 14
+    assert {f"aerobat_pin.{room.name}" for room in ROOMS} <= {name for layer in layers for name in layer.split(" | ")}
