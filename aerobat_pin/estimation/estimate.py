@@ -73,14 +73,14 @@ def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable
     chosen = belief.believed_robot
     shape = load_morphology(chosen.morphology, chosen.changes)
     keys = {setting.partition("=")[0].strip() for setting in settings}
-    why = "nobody said otherwise: --morphology"
+    why = "by default; --morphology chooses another"
     if keys & {"robot", "robot.morphology"}:
-        why = "--set says"
+        why = "from --set"
     elif morphology is not None:
-        why = "--morphology says"
+        why = "from --morphology"
     elif "morphology" in belief.robot.model_fields_set:
-        why = "the log notes"
-    return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, as {why}"
+        why = "noted in the log"
+    return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, {why}"
 
 
 def estimate_log(

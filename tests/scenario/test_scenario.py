@@ -82,10 +82,35 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("hold.*=0", "'hold' is a table, not a list; '*' stands for the items of a list"),
         ("simulation.dt.x=1", "'simulation.dt' is a value, not a table"),
         ("simulation.dt", "dotted.key=value was expected"),
+        ("unknown_force.0.signal=stp", "unknown_force.0.signal = 'stp': did you mean 'step'? There are paper, step"),
+        ("unknown_force.0={frame='a', signal='impulse', impuls=1}", "unknown_force.0.impuls'; did you mean 'impulse'"),
+        ("unknown_force.0={frame='a', signal='impulse', impulse='x'}", "unknown_force.0.impulse = 'x': input should"),
+        ("unknown_force.0={frame='a', signal='step', end=0.1}", "start = 0.5 s to end = 0.1 s: end comes later"),
+        ("unknown_force.0={frame='a', signal='recorded'}", "missing key 'unknown_force.0.file'"),
+        ("unknown_force.0={frame='a', signal='sine', step=1}", "unknown key 'unknown_force.0.step'"),
+        ("sensors.gyro.noise=[1, 2]", "sensors.gyro.noise = [1.0, 2.0]: one number, or 3, were expected"),
+        ("sensors.joint_rate.bias=[]", "sensors.joint_rate.bias = []: one number, or 4, were expected"),
+        ("sensors.airspeed.bias=[1, 2]", "sensors.airspeed.bias = [1.0, 2.0]: one number was expected"),
+        ("sensors.gyro.noise=-1", "sensors.gyro.noise = [-1.0]: deviations are not negative"),
+        ("sensors.gyro.noise=nan", "sensors.gyro.noise.0 = nan: input should be a finite number"),
+        ("sensors.gyro.dropout=1", "sensors.gyro.dropout = 1: input should be less than 1"),
+        ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
+        ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
+        ("sensors.gyro.nois=1", "unknown key 'sensors.gyro.nois'; did you mean 'noise'?"),
+        (
+            "observers.kalman.sensor_noise=[0.1, 0.1]",
+            "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected",
+        ),
+        ("observers.kalman.sensor_nose=1", "unknown key 'observers.kalman.sensor_nose'; did you mean 'sensor_noise'?"),
+        ("observers.kalman.misfit=0", "observers.kalman.misfit = 0: input should be greater than 0"),
+        (
+            "observers.kalman.known_error.aerodynamic=-1",
+            "known_error.aerodynamic = -1: input should be",
+        ),
     ],
 )
 def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) -> None:
-    """One clear message for each mistake."""
+    """One clear message for each mistake, about the key as the file has it."""
     with pytest.raises(ScenarioError) as caught:
         load_scenario("paper", [setting])
     assert str(caught.value).count(message) == 1

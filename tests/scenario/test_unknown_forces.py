@@ -198,24 +198,6 @@ def test_a_recorded_series_is_found_beside_its_scenario_and_travels_with_the_res
     assert np.ptp(true_force(again.log, FRAME)[0]) > 0.05
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("unknown_force.0.signal=stp", "unknown_force.0.signal = 'stp': did you mean 'step'? There are paper, step"),
-        ("unknown_force.0={frame='a', signal='impulse', impuls=1}", "unknown_force.0.impuls'; did you mean 'impulse'"),
-        ("unknown_force.0={frame='a', signal='impulse', impulse='x'}", "unknown_force.0.impulse = 'x': input should"),
-        ("unknown_force.0={frame='a', signal='step', end=0.1}", "start = 0.5 s to end = 0.1 s: end comes later"),
-        ("unknown_force.0={frame='a', signal='recorded'}", "missing key 'unknown_force.0.file'"),
-        ("unknown_force.0={frame='a', signal='sine', step=1}", "unknown key 'unknown_force.0.step'"),
-    ],
-)
-def test_a_wrong_signal_names_key_value_and_rule(setting: str, message: str) -> None:
-    """The key as the file has it; of a kind of signal no trace."""
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("paper", [setting])
-    assert message in str(caught.value)
-
-
 def test_the_step_of_the_integrator_is_felt_by_its_square() -> None:
     """A sine of 20 Hz on one wing: half the step, a quarter of the way from the flight at an eighth of it."""
     force = "unknown_force=[{frame='left_force_point', signal='sine', amplitude=0.2, frequency=20.0, axes='world'}]"
