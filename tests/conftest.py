@@ -49,4 +49,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     """Say how to run the tests in the same order again."""
     seed = config.getoption("randomly_seed", None)
     if seed is not None:
-        terminalreporter.write_line(f"random order: --randomly-seed={seed} repeats it, -p no:randomly runs file by file")
+        terminalreporter.write_line(
+            f"random order: --randomly-seed={seed} repeats it, -p no:randomly keeps the files' own"
+        )
