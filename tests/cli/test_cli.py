@@ -110,39 +110,6 @@ def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
     assert (out / "metrics.json").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["run", "papr"], "no scenario 'papr'"),
-        (["run", "paper", "--set", "simulation.dt=-1"], "simulation.dt = -1"),
-        (["run", "paper", "--set", "observers.gain=-1"], "observers.gain = -1"),
-        (["run", "paper", "--set", "unknown_force.0.frame=wing"], "the robot's frames are"),
-        (["run", "paper", "--set", "robot.changes.linkage.L3b=0.002"], "cannot close at J4"),
-        (["run", "paper", "--observer", "magic"], "choose from momentum, force_level"),
-        (["run", "paper", "--seed", "-3"], "simulation.seed = -3"),
-        (["run", "paper", "--set", "air.strips=60"], "the flight diverged at t = "),
-        (["run", "paper", "--set", "flight.velocity=[300, 0, 0]"], "the flight diverged at t = "),
-        (["run", "paper", "--set", "simulation.dt=0.0015"], "duration = 0.01 s is not a whole number of steps"),
-        (["run", "paper", "--set", "crank.frequency=0.001"], "at most 60 s are allowed"),
-    ],
-)
-def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
-    arguments: list[str],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """No traceback, no folder, not even `runs/`."""
-    monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, *arguments, *(["--set", "simulation.duration=0.01"] if len(arguments) > 2 else [])) == 2
-    printed = capsys.readouterr()
-    assert message in printed.err
-    assert "Traceback" not in printed.err
-    assert printed.out == ""
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_folder_that_cannot_be_written_is_refused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

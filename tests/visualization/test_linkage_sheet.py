@@ -127,39 +127,6 @@ def test_the_command_draws_and_prints(
     assert (tmp_path / "mine" / "one.svg").read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--out", "kept.png"], "output kept.png exists; --force overwrites it"),
-        (["--out", "."], "output aerobat.png exists; --force overwrites it"),
-        (["--out", "kept"], "output kept: is a file; a folder, or a .png, .pdf or .svg file was expected"),
-        (["--out", "new.jpg"], "output new.jpg: .jpg is none of .png, .pdf and .svg"),
-        (["--out", "missing/new.png"], "there is no folder missing"),
-        (["--out", "kept/new"], "output kept/new"),
-        (["albatross"], "no morphology named 'albatross'"),
-        (["stuck.toml"], "cannot close at J4"),
-    ],
-)
-def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
-    arguments: list[str],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """No traceback, no file, no folder."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("kept.png", "aerobat.png", "kept"):
-        (tmp_path / name).write_text("mine")
-    (tmp_path / "stuck.toml").write_text('extends = "aerobat"\nname = "stuck"\n[linkage]\nL3b = 4e-3\n')
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert call(monkeypatch, "linkage", *arguments) == 2
-    printed = capsys.readouterr()
-    assert message in printed.err
-    assert printed.out == ""
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
 def test_the_command_line_warns_in_a_line_of_a_nearly_singular_linkage(tmp_path: Path) -> None:
     """Once, on standard error, without the place in our code; the picture is drawn all the same."""
     (tmp_path / "tight.toml").write_text('extends = "aerobat"\nname = "tight"\n[linkage]\nL5a = 9e-3\n')

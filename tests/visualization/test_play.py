@@ -119,36 +119,6 @@ def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_
         assert f"believed robot {name}</title>" in page.read_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "a run or a log was expected"),
-        (["nowhere.nc"], "there is no such file"),
-        (["."], "has no scenario.toml, flight.nc, estimate.nc"),
-        (["--from-csv", "a.csv"], "with --urdf FILE"),
-        (["--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
-        (["nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
-        (["nowhere.nc", "--rate", "0"], "--rate"),
-        (["nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
-        ([".", "--morphology", "aerobat_guard"], "--morphology says which robot is believed to have flown a log"),
-    ],
-)
-def test_a_mistake_costs_one_message(
-    arguments: list[str],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Exit code 2, what is wrong, and no file."""
-    monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, "play", *arguments) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert "Traceback" not in error
-    assert list(tmp_path.iterdir()) == []
-
-
 @needs_browser
 def test_pictures_are_taken_at_the_rate_asked_for(
     paper_folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
