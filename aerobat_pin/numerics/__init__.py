@@ -2,7 +2,7 @@
 
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id
-from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock
+from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, layout, lock
 from aerobat_pin.numerics.lie_runge_kutta import next_stage, step
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
 from aerobat_pin.numerics.memory import new_memory, next_size, rewind, take, take_integers
@@ -39,6 +39,7 @@ __all__ = [
     "integers_at",
     "is_compiled",
     "kernel",
+    "layout",
     "lock",
     "mirror",
     "motions",

@@ -8,7 +8,7 @@ cursor, an address that moves on by what is taken. A view costs nothing to make,
         gain: Array
         state: Array
 
-    @kernel
+    @layout
     def filter_in(memory: Array) -> Filter:
         cursor = rewind(memory)
         n = next_size(cursor)
@@ -26,11 +26,11 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.numerics.jit import Integers, inner
+from aerobat_pin.numerics.jit import Integers, layout
 from aerobat_pin.numerics.pinocchio_views import DOUBLE, array_at, integers_at
 
 
-@inner
+@layout
 def rewind(memory: Array) -> Integers:
     """Return the cursor (1,) of a memory, at its first size. It lies in the memory's first cell."""
     start = memory.ctypes.data
@@ -39,14 +39,14 @@ def rewind(memory: Array) -> Integers:
     return cursor
 
 
-@inner
+@layout
 def next_size(cursor: Integers) -> int:
     """Return the size at the cursor and move on. A layout reads all sizes before it takes the first field."""
     cursor[0] += DOUBLE
     return int(integers_at(cursor[0] - DOUBLE, (1,))[0])
 
 
-@inner
+@layout
 def take(cursor: Integers, shape: tuple[int, ...]) -> Any:
     """View the doubles at the cursor, by rows, and move on behind them."""
     view = array_at(cursor[0], shape)
@@ -54,7 +54,7 @@ def take(cursor: Integers, shape: tuple[int, ...]) -> Any:
     return view
 
 
-@inner
+@layout
 def take_integers(cursor: Integers, shape: tuple[int, ...]) -> Any:
     """View the integers at the cursor, by rows, and move on behind them; addresses of other arrays too lie so."""
     view = integers_at(cursor[0], shape)
@@ -62,16 +62,16 @@ def take_integers(cursor: Integers, shape: tuple[int, ...]) -> Any:
     return view
 
 
-def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:
+def new_memory(fields: Callable[[Array], Any], *sizes: int) -> Array:
     """Return memory for the fields of a layout, all of them zero.
 
     Args:
-        layout: a kernel that names the fields of a memory, of these and of no other sizes.
+        fields: the layout; what it returns may depend on these sizes alone.
         sizes: in the order in which the layout reads them.
     """
     head = np.zeros(1 + len(sizes))
     head[1:].view(np.intp)[:] = sizes
-    layout(head)  # its views lie behind the end, where nobody reads them: what counts is how far the cursor went
+    fields(head)  # its views lie behind the end, where nobody reads them: what counts is how far the cursor went
     memory = np.zeros((int(head.view(np.intp)[0]) - head.ctypes.data) // DOUBLE)
     memory[: len(head)] = head
     return memory

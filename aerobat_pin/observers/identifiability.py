@@ -9,7 +9,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers.applications import Applications
-from aerobat_pin.observers.rows import Believed
+from aerobat_pin.observers.rows import BelievedRows
 
 RANK_TOLERANCE = 1.0e-6  # of the largest singular value
 
@@ -57,7 +57,7 @@ class Identifiability:
 
 
 def judge(
-    applications: Applications, jacobians: Array, velocities: Array, believed: Believed, samples: int = 64
+    applications: Applications, jacobians: Array, velocities: Array, believed: BelievedRows, samples: int = 64
 ) -> Identifiability:
     """Find the worst of up to `samples` instants, spread evenly over those of a run.
 
