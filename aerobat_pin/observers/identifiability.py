@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from aerobat_pin.observers.rows import BelievedRows
 RANK_TOLERANCE = 1.0e-6  # of the largest singular value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identifiability:
     """What the geometry lets an observer know, at the worst configuration of a run.
 
@@ -54,6 +55,20 @@ class Identifiability:
     def describe(self) -> list[str]:
         """Say in words which patterns leave no trace, one line each; empty at full rank."""
         return [_pattern(self.components, row) for row in self.null_space]
+
+    def __repr__(self) -> str:
+        """Give rank, condition and what leaves no trace."""
+        title = f"Identifiability: rank {self.rank} of {len(self.components)}, condition {self.condition:.3g}"
+        return "\n".join([title, *(f"  no trace: {pattern}" for pattern in self.describe())])
+
+    def _repr_html_(self) -> str:
+        """Show the same, and each component's deviation, as a table."""
+        rows = (
+            f"<tr><td>{escape(name)}</td><td>{size:.3g}</td></tr>"
+            for name, size in zip(self.components, self.deviation, strict=True)
+        )
+        head = "<tr><th>component</th><th>deviation per newton of noise</th></tr>"
+        return f"<pre>{escape(repr(self))}</pre><table>{head}{''.join(rows)}</table>"
 
 
 def judge(

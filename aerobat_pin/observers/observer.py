@@ -94,6 +94,15 @@ class Observer:
         """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
         return type(self), (self.model, self.applications.given, self.gain, self.believed.rows)
 
+    def __repr__(self) -> str:
+        """Give name, model, rows, gain and where unknown forces are looked for."""
+        gain = np.array2string(self.gain, precision=4, threshold=12)
+        found = ", ".join(self.applications.components) or "nothing: the generalised residual alone"
+        return (
+            f"{type(self).__name__} '{self.name}' on '{self.model.name}', {self._nv} velocities\n"
+            f"  rows '{self.believed.name}', gain {gain} 1/s\n  looks for {found}"
+        )
+
     def _fill(self, memory: ObserverMemory) -> None:
         """Write what does not change in use into a new memory."""
         data = self.data

@@ -11,7 +11,6 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
@@ -37,14 +36,6 @@ class Tie:
 
     name: str
     map: Array
-
-    def inertia(self, M: ArrayLike) -> Array:
-        """Return M_s = S^T M S (ns, ns)."""
-        return np.asarray(self.map.T @ np.asarray(M, float) @ self.map)
-
-    def force(self, generalized: ArrayLike) -> Array:
-        """Return S^T of a generalised force (..., nv) as (..., ns)."""
-        return np.asarray(np.asarray(generalized, float) @ self.map)
 
 
 def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:

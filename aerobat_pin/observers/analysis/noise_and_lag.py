@@ -73,11 +73,6 @@ class Prediction:
         """(c,) standard deviations of the components."""
         return np.sqrt(np.diag(self.covariance))
 
-    @property
-    def residual_deviation(self) -> Array:
-        """(nv,) standard deviations of the generalised residual."""
-        return np.sqrt(np.diag(self.residual_covariance))
-
 
 def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> Prediction:
     """Predict noise and lag of an observer near rest at a configuration.
@@ -101,8 +96,8 @@ def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> 
     if observer.gain.ndim:
         raise ObserverError(f"gain of shape {observer.gain.shape}: one number was expected")
     model, q = observer.model, checked(q, observer.model.nq, "q")
-    spread = pin.crba(model, model.createData(), q) * noise.deviations(model)
-    momentum = spread @ spread.T
+    root = pin.crba(model, model.createData(), q) * noise.deviations(model)
+    momentum = root @ root.T
     J, rest = observer.applications.jacobian(q), np.zeros(model.nv)
     believed, scale = observer.believed.map(rest), observer.applications.scale
     P = scale[:, None] * np.linalg.pinv((scale[:, None] * (J @ believed)).T, rcond=RANK_TOLERANCE) @ believed.T

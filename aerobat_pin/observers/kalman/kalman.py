@@ -37,11 +37,6 @@ class KalmanSample(Sample):
         return self._values[self._nv : (self._nv + len(self._values)) // 2]
 
     @property
-    def force(self) -> Array:
-        """Forces (n, 3) [N] in world axes, where that is what acts (see `Estimate.force`)."""
-        return self.components.reshape(-1, 3)
-
-    @property
     def standard_deviation(self) -> Array:
         """Standard deviations (c,) of the components."""
         return self._values[(self._nv + len(self._values)) // 2 :]

@@ -58,9 +58,9 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     for block in range(step.basis.shape[0]):
         half = 0.5 * dt * step.basis[block]
         for a in range(c):
-            row, one, other = shear[block * c + a], before[3 + a], after[3 + a]
+            row, start, end = shear[block * c + a], before[3 + a], after[3 + a]
             for i in range(nv):
-                row[i] = half * (one[i] + other[i])
+                row[i] = half * (start[i] + end[i])
     for a in range(errors.shape[0]):
         for i in range(nv):
             shear[h + a, i] = dt * errors[a, i]
@@ -146,9 +146,9 @@ def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) 
     if filter_.hidden.shape[0] > 0:
         add_unknown_torques(before, after, filter_, sensed)
     for a in range(c):
-        one, other = before[3 + a], after[3 + a]
+        start, end = before[3 + a], after[3 + a]
         for i in range(nv):
-            sensed[i, nv + a] = 0.5 * scale[a] * (one[i] + other[i])
+            sensed[i, nv + a] = 0.5 * scale[a] * (start[i] + end[i])
     factorise(sensed)
     information[:, :] = 0.0
     add_product(information[:, :c], sensed[:, nv:].T, sensed[:, nv:], 1.0)
@@ -209,10 +209,10 @@ def report(step: Step, dt: float, out: Array) -> None:
         out[i] = 0.0
     for a in range(c):
         force, variance = 0.0, 0.0
-        for one in range(blocks):
-            force += step.basis[one] * step.z[one * c + a]
+        for block in range(blocks):
+            force += step.basis[block] * step.z[block * c + a]
             for other in range(blocks):
-                variance += step.basis[one] * step.basis[other] * step.Z[one * c + a, nv + other * c + a]
+                variance += step.basis[block] * step.basis[other] * step.Z[block * c + a, nv + other * c + a]
         out[nv + a] = force
         out[nv + c + a] = np.sqrt(max(variance, 0.0))
         for i in range(nv):
@@ -250,7 +250,7 @@ def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: F
 
 @kernel
 def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
-    """Take a sample and `filter_interval` since the one before.
+    """Take a sample and `filter_interval` since the block before.
 
     Returns False, and changes nothing, where v or u does not have the model's size or the innovation is NaN or huge.
     """

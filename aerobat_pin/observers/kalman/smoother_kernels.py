@@ -34,14 +34,14 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
     add_product(work[:, :n], Z, N, 1.0)
     for a in range(h):
         step.z[a] += dot(Z[a], adjoint)
-    for one in range(c):  # a component needs the covariance of its own coefficients alone
-        for a in range(one, h, c):
+    for component in range(c):  # a component needs the covariance of its own coefficients alone
+        for a in range(component, h, c):
             row, found = work[a, :n], work[a, n:]
-            for b in range(one, h, c):
+            for b in range(component, h, c):
                 found[b] = dot(row, Z[b])
-    for one in range(c):
-        for a in range(one, h, c):
-            for b in range(one, h, c):
+    for component in range(c):
+        for a in range(component, h, c):
+            for b in range(component, h, c):
                 Z[a, nv + b] -= work[a, n + b]
 
 
