@@ -40,7 +40,7 @@ def linkage_toml(morphology: Morphology) -> str:
     text += [f'name = "{morphology.name}"', f"plane_x = {morphology.wing.offset_x!r}", ""]
     text += ["[pivots]  # on base_link: (outboard, up)"]
     text += [
-        f"{pin} = {_numbers(pivot)}" for pin, pivot in (("J1", lengths.P1), ("J5", lengths.P5), ("J8", lengths.P8))
+        f"{pin} = {_toml_list(pivot)}" for pin, pivot in (("J1", lengths.P1), ("J5", lengths.P5), ("J8", lengths.P8))
     ]
     text += ["", "[lengths]", *(f"{name} = {getattr(lengths, name)!r}" for name in names), ""]
     text += ["[crank]  # one motor turns both", 'bar = "L1"', 'pin = "J1"', ""]
@@ -66,7 +66,7 @@ def _bar(bar: Bar, morphology: str) -> list[str]:
     else:
         lines += [f'carrier = "{CARRIER[bar.origin]}"']
     lines += [f'{side}_mesh = "meshes/{morphology}_{side}_{bar.name}.stl"' for side in ("left", "right")]
-    pins = ", ".join(f"{pin} = {_numbers((at.real, at.imag))}" for pin, at in bar.pins.items())
+    pins = ", ".join(f"{pin} = {_toml_list((at.real, at.imag))}" for pin, at in bar.pins.items())
     return [*lines, f"pins = {{ {pins} }}"]
 
 
@@ -78,7 +78,7 @@ def _continued(angles: Iterable[float]) -> list[float]:
     return made
 
 
-def _numbers(values: Iterable[float]) -> str:
+def _toml_list(values: Iterable[float]) -> str:
     return f"[{', '.join(repr(value) for value in values)}]"
 
 

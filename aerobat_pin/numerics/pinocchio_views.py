@@ -20,15 +20,15 @@ SE3_SIZE, MOTION_SIZE = 12, 6  # doubles: rotation by columns then translation; 
 
 def placements(vector: Any) -> Array:
     """View `data.oMi` or `data.liMi` as (njoints, 12): each rotation by columns, then the translation."""
-    return _rows(vector[0].rotation, len(vector), SE3_SIZE)
+    return _view_rows(vector[0].rotation, len(vector), SE3_SIZE)
 
 
 def motions(vector: Any) -> Array:
     """View `data.v` or `data.a_gf` as (njoints, 6): linear, then angular."""
-    return _rows(vector[0].vector, len(vector), MOTION_SIZE)
+    return _view_rows(vector[0].vector, len(vector), MOTION_SIZE)
 
 
-def _rows(first: Array, count: int, size: int) -> Array:
+def _view_rows(first: Array, count: int, size: int) -> Array:
     """View `count` equal objects that lie one after the other in memory, from a view of the first one's start."""
     step = size * first.itemsize
     return np.lib.stride_tricks.as_strided(first.ravel(order="F")[:1], (count, size), (step, first.itemsize))
