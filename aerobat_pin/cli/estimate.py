@@ -26,7 +26,8 @@ def estimate_command(
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<log>-estimate.")] = None,
     force: Force = False,
     self_check: Annotated[
-        bool, typer.Option("--self-check", help="Estimate known forces on the simulated robot first.")
+        bool,
+        typer.Option("--self-check", help="First, or without a log only, estimate known forces on a simulated flight."),
     ] = False,
 ) -> None:
     """Estimate the unknown forces of a recorded flight, without knowing the truth.
