@@ -31,7 +31,7 @@ from aerobat_pin.scenario.tables import (
 from aerobat_pin.scenario.toml import read_toml, shipped_names
 from aerobat_pin.scenario.unknown_forces import UnknownForceSection
 
-SHIPPED = Path(__file__).with_name("shipped")
+SHIPPED_SCENARIOS = Path(__file__).with_name("shipped")
 MOST_WARM_UP = 60.0  # [s]
 
 
@@ -112,7 +112,7 @@ def _laid_over(section: Table, values: Mapping[str, Any]) -> Table:
 
 def shipped_scenarios() -> dict[str, str]:
     """Return the shipped scenarios: name -> description."""
-    return {name: load_scenario(name).description for name in shipped_names(SHIPPED)}
+    return {name: load_scenario(name).description for name in shipped_names(SHIPPED_SCENARIOS)}
 
 
 def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
@@ -125,7 +125,7 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     Raises:
         ScenarioError: not found, not TOML, or a value that breaks its rule; the message names key, value and rule.
     """
-    values = read_toml("scenario", str(source), SHIPPED, ScenarioError)
+    values = read_toml("scenario", str(source), SHIPPED_SCENARIOS, ScenarioError)
     if Path(source).is_file():
         _find_beside(Path(source).parent, values)
     return parse_scenario(with_settings(values, settings), str(source))

@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from aerobat_pin.errors import SweepError
 from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_toml, shipped_names
 
-SHIPPED = Path(__file__).with_name("shipped")
+SHIPPED_SWEEPS = Path(__file__).with_name("shipped")
 SEED, DRAW = "seed", "draw"
 KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # of values, which pydantic puts into its places
 
@@ -151,7 +151,7 @@ class SweepFile(_Table):
 
 def shipped_sweeps() -> dict[str, str]:
     """Return the shipped sweeps: name -> description."""
-    return {name: read_sweep(name).description for name in shipped_names(SHIPPED)}
+    return {name: read_sweep(name).description for name in shipped_names(SHIPPED_SWEEPS)}
 
 
 def read_sweep(source: str) -> SweepFile:
@@ -160,7 +160,7 @@ def read_sweep(source: str) -> SweepFile:
     Raises:
         SweepError: not found, not TOML, or not a sweep; the message names key, value and rule.
     """
-    values = read_toml("sweep", source, SHIPPED, SweepError)
+    values = read_toml("sweep", source, SHIPPED_SWEEPS, SweepError)
     try:
         return SweepFile.model_validate(values)
     except ValidationError as error:
