@@ -1,4 +1,4 @@
-"""What hangs on the linkage and follows it when it changes: the joints' limits and the length of the proximal panel."""
+"""Adapt to a changed linkage what depends on it: the joints' limits and the length of the proximal panel."""
 
 from __future__ import annotations
 

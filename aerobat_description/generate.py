@@ -55,7 +55,7 @@ def urdf_text(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str
     }
     ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler", flags)
     for name, colour in MATERIALS.items():
-        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_numbers(colour))
+        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_spaced(colour))
     base = _link(robot, "base_link", morphology.body, 1.0)
     hull = morphology.hull
     _box(base, (0.0, 0.0, hull.drop), (hull.length, hull.width, hull.height))
@@ -108,7 +108,7 @@ def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> 
     ):
         joint = _joint(robot, f"{side}_{name}", "revolute", parent, child, _mirror(position, sign))
         # About +x on the left and -x on the right: a positive angle lifts either wing.
-        ET.SubElement(joint, "axis", xyz=_numbers((sign, 0.0, 0.0)))
+        ET.SubElement(joint, "axis", xyz=_spaced((sign, 0.0, 0.0)))
         bounds = {"lower": limits[0], "upper": limits[1], "effort": joints.effort, "velocity": joints.velocity}
         ET.SubElement(joint, "limit", {key: repr(value) for key, value in bounds.items()})
     _frame(robot, f"{side}_force_point", f"{side}_distal", morphology.force_point, sign)
@@ -120,7 +120,7 @@ def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
     """Add a link; sign -1 mirrors the body in the x-z plane, which flips y and the products xy and yz."""
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_numbers(_mirror(body.com, sign)), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=_spaced(_mirror(body.com, sign)), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(body.mass))
     xx, yy, zz, xy, xz, yz = body.inertia
     values = {"ixx": xx, "ixy": sign * xy, "ixz": xz, "iyy": yy, "iyz": sign * yz, "izz": zz}
@@ -148,7 +148,7 @@ def _joint(
     rpy: Vector = (0.0, 0.0, 0.0),
 ) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "origin", xyz=_numbers(position), rpy=_numbers(rpy))
+    ET.SubElement(joint, "origin", xyz=_spaced(position), rpy=_spaced(rpy))
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
     return joint
@@ -172,8 +172,8 @@ def _visuals(robot: ET.Element, morphology: Morphology, meshes: str) -> None:
 
 def _box(link: ET.Element, centre: Vector, size: Vector) -> None:
     collision = ET.SubElement(link, "collision")
-    ET.SubElement(collision, "origin", xyz=_numbers(centre), rpy="0 0 0")
-    ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_numbers(size))
+    ET.SubElement(collision, "origin", xyz=_spaced(centre), rpy="0 0 0")
+    ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_spaced(size))
 
 
 def mesh_name(morphology: Morphology, part: str) -> str:
@@ -185,7 +185,7 @@ def _mirror(point: Vector, sign: float) -> Vector:
     return point[0], sign * point[1], point[2]
 
 
-def _numbers(vector: Vector) -> str:
+def _spaced(vector: Vector) -> str:
     return " ".join(repr(float(x) + 0.0) for x in vector)
 
 

@@ -1,4 +1,4 @@
-"""Names of links and joints: a robot has each only once, or tools refuse it."""
+"""Names of links and joints; tools refuse a robot in which one occurs twice."""
 
 from __future__ import annotations
 

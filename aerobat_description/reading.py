@@ -1,4 +1,4 @@
-"""From plain nested values, as TOML gives them, to checked dataclasses; every refusal names key, value and rule."""
+"""Make checked dataclasses of nested plain values, as TOML gives them; each error names key, value and rule."""
 
 from __future__ import annotations
 

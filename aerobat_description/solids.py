@@ -76,7 +76,7 @@ def rod(start: Point, end: Point, radius: float, corners: int = 8) -> Mesh:
     """Return a round rod between two points."""
     axis = [b - a for a, b in zip(start, end, strict=True)]
     length = math.hypot(*axis)
-    x, y, z = (one / length for one in axis)
+    x, y, z = (component / length for component in axis)
     # Two unit vectors across the rod; the helper axis is the one least along it.
     helper = (0.0, 0.0, 1.0) if abs(z) < 0.9 else (1.0, 0.0, 0.0)
     u = (helper[1] * z - helper[2] * y, helper[2] * x - helper[0] * z, helper[0] * y - helper[1] * x)

@@ -1,10 +1,10 @@
-"""What can go wrong, by name. Each error also is the builtin that fits; its message says what to try."""
+"""The package's errors. Each also derives from the builtin error that fits it; its message says what to try."""
 
 import math
 
 
 class AerobatError(Exception):
-    """Anything wrong with what the caller gave. Failures of our own code are never an AerobatError."""
+    """Base class of errors in what the caller gave. A fault of the package itself is never an AerobatError."""
 
 
 class MorphologyFileError(AerobatError, ValueError):
@@ -19,7 +19,7 @@ class LinkageError(AerobatError, ValueError):
     """
 
     def __init__(self, message: str, dyad: str, crank_angle: float, nearest: dict[str, float]) -> None:
-        """Keep the message, where it happened and what would help."""
+        """Store the message, the place and the lengths that would help."""
         super().__init__(message)
         self.dyad = dyad
         self.crank_angle = crank_angle
@@ -27,11 +27,11 @@ class LinkageError(AerobatError, ValueError):
 
 
 class CrankError(AerobatError, ValueError):
-    """A crank drive is not a motion: its angle, rate and acceleration do not fit together."""
+    """A crank drive's angle, rate and acceleration do not fit together."""
 
 
 class NearSingularWarning(UserWarning):
-    """The linkage comes close to locking: two bars nearly in one line carry hardly any torque on.
+    """The linkage comes close to locking: two bars nearly in line transmit hardly any torque.
 
     `dyad` names the pin, `transmission` the angle [rad] between its bars, `crank_angle` where that is [rad].
     """
@@ -74,7 +74,7 @@ class SweepError(AerobatError, ValueError):
 
 
 class WorkersLostError(AerobatError, RuntimeError):
-    """Runs of a sweep could not be flown, because the processes that were to fly them died or cannot be reached."""
+    """Runs of a sweep are missing because the processes that fly them died or cannot be reached."""
 
 
 class ObserverError(AerobatError, ValueError):
@@ -82,7 +82,7 @@ class ObserverError(AerobatError, ValueError):
 
 
 class LogError(AerobatError, ValueError):
-    """A flight log misses channels or is not one."""
+    """A file is not a flight log, or the log lacks channels."""
 
 
 class OutputError(AerobatError, OSError):
@@ -90,7 +90,7 @@ class OutputError(AerobatError, OSError):
 
 
 class BrowserError(AerobatError, RuntimeError):
-    """There is no browser here that could take pictures. The message says what to install."""
+    """No browser is installed to take pictures with. The message says what to install."""
 
 
 class SimulationError(AerobatError, ArithmeticError):

@@ -123,7 +123,7 @@ class Scores:
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Give the table row by row under `TABLE_HEADER`; nothing where the log has no truth."""
         for name, found in self.observers.items():
-            yield from _score_rows(name, found)
+            yield from _table_rows(name, found)
 
     @property
     def title(self) -> str:
@@ -144,11 +144,11 @@ class Scores:
             lines.append(_line(TABLE_HEADER))
         for name, found in self.observers.items():
             lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
-            lines += [_line(row) for row in _score_rows(name, found)]
+            lines += [_line(row) for row in _table_rows(name, found)]
         return "\n".join(lines)
 
 
-def _score_rows(observer: str, found: ObserverScores) -> Iterator[tuple[str, ...]]:
+def _table_rows(observer: str, found: ObserverScores) -> Iterator[tuple[str, ...]]:
     for point, axes in found.points.items():
         for axis, score in axes.items():
             yield (observer, point, axis, *score.texts())

@@ -23,7 +23,7 @@ def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class TrueEvent:
-    """What came and went: its name, the frames at which it pushed, from when to when [s], infinity where it stayed."""
+    """An event: its name, the frames at which the force acts, its start and end [s]; infinity where it does not end."""
 
     name: str
     frames: tuple[str, ...]
@@ -32,7 +32,7 @@ class TrueEvent:
 
 
 def true_events(log: FlightLog) -> list[TrueEvent]:
-    """Return what came and went of the true forces, in order of time; what did so at several frames at once is one."""
+    """Return the events of the true forces in order of time; the same event at several frames is listed once."""
     if log.truth is None or "event" not in log.truth.dims:
         return []
     names, frames, starts, ends = (

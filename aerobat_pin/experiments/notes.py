@@ -1,4 +1,4 @@
-"""A line about a flight, which stands wherever the flight is shown."""
+"""A line about a flight, printed wherever its results are shown."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from aerobat_pin.scenario import Scenario
 
 
 def flight_note(scenario: Scenario, robot: Aerobat) -> str:
-    """Say in a line what keeps the robot up, which sensors err, and which forces nobody looks for.
+    """Return a line that names what holds the robot, its imperfect sensors, and forces that no observer looks for.
 
-    It goes wherever the flight is shown. The share is the hold's constant lift over the weight; what it lifts on
-    average in flight is among the metrics.
+    `attitude held, 79 % thruster-borne`: an ideal wrench at the body holds the attitude, and its constant lift is 79 %
+    of the weight. Its mean lift in flight is `thrusters_lift_over_weight` of the metrics.
     """
     weight = robot.mass * scenario.flight.gravity
     note = "free flight, nothing held"
@@ -26,6 +26,6 @@ def flight_note(scenario: Scenario, robot: Aerobat) -> str:
 
 
 def recorded_note(log: FlightLog, robot: Aerobat) -> str:
-    """Say in a line how long a recorded flight is, and which robot is believed to have flown it."""
+    """Return a line with the length of a recorded flight and the robot that is believed to have flown it."""
     duration = log.time[-1] - log.time[0]
     return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -46,33 +46,36 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULT
     target = Path(os.path.abspath(target))
     if target.exists() and not target.is_dir():
         raise OutputError(f"output {target}: is a file; a folder was expected")
-    made = [folder for folder in (target, *target.parents) if not folder.exists()]
-    work = None
-    done = False
     try:
-        if target.is_dir():
-            left = [path for path in target.iterdir() if not path.name.startswith(WORK)]
-            if left and not force:
+        with unmade_on_failure((target, *target.parents)):
+            found = target.iterdir() if target.is_dir() else ()
+            if any(not path.name.startswith(WORK) for path in found) and not force:
                 raise OutputError(
                     f"output folder {target} is not empty; --force replaces an earlier run's results in it"
                 )
             for stale in target.glob(f"{WORK}*"):  # of a run that was killed
                 shutil.rmtree(stale, ignore_errors=True)
-        target.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=WORK, dir=target))
-        yield work
-        _replace(work, target, replaces)
-        done = True
+            target.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=WORK, dir=target, ignore_cleanup_errors=True) as work:
+                yield Path(work)
+                _replace(Path(work), target, replaces)
     except OSError as error:
         if isinstance(error, OutputError):
             raise
         raise OutputError(f"output folder {target}: cannot be written: {error.strerror or error}") from error
-    finally:
-        if work is not None:
-            shutil.rmtree(work, ignore_errors=True)
-        for folder in [] if done else made:
-            if folder.is_dir() and not any(folder.iterdir()):
+
+
+@contextmanager
+def unmade_on_failure(folders: Iterable[Path]) -> Iterator[None]:
+    """Remove folders again that did not exist before a block, if the block fails and they are empty."""
+    missing = [folder for folder in folders if not folder.exists()]
+    try:
+        yield
+    except BaseException:
+        for folder in sorted(missing, key=lambda path: -len(path.parts)):
+            with suppress(OSError):
                 folder.rmdir()
+        raise
 
 
 def check_file(target: Path, *, force: bool) -> None:
@@ -119,25 +122,21 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
         OutputError: a file or folder cannot be written.
     """
     parts = {path: path.with_name(f"{WORK}{os.getpid()}-{path.name}") for path in contents}
-    folders = {folder for path in contents for folder in path.absolute().parents}
-    made = [folder for folder in sorted(folders, key=lambda path: -len(path.parts)) if not folder.exists()]
-    done, path = False, Path()
+    path = Path()
     try:
-        for path, content in contents.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            parts[path].write_bytes(content)
-        for path, part in parts.items():
-            os.replace(part, path)
-        done = True
+        with unmade_on_failure({folder for path in contents for folder in path.absolute().parents}):
+            try:
+                for path, content in contents.items():
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    parts[path].write_bytes(content)
+                for path, part in parts.items():
+                    os.replace(part, path)
+            finally:
+                for part in parts.values():
+                    with suppress(OSError):
+                        part.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"output {path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        for part in parts.values():
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-        for folder in [] if done else made:
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
 
 
 def _replace(work: Path, target: Path, replaces: Sequence[str]) -> None:

@@ -21,13 +21,13 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
         guess = f"did you mean '{close[0]}'? There are" if close else "there are"
         return f"{where}.signal = '{tag}': {guess} {', '.join(known)}"
     if kind == "missing" and isinstance(error["loc"][-1], int):
-        count = _length(section, parts[-2])
+        count = _fixed_length(section, parts[-2])
         return f"{'.'.join(parts[:-1])} = {list(error['input'])}: {count or 'more'} numbers were expected"
     if kind == "value_error":
         return str(error["ctx"]["error"])
     message = explain_plainly(error, where, list(section.model_fields)).replace("tuple", "list")
     return message + (
-        f", such as {_as_list(error['input'], _length(section, parts[-1]))}" if kind == "tuple_type" else ""
+        f", such as {_as_list(error['input'], _fixed_length(section, parts[-1]))}" if kind == "tuple_type" else ""
     )
 
 
@@ -43,7 +43,7 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
     return f"{where} = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 
-def _length(section: type[Section], key: str) -> int:
+def _fixed_length(section: type[Section], key: str) -> int:
     """Return how many entries a list has, or 0 where that is not fixed."""
     field = section.model_fields.get(key)
     entries = () if field is None else get_args(field.annotation)

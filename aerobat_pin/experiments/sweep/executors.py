@@ -1,4 +1,4 @@
-"""Who flies the runs of a sweep: this process, several on this machine, or a Dask cluster."""
+"""Fly the runs of a sweep in this process, in several on this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
         futures = {client.submit(outcome_of, scenario, pure=False): number for number, scenario in runs.items()}
         lost = {}
         for future in as_completed(list(futures)):
-            number = futures.pop(future)  # the cluster forgets what nobody waits for
+            number = futures.pop(future)  # the cluster frees a result without a future
             if future.status == "finished":
                 yield number, future.result()
             else:
@@ -108,10 +108,10 @@ def _check_versions(found: Mapping[str, object], address: str) -> None:
 
 @contextmanager
 def _started(pool: Any, tasks: list[Any]) -> Iterator[Outcomes]:
-    """Give the outcomes of tasks as they come, and close what is left of them.
+    """Give the outcomes of tasks as they come, and close the generator at the end.
 
-    Ctrl-C goes from a terminal to all processes, but only this one can answer it: the others start deaf to it. Joblib's
-    advice, at an interruption, to ask for less is not passed on.
+    A terminal sends Ctrl-C to all processes, but only this one can answer it, so the others start with it blocked.
+    Joblib's warnings at an interruption are not shown.
     """
     resource_tracker.ensure_running()  # which would start later otherwise, and unblock signals
     before, outcomes = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), None  # new processes inherit it
@@ -132,7 +132,7 @@ def _numbered(number: int, scenario: Scenario) -> tuple[int, str]:
 
 
 def _end_with(parent: int) -> None:
-    """Watch, in a worker, the process that waits for the outcomes: when it is killed, nobody else ends this one."""
+    """End this worker when the process that waits for its outcomes is killed; nothing else would end it."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -32,7 +32,9 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
     dims = tuple(dimension.name for dimension in sweep.dimensions)
     entries = {number: _observers(outcome) for number, outcome in outcomes.items()}
     observers = list(dict.fromkeys(name for found in entries.values() for name in found))
-    points = list(dict.fromkeys(point for found in entries.values() for one in found.values() for point in one.points))
+    points = list(
+        dict.fromkeys(point for found in entries.values() for entry in found.values() for point in entry.points)
+    )
     scores = np.full((len(SCORES), *sweep.shape, len(observers), len(points), len(FORCE_AXES)), np.nan)
     judged = np.full((len(JUDGED), *sweep.shape, len(observers)), np.nan)
     failed = np.full(sweep.shape, "", object)
