@@ -11,8 +11,8 @@ from __future__ import annotations
 import cmath
 from dataclasses import dataclass
 
-from aerobat_description.closure import elbow
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
+from aerobat_description.position_closure import elbow
 from aerobat_description.solids import Mesh, disc, mirrored, slab, strut
 
 # The linkage planes of the two wings are 9.4 mm apart along x, the left one ahead [V8]. The axes of the shipped robot

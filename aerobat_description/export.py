@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.generate import PACKAGE_MESHES, files, urdf
+from aerobat_description.generate import PACKAGE_MESHES, files, urdf_text
 from aerobat_description.morphology import Morphology
 
 MeshPaths = Literal["package", "relative", "absolute"]
@@ -31,7 +31,7 @@ def export(morphology: Morphology, target: Path, meshes: MeshPaths = "package") 
         "absolute": (folder / "meshes").as_posix(),
     }[meshes]
     meshdir = uri if meshes == "absolute" else "meshes"
-    made = {target: urdf(morphology, uri, meshdir).encode()}
+    made = {target: urdf_text(morphology, uri, meshdir).encode()}
     for name, content in files(morphology).items():
         path = Path(name)
         if path.parent.name == "meshes":
@@ -54,4 +54,4 @@ def shipped_urdf(morphology: Morphology, meshes: MeshPaths = "package") -> str |
         return None
     absolute = Path(PACKAGE_PATH, "meshes").as_posix()
     uri = {"package": PACKAGE_MESHES, "relative": "../meshes", "absolute": absolute}[meshes]
-    return urdf(morphology, uri, absolute if meshes == "absolute" else "../meshes")
+    return urdf_text(morphology, uri, absolute if meshes == "absolute" else "../meshes")

@@ -8,19 +8,16 @@ The pods are joined below the cranks by a keel. Nothing is wider than the should
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from aerobat_description.bars import LAYER, STAGGER, layer
-from aerobat_description.sections import Guard, Hull, Thruster
+from aerobat_description.morphology import Morphology
+from aerobat_description.morphology_tables import Guard, Hull, Thruster
 from aerobat_description.solids import Mesh, Point, convex_hull, disc, elliptic_ring, lofted, rod, slab
-
-if TYPE_CHECKING:
-    from aerobat_description.morphology import Morphology
 
 # All [own], for the eye [m].
 PLATE = 0.9e-3  # half thickness of the frame
 LUG = 2.4e-3  # radius of the frame around its pivots
-SHAFT = 1.1e-3  # radius of the pivots
+PIVOT_RADIUS = 1.1e-3
 BAY = STAGGER + 1.5 * LAYER + 3.0e-3  # half length of the bay between the pods
 KEEL = 1.5e-3  # half height of the keel
 ARM = 1.5e-3  # radius of the guard's arms
@@ -69,7 +66,7 @@ def frame(morphology: Morphology) -> Mesh:
         for sign, at in ((1.0, pivot), (-1.0, -pivot.conjugate())):
             corners += disc(at, LUG)
             aft, fore = sorted((bay, bay + sign * layer(name)))  # from within the plate to within the bar's boss
-            mesh += slab(disc(at, SHAFT), aft, fore)
+            mesh += slab(disc(at, PIVOT_RADIUS), aft, fore)
     return mesh + slab(convex_hull(corners), bay - PLATE, bay + PLATE)
 
 
@@ -92,12 +89,12 @@ def guard(morphology: Morphology, ring: Guard) -> Mesh:
 
 def motors(thrusters: tuple[Thruster, ...]) -> Mesh:
     """Return the thrusters' motors, in body axes."""
-    return [triangle for one in thrusters for triangle in _along(one, *MOTOR, 0.0, 10)]
+    return [triangle for thruster in thrusters for triangle in _along(thruster, *MOTOR, 0.0, 10)]
 
 
 def propellers(thrusters: tuple[Thruster, ...]) -> Mesh:
     """Return the discs that the thrusters' propellers sweep, ahead of their motors, in body axes."""
-    return [triangle for one in thrusters for triangle in _along(one, *PROPELLER, MOTOR[1] + 1e-3, 24)]
+    return [triangle for thruster in thrusters for triangle in _along(thruster, *PROPELLER, MOTOR[1] + 1e-3, 24)]
 
 
 def _along(thruster: Thruster, radius: float, half: float, ahead: float, corners: int) -> Mesh:
@@ -113,11 +110,11 @@ def _pod(hull: Hull, profile: Profile, start: float, end: float) -> list[list[Po
     for along, wide, high, rise in profile:
         x, half = start + along * (end - start), hull.height / 2
         middle = hull.drop + rise * half
-        sections.append([(x, wide * hull.width / 2 * y, middle + high * half * z) for y, z in _rounded()])
+        sections.append([(x, wide * hull.width / 2 * y, middle + high * half * z) for y, z in _rounded_square()])
     return sections
 
 
-def _rounded(corners: int = 20) -> list[tuple[float, float]]:
+def _rounded_square(corners: int = 20) -> list[tuple[float, float]]:
     """Return a square of half width 1 with round corners, counter-clockwise seen from ahead: y^4 + z^4 = 1 or so."""
     turns = [2.0 * math.pi * (i + 0.5) / corners for i in range(corners)]
     return [tuple(math.copysign(math.sqrt(abs(c)), c) for c in (math.cos(t), math.sin(t))) for t in turns]  # type: ignore[misc]

@@ -17,8 +17,8 @@ from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
 from aerobat_description.bars import closing_bars
 from aerobat_description.meshes import binary_stl, parts
 from aerobat_description.morphology import Morphology
+from aerobat_description.morphology_tables import Body, Vector
 from aerobat_description.poses import poses
-from aerobat_description.sections import Body, Vector
 from aerobat_description.sidecar import linkage_toml
 
 PACKAGE_MESHES = "package://aerobat_description/meshes"
@@ -36,7 +36,7 @@ MATERIALS = {  # red, green, blue, alpha
 }
 
 
-def urdf(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str = "../meshes") -> str:
+def urdf_text(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str = "../meshes") -> str:
     """Return the floating-base tree as URDF text; `base_link` has its origin at the body's centre of mass.
 
     Args:
@@ -55,14 +55,14 @@ def urdf(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str = ".
     }
     ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler", flags)
     for name, colour in MATERIALS.items():
-        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_text(colour))
+        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_numbers(colour))
     base = _link(robot, "base_link", morphology.body, 1.0)
     hull = morphology.hull
     _box(base, (0.0, 0.0, hull.drop), (hull.length, hull.width, hull.height))
     for side, sign in SIDES:
         _wing(robot, morphology, side, sign)
     for thruster in morphology.thrusters:
-        _frame(robot, thruster.name, "base_link", thruster.position, 1.0, _turned(thruster.direction))
+        _frame(robot, thruster.name, "base_link", thruster.position, 1.0, _roll_pitch_yaw(thruster.direction))
     _visuals(robot, morphology, meshes)
     ET.indent(robot)
     return (
@@ -71,7 +71,7 @@ def urdf(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str = ".
     )
 
 
-def srdf(morphology: Morphology) -> str:
+def srdf_text(morphology: Morphology) -> str:
     """Return the reference configurations (see `poses`) with the base at the origin as SRDF text."""
     robot = ET.Element("robot", name=morphology.name)
     joints = [f"{side}_{joint}" for side, _ in SIDES for joint in ("shoulder", "elbow")]
@@ -108,7 +108,7 @@ def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> 
     ):
         joint = _joint(robot, f"{side}_{name}", "revolute", parent, child, _mirror(position, sign))
         # About +x on the left and -x on the right: a positive angle lifts either wing.
-        ET.SubElement(joint, "axis", xyz=_text((sign, 0.0, 0.0)))
+        ET.SubElement(joint, "axis", xyz=_numbers((sign, 0.0, 0.0)))
         bounds = {"lower": limits[0], "upper": limits[1], "effort": joints.effort, "velocity": joints.velocity}
         ET.SubElement(joint, "limit", {key: repr(value) for key, value in bounds.items()})
     _frame(robot, f"{side}_force_point", f"{side}_distal", morphology.force_point, sign)
@@ -120,7 +120,7 @@ def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
     """Add a link; sign -1 mirrors the body in the x-z plane, which flips y and the products xy and yz."""
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(_mirror(body.com, sign)), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=_numbers(_mirror(body.com, sign)), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(body.mass))
     xx, yy, zz, xy, xz, yz = body.inertia
     values = {"ixx": xx, "ixy": sign * xy, "ixz": xz, "iyy": yy, "iyz": sign * yz, "izz": zz}
@@ -148,13 +148,13 @@ def _joint(
     rpy: Vector = (0.0, 0.0, 0.0),
 ) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "origin", xyz=_text(position), rpy=_text(rpy))
+    ET.SubElement(joint, "origin", xyz=_numbers(position), rpy=_numbers(rpy))
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
     return joint
 
 
-def _turned(direction: Vector) -> Vector:
+def _roll_pitch_yaw(direction: Vector) -> Vector:
     """Return roll, pitch, yaw [rad] of a frame whose z axis points along a unit vector."""
     x, y, z = direction
     return 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
@@ -172,8 +172,8 @@ def _visuals(robot: ET.Element, morphology: Morphology, meshes: str) -> None:
 
 def _box(link: ET.Element, centre: Vector, size: Vector) -> None:
     collision = ET.SubElement(link, "collision")
-    ET.SubElement(collision, "origin", xyz=_text(centre), rpy="0 0 0")
-    ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_text(size))
+    ET.SubElement(collision, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_numbers(size))
 
 
 def mesh_name(morphology: Morphology, part: str) -> str:
@@ -185,15 +185,15 @@ def _mirror(point: Vector, sign: float) -> Vector:
     return point[0], sign * point[1], point[2]
 
 
-def _text(vector: Vector) -> str:
+def _numbers(vector: Vector) -> str:
     return " ".join(repr(float(x) + 0.0) for x in vector)
 
 
 def files(morphology: Morphology) -> dict[str, bytes]:
     """Return every generated file of a morphology: path relative to the package -> content."""
     made = {
-        f"urdf/{morphology.name}.urdf": urdf(morphology).encode(),
-        f"srdf/{morphology.name}.srdf": srdf(morphology).encode(),
+        f"urdf/{morphology.name}.urdf": urdf_text(morphology).encode(),
+        f"srdf/{morphology.name}.srdf": srdf_text(morphology).encode(),
     }
     for name, part in parts(morphology).items():
         made[f"meshes/{mesh_name(morphology, name)}"] = binary_stl(part.mesh)
@@ -203,7 +203,7 @@ def files(morphology: Morphology) -> dict[str, bytes]:
     return made
 
 
-def main() -> None:
+def rewrite_files() -> None:
     """Rewrite the committed files of every shipped morphology."""
     for name in MORPHOLOGIES:
         for relative, content in files(Morphology.load(name)).items():
@@ -214,4 +214,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    rewrite_files()

@@ -12,7 +12,7 @@ from functools import partial
 from aerobat_description.bars import LINK_OF, linkage_bars
 from aerobat_description.fuselage import body, frame, guard, motors, propellers
 from aerobat_description.morphology import Morphology
-from aerobat_description.sections import Fin, Surface
+from aerobat_description.morphology_tables import Fin, Surface
 from aerobat_description.solids import Mesh, Point, lofted, mirrored, slab, thickened
 
 MEMBRANE_THICKNESS = 0.6e-3  # [m], for the eye only

@@ -10,17 +10,13 @@ import itertools
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.closure import ClosureError, elbow, reach, remedies
 from aerobat_description.following import laid_over
-from aerobat_description.names import check_frames, check_name
-from aerobat_description.reading import MorphologyError, build, dotted, require
-from aerobat_description.scaling import Scale
-from aerobat_description.sections import (
+from aerobat_description.morphology_tables import (
     Aerodynamics,
     Body,
     Fin,
@@ -29,13 +25,19 @@ from aerobat_description.sections import (
     Hull,
     Joints,
     LinkageLengths,
+    Scale,
     Surface,
     Thruster,
     Vector,
     WingShape,
 )
+from aerobat_description.names import check_frames, check_name
+from aerobat_description.position_closure import ClosureError, elbow, reach, remedies
+from aerobat_description.reading import MorphologyError, build, dotted, require
+from aerobat_description.scaling import stretched
 
 STRETCH = 0.05  # by which the proximal panel may miss the elbow, onto which it is stretched: as drawn it does by 2.5 %
+PLANFORM_EDGES = ("proximal_leading_edge", "proximal_trailing_edge", "distal_leading_edge", "distal_trailing_edge")
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class Morphology:
         Raises:
             MorphologyError: no such morphology, or one that fails a check.
         """
-        return cls.from_mapping(laid_over(_read(str(morphology)), changes or {}))
+        return cls.from_mapping(laid_over(_file_values(str(morphology)), changes or {}))
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Morphology:
@@ -79,7 +81,7 @@ class Morphology:
         scale = build(Scale, values.pop("scale", {}), "scale")
         made: Morphology = build(cls, values, "")
         if scale != Scale():
-            made = build(cls, asdict(scale.applied(made)), "")
+            made = build(cls, asdict(made._scaled(scale)), "")
         return made
 
     def with_changes(self, changes: Mapping[str, Any]) -> Morphology:
@@ -93,6 +95,24 @@ class Morphology:
         """
         return self.from_mapping(laid_over(asdict(self), changes))
 
+    def _scaled(self, scale: Scale) -> Morphology:
+        """Return the scaled morphology, unchecked."""
+        wing, tip = self.wing, self.wing.distal_stations[-1]
+        inner = 0.5 * self.span - tip
+        stretch = (0.5 * scale.span * self.span - inner) / tip
+        edges: dict[str, Any] = {key: tuple(scale.chord * x for x in getattr(wing, key)) for key in PLANFORM_EDGES}
+        stations = tuple(stretch * y for y in wing.distal_stations)
+        point = wing.force_point
+        if point is not None:
+            point = (scale.chord * point[0], stretch * point[1], point[2])
+        return replace(
+            self,
+            body=stretched(self.body, scale.body_mass, 1.0, 1.0),
+            proximal=stretched(self.proximal, scale.wing_mass, scale.chord, 1.0),
+            distal=stretched(self.distal, scale.wing_mass, scale.chord, stretch),
+            wing=replace(wing, distal_stations=stations, force_point=point, **edges),
+        )
+
     def check(self, where: str) -> None:
         """Raise unless names are plain, left and right alike, and linkage, limits, planform and masses fit."""
         check_name(self.name, dotted(where, "name"))
@@ -100,7 +120,7 @@ class Morphology:
         mirrored = self.body.inertia[3] == self.body.inertia[5] == 0.0
         rule = "left and right mirror each other: xy and yz must be 0"
         require(mirrored, "body.inertia", self.body.inertia, rule)
-        check_frames([one.name for one in self.thrusters], "thrusters")
+        check_frames([thruster.name for thruster in self.thrusters], "thrusters")
         self._check_turning()
         bone, stations = math.hypot(*self.elbow), self.wing.proximal_stations
         rule = f"the last one is at the elbow, {bone:.4g} m from the shoulder, to {100 * STRETCH:g} %"
@@ -111,10 +131,10 @@ class Morphology:
             self._check_panel(panel, length)
         half_span = 0.5 * self.span
         for part in ("body", "proximal", "distal"):
-            one = getattr(self, part)
-            gyration = math.sqrt(max(one.inertia[:3]) / one.mass)
+            link = getattr(self, part)
+            gyration = math.sqrt(max(link.inertia[:3]) / link.mass)
             rule = f"a radius of gyration of {gyration:.3f} m is larger than half the span, {half_span:.3f} m"
-            require(gyration < half_span, f"{part}.inertia", one.inertia, rule)
+            require(gyration < half_span, f"{part}.inertia", link.inertia, rule)
 
     def _check_panel(self, panel: str, length: float) -> None:
         """Raise unless a panel has an area and its centre of mass lies within its outline."""
@@ -182,7 +202,7 @@ def _area(stations: Vector, leading: Vector, trailing: Vector) -> float:
     return sum((y1 - y0) * (c0 + c1) / 2 for (y0, y1), (c0, c1) in steps)
 
 
-def _read(morphology: str) -> dict[str, Any]:
+def _file_values(morphology: str) -> dict[str, Any]:
     path = Path(morphology)
     if morphology in MORPHOLOGIES:
         path = Path(PACKAGE_PATH, "morphologies", f"{morphology}.toml")
@@ -201,4 +221,4 @@ def _read(morphology: str) -> dict[str, Any]:
         raise MorphologyError(f"{where}: extends = {parent!r}: name another shipped morphology")
     if "name" not in values:
         raise MorphologyError(f"{where}: missing key 'name': a robot that extends '{parent}' has a name of its own")
-    return laid_over(_read(parent), values)
+    return laid_over(_file_values(parent), values)

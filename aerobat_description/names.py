@@ -9,7 +9,7 @@ from aerobat_description.reading import require
 # Links and joints of every robot, and what Pinocchio calls the world and the joint of the free base.
 FRAMES = ("force_point", "linkage_J1", "linkage_J8")
 WING = ("proximal", "distal", "shoulder", "elbow", *FRAMES, *(f"{frame}_fixed" for frame in FRAMES))
-TAKEN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
+BUILT_IN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
 
 
 def check_name(name: str, key: str) -> None:
@@ -20,7 +20,7 @@ def check_name(name: str, key: str) -> None:
 
 def check_frames(names: Sequence[str], table: str) -> None:
     """Raise MorphologyError unless frames of these names, each with its fixed joint, can be added to a robot."""
-    taken = set(TAKEN)
+    taken = set(BUILT_IN)
     for i, name in enumerate(names):
         own = {name, f"{name}_fixed"}
         rule = "another link, joint or frame has this name or that of its joint; each needs a name of its own"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cmath
 import itertools
 
-from aerobat_description.closure import Pose, turn
 from aerobat_description.morphology import Morphology
+from aerobat_description.position_closure import Pose, turn
 
 
 def poses(morphology: Morphology) -> dict[str, tuple[float, float]]:

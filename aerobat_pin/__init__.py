@@ -1,4 +1,7 @@
-"""Aerobat on Pinocchio: what is pushing on my robot?"""
+"""Aerobat on Pinocchio: what is pushing on my robot?
+
+A name is imported when it is first used, so that `import aerobat_pin` alone costs nothing.
+"""
 
 from __future__ import annotations
 
@@ -6,29 +9,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aerobat_pin.experiments import run
-    from aerobat_pin.flight import FlightLog, simulate
-    from aerobat_pin.robot import Aerobat, load_aerobat
-    from aerobat_pin.scenario import Scenario, load_scenario
+    from aerobat_pin.experiments import run as run
+    from aerobat_pin.flight import FlightLog as FlightLog
+    from aerobat_pin.flight import simulate as simulate
+    from aerobat_pin.robot import Aerobat as Aerobat
+    from aerobat_pin.robot import load_aerobat as load_aerobat
+    from aerobat_pin.scenario import Scenario as Scenario
+    from aerobat_pin.scenario import load_scenario as load_scenario
 
 __version__ = "0.1.0"
-__all__ = ["Aerobat", "FlightLog", "Scenario", "__version__", "load_aerobat", "load_scenario", "run", "simulate"]
 _ROOMS = {
-    "Aerobat": "robot",
-    "FlightLog": "flight",
-    "Scenario": "scenario",
-    "load_aerobat": "robot",
-    "load_scenario": "scenario",
-    "run": "experiments",
-    "simulate": "flight",
+    "experiments": ["run"],
+    "flight": ["FlightLog", "simulate"],
+    "robot": ["Aerobat", "load_aerobat"],
+    "scenario": ["Scenario", "load_scenario"],
 }
+__all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for, so that `import aerobat_pin` alone costs nothing."""
-    if name in _ROOMS:
-        return getattr(import_module(f"aerobat_pin.{_ROOMS[name]}"), name)
-    raise AttributeError(f"module 'aerobat_pin' has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    room = next(room for room, names in _ROOMS.items() if name in names)
+    return getattr(import_module(f"{__name__}.{room}"), name)
 
 
 def __dir__() -> list[str]:

@@ -228,7 +228,7 @@ def absolute_figures(rounds: int) -> Iterator[Figure]:
 def process_figures(count: int) -> Iterator[Figure]:
     """Whole processes, from start to exit, caches warm."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    program = [sys.executable, "-m", "aerobat_pin.cli"]
+    program = [sys.executable, "-m", "aerobat_pin"]
     with tempfile.TemporaryDirectory() as folder:
         commands = {
             "python -c pass": ([sys.executable, "-c", "pass"], None),

@@ -13,7 +13,7 @@ from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.write_all import write_all
+from aerobat_pin.visualization.write_all import write_figures_and_pages
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +27,7 @@ def paper_folder(paper: Experiment, tmp_path_factory: pytest.TempPathFactory) ->
     """Return the folder with everything that `aerobat run paper` writes."""
     target = tmp_path_factory.mktemp("paper")
     write(paper, target)
-    write_all(paper, target)
+    write_figures_and_pages(paper, target)
     return target
 
 

@@ -11,10 +11,11 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from aerobat_pin.cli import estimate as cli_estimate
-from aerobat_pin.cli import sweep as cli_sweep
-from aerobat_pin.cli.console import interruptible, print_table, progress
-from aerobat_pin.cli.play import play
+from aerobat_pin.cli.console import files_in, interruptible, print_files, print_scores, progress_bar
+from aerobat_pin.cli.estimate import estimate_command
+from aerobat_pin.cli.options import Force, NameOrFile, ObserverNames, Settings
+from aerobat_pin.cli.play import play_command
+from aerobat_pin.cli.sweep import sweep_command
 
 app = typer.Typer(
     name="aerobat",
@@ -25,86 +26,76 @@ app = typer.Typer(
 )
 
 
-@app.command()
+@app.command("run")
 @interruptible()
-def run(
-    scenario: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")],
+def run_command(
+    scenario: NameOrFile,
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<scenario>.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the results of an earlier run.")] = False,
+    force: Force = False,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.")] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
-    ] = None,
-    observers: Annotated[
-        list[str] | None, typer.Option("--observer", metavar="NAME", help="Run this observer; repeatable.")
-    ] = None,
+    settings: Settings = None,
+    observers: ObserverNames = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Skip figures, report and replay.")] = False,
 ) -> None:
     """Fly a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
     from aerobat_pin import experiments
-    from aerobat_pin.experiments import output_folder
     from aerobat_pin.scenario import load_scenario
 
-    chosen = list(settings or [])
+    changes = list(settings or [])
     if seed is not None:
-        chosen.append(f"simulation.seed={seed}")
+        changes.append(f"simulation.seed={seed}")
     if observers:
         quoted = ", ".join(f'"{name}"' for name in observers)
-        chosen.append(f"observers.names=[{quoted}]")
-    loaded = load_scenario(scenario, chosen)
-    target = out if out is not None else Path("runs") / loaded.name
-    with output_folder(target, force=force) as folder, progress() as show:
-        made = experiments.run(loaded, show)
-        experiments.write(made, folder)
+        changes.append(f"observers.names=[{quoted}]")
+    loaded = load_scenario(scenario, changes)
+    target = out or Path("runs") / loaded.name
+    with experiments.output_folder(target, force=force) as folder, progress_bar() as show:
+        experiment = experiments.run(loaded, show)
+        experiments.write(experiment, folder)
         if not no_report:
-            from aerobat_pin.visualization.write_all import write_all
+            from aerobat_pin.visualization import write_figures_and_pages
 
-            write_all(made, folder, show)
-        written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    print_table(made.metrics, noisy=bool(loaded.sensors.fitted))
-    typer.echo(f"\nresults in {target}/")
-    for path in written:
-        typer.echo(f"  {target / path}")
+            write_figures_and_pages(experiment, folder, show)
+        files = files_in(folder)
+    print_scores(experiment.scores, noisy=bool(loaded.sensors.fitted))
+    print_files(target, files)
 
 
-app.command()(cli_estimate.estimate)
-app.command()(cli_sweep.sweep)
+app.command("estimate")(estimate_command)
+app.command("sweep")(sweep_command)
 
 
-@app.command()
+@app.command("trim")
 @interruptible()
-def trim(
-    scenario: Annotated[str, typer.Argument(help="Shipped name or TOML file: robot, speed and first guesses.")],
+def trim_command(
+    scenario: NameOrFile,
     out: Annotated[Path | None, typer.Option(help="File for the trimmed scenario; printed when omitted.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
-    ] = None,
+    force: Force = False,
+    settings: Settings = None,
 ) -> None:
     """Find the frequency, wing offset and start of a flight that repeats itself every flap; write it as a scenario.
 
-    The horizontal velocity is held. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate, --set
-    or not, are first guesses: what is found differs from them.
+    The horizontal velocity is kept. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate, with
+    or without --set, are first guesses: what is found differs from them.
     """
     from aerobat_pin.experiments import check_file, write_text
-    from aerobat_pin.flight import trim as find_trim
+    from aerobat_pin.flight import trim
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
     if out is not None:
         check_file(out, force=force)
     guess = load_scenario(scenario, settings or [])
-    found = find_trim(guess)
-    flight, crank = found.scenario.flight, found.scenario.crank
-    offset = found.scenario.robot.changes["wing"]["offset_x"]
-    doubling = found.time_to_double
-    summary = (
+    trimmed = trim(guess)
+    flight, crank = trimmed.scenario.flight, trimmed.scenario.crank
+    offset, doubling = trimmed.scenario.robot.changes["wing"]["offset_x"], trimmed.time_to_double
+    typer.echo(
         f"from a first guess of {guess.crank.frequency:g} Hz: {crank.frequency:.3f} Hz, wing offset "
         f"{1e3 * offset:.2f} mm; as the flap starts, pitch {flight.pitch_deg:.2f} deg and vertical speed "
-        f"{flight.velocity[2]:.3f} m/s; one flap misses its start by {found.residual:.1e}; "
-        "a disturbance " + (f"doubles in {doubling:.2f} s" if doubling < 1e3 else "does not grow")
+        f"{flight.velocity[2]:.3f} m/s; one flap misses its start by {trimmed.residual:.1e}; "
+        "a disturbance " + (f"doubles in {doubling:.2f} s" if doubling < 1e3 else "does not grow"),
+        err=out is None,
     )
-    typer.echo(summary, err=out is None)
-    text = scenario_toml(found.scenario)
+    text = scenario_toml(trimmed.scenario)
     if out is None:
         typer.echo(text, nl=False)
     else:
@@ -112,16 +103,16 @@ def trim(
         typer.echo(f"written to {out}")
 
 
-@app.command()
-def urdf(
-    morphology: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")] = "aerobat",
+@app.command("urdf")
+def urdf_command(
+    morphology: NameOrFile = "aerobat",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="URDF file; SRDF and meshes go beside it. Else it is printed.")
     ] = None,
     meshes: Annotated[
         Literal["package", "relative", "absolute"], typer.Option(help="How the URDF names its meshes.")
     ] = "package",
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: Force = False,
 ) -> None:
     """Turn a morphology into URDF, SRDF and meshes for other tools."""
     from aerobat_description.export import export, shipped_urdf
@@ -137,10 +128,8 @@ def urdf(
         typer.echo(text, nl=False)
         return
     contents = export(robot, output, meshes)
-    check_file(output, force=force)
-    for path in contents:
-        if path.exists():
-            check_file(path, force=force)
+    for path in (output, *filter(Path.exists, contents)):
+        check_file(path, force=force)
     write_files(contents)
     typer.echo(f"written {output} and, beside it, {len(contents) - 1} files it needs:")
     for path in contents:
@@ -148,47 +137,46 @@ def urdf(
             typer.echo(f"  {path}")
 
 
-@app.command()
-def linkage(
-    morphology: Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")] = "aerobat",
+@app.command("linkage")
+def linkage_command(
+    morphology: NameOrFile = "aerobat",
     out: Annotated[
         Path | None, typer.Option(help="Picture (.png, .pdf, .svg) or folder for one; default runs/linkage.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: Force = False,
 ) -> None:
-    """Draw the linkage over a turn of its crank, and print how far its joints and transmission angles go."""
+    """Draw the linkage over a turn of its crank, and print the ranges of its joints and transmission angles."""
     from aerobat_pin.experiments import picture_files, write_files
     from aerobat_pin.linkage import KineticSculpture
     from aerobat_pin.robot import load_morphology
-    from aerobat_pin.visualization import style
-    from aerobat_pin.visualization.figures import linkage as linkage_sheet
+    from aerobat_pin.visualization import draw_linkage, range_table, style
 
     shape = load_morphology(morphology)
-    files = picture_files(out if out is not None else Path("runs") / "linkage", shape.name, force=force)
-    mechanism = KineticSculpture(shape.linkage)
-    mechanism.check()
-    figure = linkage_sheet.draw(mechanism)
+    files = picture_files(out or Path("runs") / "linkage", shape.name, force=force)
+    linkage = KineticSculpture(shape.linkage)
+    linkage.check()
+    figure = draw_linkage(linkage)
     write_files({file: style.rendered(figure, file.suffix[1:].lower()) for file in files})
-    typer.echo(linkage_sheet.table(mechanism))
-    typer.echo(f"drawn to {', '.join(str(file) for file in files)}")
+    typer.echo(range_table(linkage))
+    typer.echo(f"drawn to {', '.join(map(str, files))}")
 
 
-app.command()(play)
+app.command("play")(play_command)
 
 
-@app.command()
-def doctor() -> None:
+@app.command("doctor")
+def doctor_command() -> None:
     """Examine the installation: what is there, and what to do about what is not."""
-    from aerobat_pin.cli.doctor import check
+    from aerobat_pin.cli.doctor import check_installation
 
-    findings = check()
-    for one in findings:
-        typer.echo(str(one))
-    raise typer.Exit(0 if all(one.ok for one in findings) else 1)
+    findings = check_installation()
+    for finding in findings:
+        typer.echo(str(finding))
+    raise typer.Exit(0 if all(finding.ok for finding in findings) else 1)
 
 
-@app.command()
-def describe(what: Annotated[Literal["scenario"], typer.Argument(help="What to describe.")]) -> None:
+@app.command("describe")
+def describe_command(what: Annotated[Literal["scenario"], typer.Argument(help="What to describe.")]) -> None:
     """Print every key of a scenario file: type, unit, default and meaning."""
     from aerobat_pin.scenario import describe_scenario
 
@@ -196,7 +184,7 @@ def describe(what: Annotated[Literal["scenario"], typer.Argument(help="What to d
 
 
 @app.command("list")
-def list_shipped() -> None:
+def list_command() -> None:
     """List the shipped scenarios, sweeps, morphologies and observers."""
     from aerobat_description import MORPHOLOGIES
     from aerobat_description.morphology import Morphology
@@ -217,11 +205,11 @@ def list_shipped() -> None:
 
 
 def main() -> None:
-    """Run the command line; every mistake of the caller's ends in one message and exit code 2."""
+    """Run the command line; a mistake of the user's ends in one message and exit code 2."""
     from aerobat_pin.errors import AerobatError
 
     warnings.showwarning = _show_warning
-    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when whoever reads our output goes away
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when the reader of a pipe closes it
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # leave as tidily as on Ctrl-C
     try:
         app()
@@ -229,20 +217,16 @@ def main() -> None:
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)
     finally:
-        gc.freeze()  # or Python would search every library for garbage on its way out: a quarter of a second
+        gc.freeze()  # spares a quarter of a second: Python would search all libraries for garbage at exit
 
 
 def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
 ) -> None:
-    """Say what our own warnings say; where in the code any other one arose matters more to a developer."""
+    """Print our own warnings without their place in the code; it helps only a developer, with any other warning."""
     from aerobat_pin.errors import NearSingularWarning
 
     text = f"warning: {message}\n"
     if not issubclass(category, NearSingularWarning):
         text = warnings.formatwarning(message, category, filename, lineno, line)
     typer.echo(text, err=True, nl=False)
-
-
-if __name__ == "__main__":
-    main()

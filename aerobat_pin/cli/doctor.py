@@ -1,7 +1,8 @@
-"""What can be wrong with an installation: each finding says what is there and what to do about it.
+"""Examine an installation: each finding says what is there, and what to do where it is wrong.
 
-Most broken installations mix Pinocchio from several sources. It is therefore first imported in a process of its own:
-libraries that do not fit each other end that process, not this one.
+Most broken installations mix Pinocchio from several sources, with libraries that crash on each other. Pinocchio is
+therefore first imported in a process of its own. A check that cannot run, for instance because a package is missing
+that it needs, is a finding too; the other checks run all the same.
 """
 
 from __future__ import annotations
@@ -20,17 +21,19 @@ from importlib.util import find_spec
 from pathlib import Path
 
 PROJECT = "aerobat-pinocchio"
-PIN = ">=4.1,<5"
-PACKAGES = ("pinocchio", "eigenpy", "coal", "hppfcl", "numpy", "scipy", "numba")  # nobody else should bring these
-LIBRARIES = ("libpinocchio*", "libeigenpy*", "libcoal*", "libhpp-fcl*")
-FRESH = "make a fresh environment (python -m venv) and pip install aerobat-pinocchio into it alone"
-PROBE = """import json, pinocchio as p
+PIN_RULE = ">=4.1,<5"
+# What a search path must not bring beside this installation.
+FOREIGN_MODULES = ("pinocchio", "eigenpy", "coal", "hppfcl", "numpy", "scipy", "numba")
+FOREIGN_LIBRARIES = ("libpinocchio*", "libeigenpy*", "libcoal*", "libhpp-fcl*")
+REINSTALL = f"pip install --force-reinstall --no-deps {PROJECT}"
+START_FRESH = f"make a fresh environment (python -m venv) and pip install {PROJECT} into it alone"
+PINOCCHIO_PROBE = """import json, pinocchio as p
 print(json.dumps([p.__file__ or "", getattr(p, "__version__", "") if hasattr(p, "crba") else ""]))"""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at; `advice` is one line on what to do where it is not `ok`."""
+    """One thing that was examined; `advice` is one line on what to do where it is not `ok`."""
 
     name: str
     ok: bool
@@ -42,44 +45,30 @@ class Finding:
         return f"ok   {self.name}: {self.detail}" if self.ok else f"BAD  {self.name}: {self.detail}\n  -> {self.advice}"
 
 
-def check() -> list[Finding]:
-    """Examine the installation; all is well if every finding is `ok`. A check that itself fails is a finding too."""
-    found = _run(_platform, _pinocchio, _search_paths, _requirements, _viewer, _description, _browser)
-    if all(one.ok for one in found if one.name == "pinocchio"):  # what needs it could only say once more that it is bad
-        found += _run(_model, _kernels)
-    return found
+def check_installation() -> list[Finding]:
+    """Examine the installation; all is well if every finding is `ok`."""
+    findings = _run(_platform, _pinocchio, _search_paths, _requirements, _viewer, _description, _browser)
+    if all(finding.ok for finding in findings if finding.name == "pinocchio"):  # the rest needs it
+        findings += _run(_urdf, _kernels)
+    return findings
 
 
 def _run(*checks: Callable[[], Iterator[Finding]]) -> list[Finding]:
-    found = []
-    for one in checks:
+    findings = []
+    for check in checks:
         try:
-            found += list(one())
+            findings += list(check())
         except Exception as error:  # whatever a broken installation can raise
-            found.append(Finding(one.__name__.strip("_"), False, f"{type(error).__name__}: {error}", FRESH))
-    return found
+            name = check.__name__.strip("_")
+            findings.append(Finding(name, False, f"{type(error).__name__}: {error}", START_FRESH))
+    return findings
 
 
 def satisfies(version: str, rule: str) -> bool:
-    """Tell whether a version obeys a rule such as `>=4.1,<5`, by numbers: 4.10 comes after 4.9."""
-    try:
-        from packaging.specifiers import SpecifierSet
-    except ImportError:
-        return satisfies_by_release(version, rule)
+    """Tell whether an installed version obeys a rule such as `>=4.1,<5`; no version obeys none."""
+    from packaging.specifiers import SpecifierSet
+
     return bool(version) and SpecifierSet(rule).contains(version, prereleases=True)
-
-
-def satisfies_by_release(version: str, rule: str) -> bool:
-    """Do as `satisfies` without `packaging`: compare releases alone, by >=, <=, >, <, == and !=."""
-    allowed = {">=": (0, 1), "<=": (0, -1), ">": (1,), "<": (-1,), "==": (0,), "!=": (-1, 1)}
-    here = _release(version)
-    pairs = [(operator, _release(text)) for operator, text in re.findall(r"([<>=!]=|[<>])\s*([^,\s]+)", rule)]
-    return bool(version) and all((here > there) - (here < there) in allowed[operator] for operator, there in pairs)
-
-
-def _release(version: str) -> tuple[int, ...]:
-    numbers = re.findall(r"\d+", re.sub(r"[^\d.].*", "", version))
-    return tuple(int(number) for number in [*numbers, *"000000"][:6])
 
 
 def _installed(name: str) -> str:
@@ -103,53 +92,54 @@ def _platform() -> Iterator[Finding]:
 
 def _pinocchio() -> Iterator[Finding]:
     """Tell which Pinocchio is imported, whether it is the right one, and whether there are several."""
-    done = subprocess.run([sys.executable, "-P", "-c", PROBE], capture_output=True, text=True, check=False)
-    if done.returncode == 0:
-        file, version = json.loads(done.stdout.splitlines()[-1])
-        detail = f"{version or 'something else of that name'} from {Path(file).parent} (wanted: {PIN})"
+    probe = subprocess.run([sys.executable, "-P", "-c", PINOCCHIO_PROBE], capture_output=True, text=True, check=False)
+    if probe.returncode == 0:
+        file, version = json.loads(probe.stdout.splitlines()[-1])
+        detail = f"{version or 'something else of that name'} from {Path(file).parent} (wanted: {PIN_RULE})"
     else:
-        crash = f"importing it ends the process with code {done.returncode}"  # minus the signal
-        file, version, detail = "", "", (done.stderr.strip().splitlines() or [crash])[-1]
-    yield Finding("pinocchio", satisfies(version, PIN), detail, f"pip install 'pin{PIN}'; if it is there, {FRESH}")
+        crash = f"importing it ends the process with code {probe.returncode}"  # minus the signal
+        file, version, detail = "", "", (probe.stderr.strip().splitlines() or [crash])[-1]
+    advice = f"pip install 'pin{PIN_RULE}'; if it is there, {START_FRESH}"
+    yield Finding("pinocchio", satisfies(version, PIN_RULE), detail, advice)
     clash = bool(file and _installed("pin")) and "cmeel.prefix" not in Path(file).parts
     origin = " of ROS" if "/opt/ros/" in file else " of conda" if Path(sys.prefix, "conda-meta").is_dir() else ""
     detail = f"the one{origin} in {Path(file).parent} hides pip's pin {_installed('pin')}" if clash else "no second one"
-    yield Finding("pinocchio's sources", not clash, detail, f"leave ROS and conda out of this shell, or {FRESH}")
-    foreign = satisfies(_installed("pinocchio"), "<1")  # a plugin of nose; the real one's versions start at 1
-    detail = "the package 'pinocchio' is another project, the robot library is 'pin'" if foreign else "not installed"
+    yield Finding("pinocchio's sources", not clash, detail, f"leave ROS and conda out of this shell, or {START_FRESH}")
+    namesake = satisfies(_installed("pinocchio"), "<1")  # a plugin of nose; the robot library's versions start at 1
+    detail = "the package 'pinocchio' is another project, the robot library is 'pin'" if namesake else "not installed"
     advice = "pip uninstall pinocchio, then pip install --force-reinstall pin"
-    yield Finding("pinocchio's namesake", not foreign, detail, advice)
+    yield Finding("pinocchio's namesake", not namesake, detail, advice)
 
 
 def _search_paths() -> Iterator[Finding]:
-    """Look for what is not ours where Python and the loader look first. A folder with us inside is one installation."""
-    for variable, names in (("PYTHONPATH", PACKAGES), ("LD_LIBRARY_PATH", LIBRARIES)):
+    """Look for other installations where Python and the loader look first; a folder that holds us is our own."""
+    for variable, patterns in (("PYTHONPATH", FOREIGN_MODULES), ("LD_LIBRARY_PATH", FOREIGN_LIBRARIES)):
         folders = [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
-        foreign = [folder for folder in folders if not (folder / "aerobat_pin").is_dir()]
-        found = [str(path) for folder in foreign for name in names for path in folder.glob(name)]
+        others = [folder for folder in folders if not (folder / "aerobat_pin").is_dir()]
+        found = [str(path) for folder in others for pattern in patterns for path in folder.glob(pattern)]
         detail = f"brings {', '.join(found[:3])}" if found else "brings no second Pinocchio or numpy"
         yield Finding(variable, not found, detail, f"unset {variable} in this shell (ROS' setup files set it)")
 
 
 def _requirements() -> Iterator[Finding]:
-    """Hold every installed package against the project's own requirements."""
-    for requirement in metadata.requires(PROJECT) or []:
-        parts = re.match(r"([\w.-]+)\s*(?:\[[^]]*\])?\s*\(?([^;)]*)\)?\s*(;.*)?$", requirement)
-        if parts and "extra" not in (parts.group(3) or ""):
-            name, rule = parts.group(1), parts.group(2).strip()
-            version = _installed(name)
+    """Compare installed packages with what the project requires here, without its extras."""
+    from packaging.requirements import Requirement
+
+    for requirement in map(Requirement, metadata.requires(PROJECT) or []):
+        if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+            name, rule, version = requirement.name, str(requirement.specifier), _installed(requirement.name)
             detail = f"{version or 'not installed'} (wanted: {rule or 'any'})"
             yield Finding(name, satisfies(version, rule), detail, f"pip install '{name}{rule}'")
 
 
 def _viewer() -> Iterator[Finding]:
-    """The replay needs meshcat's page, and meshcat a part of pyzmq that will go one day."""
+    """Look for what the replay needs: meshcat's page, and the part of pyzmq that meshcat imports."""
     meshcat, loop = find_spec("meshcat"), find_spec("zmq.eventloop.ioloop")
     page = Path((meshcat and meshcat.origin) or "").parent / "viewer" / "dist" / "main.min.js"
     parts = {"meshcat's viewer/dist/main.min.js": page.is_file(), "pyzmq's zmq.eventloop.ioloop": loop is not None}
-    missing = [name for name, there in parts.items() if not there]
+    missing = ", ".join(name for name, there in parts.items() if not there)
     advice = "pip install --force-reinstall meshcat 'pyzmq<28'; only the replay needs them"
-    yield Finding("viewer", not missing, f"missing: {', '.join(missing)}" if missing else "complete", advice)
+    yield Finding("viewer", not missing, f"missing: {missing}" if missing else "complete", advice)
 
 
 def _description() -> Iterator[Finding]:
@@ -163,22 +153,21 @@ def _description() -> Iterator[Finding]:
         files += [folder / "meshes" / name for name in re.findall(r'/meshes/([^"]+)"', urdf.read_text("utf-8"))]
     bad = [path.name for path in files if not path.is_file() or (path.suffix == ".stl" and path.stat().st_size < 200)]
     detail = f"missing or empty: {', '.join(bad)}" if bad else f"{len(files)} files in {folder}"
-    yield Finding("description", not bad, detail, f"pip install --force-reinstall --no-deps {PROJECT}")
+    yield Finding("description", not bad, detail, REINSTALL)
 
 
 def _browser() -> Iterator[Finding]:
-    """Any browser shows the replay; pictures of it, which are optional, take Playwright and a Chromium."""
-    path = next(
-        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))),
-        "no Chromium in PATH: only `aerobat play --frames` and the tests want one (`apt-get install chromium`)",
-    )
-    yield Finding("browser", True, path, "any browser shows the replay")
-    version, advice = _installed("playwright"), f"pip install '{PROJECT}[frames]'"
-    missing = f"not installed: only `aerobat play --frames` and the tests want it (`{advice}`)"
-    yield Finding("playwright", True, version or missing, advice)
+    """Look for what takes pictures of a replay, which is optional: any browser shows the replay itself."""
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    for name, found, advice in (
+        ("chromium", chromium, "apt-get install chromium"),
+        ("playwright", _installed("playwright"), f"pip install '{PROJECT}[frames]'"),
+    ):
+        missing = f"not installed: only `aerobat play --frames` and the tests want it (`{advice}`)"
+        yield Finding(name, True, found or missing, advice)
 
 
-def _model() -> Iterator[Finding]:
+def _urdf() -> Iterator[Finding]:
     """Read the URDF as any tool would, and weigh it."""
     import pinocchio as pin
 
@@ -188,8 +177,7 @@ def _model() -> Iterator[Finding]:
     model = pin.buildModelFromUrdf(URDF_PATH, pin.JointModelFreeFlyer())
     mass, expected = float(pin.computeTotalMass(model)), Morphology.load("aerobat").mass
     detail = f"{1e3 * mass:.3f} g, nv = {model.nv} (wanted: {1e3 * expected:.3f} g, nv = 10)"
-    good = abs(mass - expected) < 1e-9 * expected and model.nv == 10
-    yield Finding("URDF", good, detail, f"pip install --force-reinstall --no-deps {PROJECT}")
+    yield Finding("URDF", abs(mass - expected) < 1e-9 * expected and model.nv == 10, detail, REINSTALL)
 
 
 def _kernels() -> Iterator[Finding]:
@@ -198,8 +186,6 @@ def _kernels() -> Iterator[Finding]:
     from aerobat_pin.numerics import is_compiled
 
     folder = getattr(getattr(advance, "stats", None), "cache_path", None)
-    detail = "nowhere to write: every start compiles for about 20 s"
-    if folder:
-        state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
-        detail = f"{folder}, {state}"
+    state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
+    detail = f"{folder}, {state}" if folder else "nowhere to write: every start compiles for about 20 s"
     yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")

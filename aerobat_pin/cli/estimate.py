@@ -3,83 +3,81 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import interruptible, print_table, progress
+from aerobat_pin.cli.console import files_in, interruptible, print_files, print_scores, progress_bar
+from aerobat_pin.cli.options import BelievedMorphology, Force, ObserverNames, Settings
+
+if TYPE_CHECKING:
+    from aerobat_pin.estimation import Scores
+    from aerobat_pin.scenario import Scenario
 
 
 @interruptible()
-def estimate(
+def estimate_command(
     log: Annotated[
         Path | None, typer.Argument(help="Recorded flight: `.nc` of a run, or `.csv` (columns in docs/recorded.md).")
     ] = None,
-    morphology: Annotated[
-        str | None, typer.Option(help="Believed robot: shipped name or TOML file; else what the log notes.")
-    ] = None,
-    observers: Annotated[
-        list[str] | None, typer.Option("--observer", metavar="NAME", help="Run this observer; repeatable.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Set a key of robot, air, observers, or flight.gravity."),
-    ] = None,
+    morphology: BelievedMorphology = None,
+    observers: ObserverNames = None,
+    settings: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<log>-estimate.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the results of an earlier run.")] = False,
+    force: Force = False,
     self_check: Annotated[
-        bool, typer.Option("--self-check", help="Push on the simulated robot with known forces first, or only.")
+        bool, typer.Option("--self-check", help="Estimate known forces on the simulated robot first.")
     ] = False,
 ) -> None:
-    """Estimate the unknown forces of a recorded flight; no truth is needed."""
+    """Estimate the unknown forces of a recorded flight, without knowing the truth.
+
+    --set takes keys of robot, air and observers, and flight.gravity.
+    """
     from aerobat_pin import experiments
     from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import belief_about, read_log, who_is_believed
-    from aerobat_pin.experiments import output_folder
+    from aerobat_pin.estimation import belief_about, describe_belief, read_log
 
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])
-    typer.echo(who_is_believed(belief, morphology, settings or []))
+    typer.echo(describe_belief(belief, morphology, settings or []))
     if self_check and not _passes_self_check(belief):
         raise typer.Exit(1)
     if flight is None:
         return
-    target = out if out is not None else Path("runs") / f"{name}-estimate"
-    with output_folder(target, force=force) as folder, progress() as show:
-        estimates, metrics = experiments.run_recorded(flight, belief, show)
-        experiments.write_recorded(belief, estimates, metrics, folder)
-        from aerobat_pin.visualization.figures import paper as figures
+    target = out or Path("runs") / f"{name}-estimate"
+    with experiments.output_folder(target, force=force) as folder, progress_bar() as show:
+        estimated = experiments.run_recorded(flight, belief, show)
+        experiments.write(estimated, folder)
+        from aerobat_pin.visualization import draw_estimation, style
 
         (folder / "figures").mkdir()
-        figures.save(figures.estimation(flight, estimates), folder / "figures" / "estimation")
-        written = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    _print_inputs(metrics)
-    print_table(metrics)
-    typer.echo(f"\nresults in {target}/")
-    for path in written:
-        typer.echo(f"  {target / path}")
+        style.save(draw_estimation(flight, estimated.estimates), folder / "figures" / "estimation")
+        files = files_in(folder)
+    _print_inputs(estimated.scores)
+    print_scores(estimated.scores)
+    print_files(target, files)
 
 
-def _passes_self_check(belief: Any) -> bool:
-    """Print what was pushed and found; say whether all of it agrees."""
+def _passes_self_check(belief: Scenario) -> bool:
+    """Estimate known forces, print them with their estimates, and tell whether all agree."""
     from aerobat_pin.estimation import self_check
     from aerobat_pin.robot import believed_robot
 
     checks = self_check(believed_robot(belief), belief)
     for check in checks:
         typer.echo(str(check))
-    good = all(check.ok for check in checks)
-    typer.echo("self-check: sign, frame and unit are right" if good else "self-check: FAILED")
-    return good
+    passed = all(check.ok for check in checks)
+    typer.echo("self-check: sign, frame and unit are right" if passed else "self-check: FAILED")
+    return passed
 
 
-def _print_inputs(metrics: dict[str, Any]) -> None:
-    """Print where each input of the observers comes from, and how large the forces found are."""
-    for name, source in metrics["inputs"].items():
+def _print_inputs(scores: Scores) -> None:
+    """Print where each input of the observers comes from, and how large the estimated forces are."""
+    for name, source in scores.inputs.items():
         typer.echo(f"{name:<14} {source}")
-    for name, scores in metrics["observers"].items():
-        for one in scores["components"]:
-            typer.echo(f"{name:<14} {one['name']:<24} rms {1e3 * one['rms']:9.2f} m{one['unit']}")
+    for name, found in scores.observers.items():
+        for component in found.components:
+            typer.echo(f"{name:<14} {component.name:<24} rms {1e3 * component.rms:9.2f} m{component.unit}")

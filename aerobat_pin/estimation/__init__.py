@@ -1,34 +1,42 @@
 """From a flight log and a believed robot to known inputs, estimates and their scores."""
 
-from aerobat_pin.estimation.estimate import belief_about, check_names, estimate_log, read_log, who_is_believed
+from aerobat_pin.estimation.estimate import belief_about, check_names, describe_belief, estimate_log, read_log
+from aerobat_pin.estimation.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.estimation.known_inputs import KnownInputs, known_inputs
 from aerobat_pin.estimation.motion import motion
 from aerobat_pin.estimation.scores import (
-    AXES,
-    flight_metrics,
-    observer_metrics,
+    FORCE_AXES,
+    TABLE_HEADER,
+    AxisScore,
+    ObserverScores,
+    Scores,
+    observer_scores,
     point_label,
     r_squared,
-    true_events,
-    true_force,
 )
 from aerobat_pin.estimation.self_check import self_check
+from aerobat_pin.estimation.truth import true_events, true_force
 
 __all__ = [
-    "AXES",
+    "FORCE_AXES",
+    "TABLE_HEADER",
+    "AxisScore",
+    "FlightSummary",
     "KnownInputs",
+    "ObserverScores",
+    "Scores",
     "belief_about",
     "check_names",
+    "describe_belief",
     "estimate_log",
-    "flight_metrics",
+    "flight_summary",
     "known_inputs",
     "motion",
-    "observer_metrics",
+    "observer_scores",
     "point_label",
     "r_squared",
     "read_log",
     "self_check",
     "true_events",
     "true_force",
-    "who_is_believed",
 ]

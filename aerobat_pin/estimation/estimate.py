@@ -1,4 +1,4 @@
-"""From a flight log and a belief to estimates: the corridor that simulated and recorded flights walk alike."""
+"""From a flight log and a belief to estimates, for simulated and recorded flights alike."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_pin.errors import LogError, ScenarioError
-from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs
+from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs, noted_air
 from aerobat_pin.flight import FlightLog, read_csv
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
 
-BELIEVED, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # what may be set of a belief
+BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # what may be set of a belief
 
 
 def read_log(path: Path) -> FlightLog:
@@ -27,10 +27,10 @@ def read_log(path: Path) -> FlightLog:
 def belief_about(
     log: FlightLog | None, name: str, morphology: str | None, names: Sequence[str], settings: Iterable[str]
 ) -> Scenario:
-    """Return what is believed of a recorded flight, as a scenario whose robot, air, observers and gravity say it.
+    """Return what is believed of a recorded flight, as a scenario; only its robot, air, observers and gravity count.
 
     Args:
-        log: the flight; what it notes of robot and air is believed, where nothing else is said. None for no flight.
+        log: the flight; the robot and air that it notes are believed by default. None for no flight.
         name: of the result.
         morphology: of the robot, shipped name or TOML file.
         names: of the observers; those of the scenario's default when empty.
@@ -51,16 +51,16 @@ def belief_about(
     values: dict[str, Any] = {
         "name": name,
         "robot": robot,
-        "air": json.loads(noted.get("air", "{}")),
+        "air": {} if log is None else noted_air(log).model_dump(exclude_none=True),
         "observers": {"torque": torque, **({"names": list(names)} if names else {})},
     }
     if "gravity" in noted:
         values["flight"] = {"gravity": float(noted["gravity"])}
-    return parse_scenario(with_settings(_without_none(values), settings), f"belief about {name}")
+    return parse_scenario(with_settings(values, settings), f"belief about {name}")
 
 
-def who_is_believed(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
-    """Say in a line which robot is believed, how heavy it is, and who said so.
+def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
+    """Return a line that says which robot is believed, its mass, and why it is this one.
 
     Args:
         belief: as `belief_about` gives it.
@@ -73,14 +73,14 @@ def who_is_believed(belief: Scenario, morphology: str | None, settings: Iterable
     chosen = belief.believed_robot
     shape = load_morphology(chosen.morphology, chosen.changes)
     keys = {setting.partition("=")[0].strip() for setting in settings}
-    why = "nobody said otherwise: --morphology"
+    why = "by default; --morphology chooses another"
     if keys & {"robot", "robot.morphology"}:
-        why = "--set says"
+        why = "from --set"
     elif morphology is not None:
-        why = "--morphology says"
+        why = "from --morphology"
     elif "morphology" in belief.robot.model_fields_set:
-        why = "the log notes"
-    return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, as {why}"
+        why = "noted in the log"
+    return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, {why}"
 
 
 def estimate_log(
@@ -121,19 +121,11 @@ def check_names(names: Sequence[str]) -> None:
 
 
 def _check_keys(settings: Iterable[str]) -> None:
-    """Raise ScenarioError for a setting of what a recorded flight did itself: its crank, its start, its sensors."""
+    """Raise ScenarioError for a setting of what the recorded flight itself fixes, such as its crank or sensors."""
     for setting in settings:
         key = setting.partition("=")[0].strip()
-        if key.partition(".")[0] not in BELIEVED and key != GRAVITY:
+        if key.partition(".")[0] not in BELIEF_TABLES and key != GRAVITY:
             raise ScenarioError(
-                f"--set {setting}: '{key}' is nothing to believe of a recorded flight; keys of {', '.join(BELIEVED)}, "
-                f"and {GRAVITY}, may be set"
+                f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
+                f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
             )
-
-
-def _without_none(values: dict[str, Any]) -> dict[str, Any]:
-    return {
-        key: _without_none(value) if isinstance(value, dict) else value
-        for key, value in values.items()
-        if value is not None
-    }

@@ -1,13 +1,13 @@
-"""From a flight log to what an observer is fed: configuration, velocity, and known generalised forces.
+"""From a flight log to the inputs of an observer: configuration, velocity, and known generalised forces.
 
-Each input says where it comes from: `measured`, or `reconstructed` where a believed robot and its air supply it. Nobody
-measures aerodynamic forces: a simulated flight's are left in its truth, and reconstructed here like a real one's. An
-error of the model is a belief that differs from the plant.
+Each input notes its source: `measured`, or `reconstructed` from a believed robot and its air. Aerodynamic forces are
+never measured, so they are always reconstructed, for simulated flights too; a model error is a belief that differs
+from the robot and air that flew.
 
-What is known of the joint torques decides what can be found. The linkage holds the joints to its motion whatever pushes
-on them, so the *measured* torque contains the reaction to the unknown force; a torque *modelled* from the motion alone
-does not, and hides exactly that part. With the *motor_only*, the crank's torque is known and with it the power of all
-joints together, not its share per joint; with *none*, the base rows alone hold.
+The known joint torque decides which forces can be found. The linkage prescribes the joints' motion, so the *measured*
+torque contains the reaction to the unknown force. A torque *modelled* from the motion alone does not, and hides exactly
+that part. *motor_only* is the crank's torque: it gives the power of all joints together, not the torque of each. With
+*none*, only the rows of the base can be used.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ Torque = Literal["measured", "modelled", "motor_only", "none"]
 ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class KnownInputs:
-    """What an observer is fed.
+    """The inputs of an observer.
 
     Attributes:
         time: (m + 1,) [s].
         q, v: (m + 1, nq), (m + 1, nv).
         tau: (m, nv) motor torque at the joints, interval means.
         known: name -> (m, nv) other known generalised forces, interval means.
-        rows: which rows of the residual to believe.
-        source: where each input comes from: `q`, `v`, `wind` and the known forces `measured` or `reconstructed`, the
-            wind perhaps `believed`; of `motor_torque`, what was taken for known of it.
+        rows: rows of the residual that can be used.
+        source: input -> where it comes from. `q`, `v`, `wind` and the known forces are `measured` or `reconstructed`,
+            the wind also `believed`; `motor_torque` has the kind of torque that was chosen.
     """
 
     time: Array
@@ -54,21 +54,25 @@ class KnownInputs:
     rows: Rows
     source: Mapping[str, str]
 
+    def __repr__(self) -> str:
+        sources = ", ".join(f"{name} {source}" for name, source in self.source.items())
+        span = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"
+        return f"KnownInputs of {len(self.tau)} intervals, {span}; rows {self.rows}\n  {sources}"
+
 
 def known_inputs(
     log: FlightLog, robot: Aerobat, torque: Torque = "measured", air: AirSection | None = None
 ) -> KnownInputs:
-    """Make an observer's inputs from the measured side of a log and a believed robot; the truth is not looked at.
+    """Make an observer's inputs from the measured side of a log and a believed robot, without the log's truth.
 
     Args:
         log: the flight.
-        robot: the believed robot: Sigma_K for joints that were not measured, inertia for a torque that was not.
-        torque: what to take for known of the joint torques; `none` where the log has no torque at all.
-        air: the believed air, for Sigma_Aero along the recorded motion; what the log notes of it, else a default,
-            when omitted.
+        robot: the believed robot; its linkage supplies joints, its inertia a torque, where they were not measured.
+        torque: which joint torque to use; `none` where the log has no torque at all.
+        air: the believed air along the recorded motion; by default the one that the log notes, else the default air.
 
     Raises:
-        LogError: no such knowledge of the torque, or the log lacks what it takes; a gap in time is too long.
+        LogError: there is no such kind of torque, the log lacks its channels, or a gap in time is too long.
     """
     if torque not in ROWS_OF_TORQUE:
         raise LogError(f"torque = {torque!r}: one of {', '.join(ROWS_OF_TORQUE)} was expected")
@@ -92,7 +96,7 @@ def known_inputs(
 
 
 def noted_air(log: FlightLog) -> AirSection:
-    """Return the air that a log notes as believed by whoever recorded it, or the default air."""
+    """Return the believed air that a log notes, or the default air."""
     return AirSection.model_validate_json(log.measured.attrs.get("air", "{}"))
 
 
@@ -105,17 +109,17 @@ def _recorded_torque(log: FlightLog, robot: Aerobat, moved: Motion, torque: Torq
     elif "joint_torque" in measured:
         tau[:, at] = measured["joint_torque"].sel(joint=list(JOINTS)).values
     elif torque == "motor_only" and "crank_torque" in measured:
-        return spread(robot, moved, np.asarray(measured["crank_torque"].values, float))
+        return spread_crank_torque(robot, moved, np.asarray(measured["crank_torque"].values, float))
     else:
         names = "motor_torque or joint_torque" + (" or crank_torque" if torque == "motor_only" else "")
         raise LogError(
-            f"flight log: no channel named {names}: torque = {torque} cannot be had; 'modelled' and 'none' can"
+            f"flight log: no channel named {names}: torque = {torque} needs it; 'modelled' and 'none' do not"
         )
     if torque == "motor_only":
         left_shoulder, left_elbow, right_shoulder, right_elbow = (tau[:, i] for i in at)
         closure = robot.linkage.solve(_crank_halfway(moved)[0])
         crank = closure.crank_torque(left_shoulder, left_elbow) + closure.crank_torque(right_shoulder, right_elbow)
-        return spread(robot, moved, crank)
+        return spread_crank_torque(robot, moved, crank)
     return tau
 
 
@@ -127,7 +131,7 @@ def _crank_halfway(moved: Motion) -> Array:
 
 
 def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
-    """Return the motor torque (m, nv) that the prescribed motion takes when nothing unknown pushes.
+    """Return the motor torque (m, nv) that the prescribed motion needs when no unknown force acts.
 
     Args:
         robot: the believed robot.
@@ -149,7 +153,7 @@ def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
     return torque
 
 
-def spread(robot: Aerobat, moved: Motion, torque: Array) -> Array:
+def spread_crank_torque(robot: Aerobat, moved: Motion, torque: Array) -> Array:
     """Spread a torque at the crank (m,) over both wings' joints with the same power: (m, nv).
 
     Args:

@@ -1,4 +1,4 @@
-"""How the robot moved, from whatever a log has measured of it; Sigma_K supplies joints where only the crank is known.
+"""How the robot moved, from the measured channels of a log; the linkage supplies joints where only the crank is known.
 
 | quantity | measured as | otherwise |
 |---|---|---|
@@ -51,8 +51,8 @@ def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
 
     Args:
         log: the flight.
-        robot: the believed robot, whose linkage may have to supply the joints.
-        air: what is believed of the air, for the wind that nobody measured.
+        robot: the believed robot, whose linkage supplies joints that were not measured.
+        air: the believed air, for a wind that was not measured.
 
     Raises:
         LogError: neither joints nor crank are recorded.
@@ -116,7 +116,7 @@ def _wind(log: FlightLog, q: Array, v: Array, air: AirSection) -> tuple[Array, s
 
 
 def _differences(model: pin.Model, time: Array, q: Array) -> Array:
-    """Return velocities (m + 1, nv): means of both neighbouring intervals, weighed by the other one's length."""
+    """Return velocities (m + 1, nv): means over both neighbouring intervals, each weighed by the other's length."""
     dt = np.diff(time)
     steps = np.array([pin.difference(model, a, b) for a, b in itertools.pairwise(q)])
     rates = np.divide(steps, dt[:, None], out=np.zeros_like(steps), where=dt[:, None] > 0.0)

@@ -1,42 +1,201 @@
-"""Estimate against truth, and what a flight was like: the numbers of `metrics.json`."""
+"""Estimates against the truth: R2, error and lag per axis, and the whole content of `metrics.json` as a type."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from aerobat_pin.flight import KNOWN, FlightLog
+from aerobat_pin.estimation.flight_summary import FlightSummary
+from aerobat_pin.estimation.truth import true_force
+from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
-from aerobat_pin.robot import euler_angles, world_velocity
 
-AXES = ("Fx", "Fy", "Fz")
+FORCE_AXES = ("Fx", "Fy", "Fz")
 NO_SIGNAL = 1.0e-3  # [N]: below this standard deviation of the truth an R2 says nothing
-LONGEST_LAG = 0.05  # [s]
+LONGEST_LAG = 0.05  # [s]: longest delay that is searched
+TABLE_HEADER = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag")
+
+
+def _quantity(unit: str, meaning: str) -> dict[str, str]:
+    return {"unit": unit, "meaning": meaning}
 
 
 @dataclass(frozen=True)
 class AxisScore:
-    """One axis of one force.
+    """Scores of one axis of one force; each field's metadata names its unit. None where there is no signal."""
+
+    r2: float | None = field(metadata=_quantity("1", "R2 against the true force with its noise"))
+    r2_noise_free: float | None = field(metadata=_quantity("1", "R2 against the noise-free part of the true force"))
+    rmse: float = field(metadata=_quantity("N", "root mean square error against the true force with its noise"))
+    lag_s: float | None = field(metadata=_quantity("s", "delay of the noise-free truth that fits the estimate best"))
+
+    def texts(self) -> tuple[str, str, str, str]:
+        """Return the scores in the order of the table, for a reader."""
+        r2, noise_free = ("no signal" if score is None else f"{score:.5f}" for score in (self.r2, self.r2_noise_free))
+        return r2, noise_free, f"{1e3 * self.rmse:.2f} mN", "-" if self.lag_s is None else f"{1e3 * self.lag_s:.2f} ms"
+
+
+@dataclass(frozen=True)
+class ComponentSize:
+    """How large an estimated component is: `name`, root mean square `rms` in its `unit` (N or N m)."""
+
+    name: str
+    rms: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class ObserverScores:
+    """What one observer found: an entry of `observers` in `metrics.json`.
 
     Attributes:
-        r2: coefficient of determination against the true force with its noise; None where there is no signal.
-        r2_noise_free: the same against the noise-free part.
-        rmse: root mean square error against the true force with its noise [N].
-        lag_s: delay of the noise-free truth that fits the estimate best [s]; None where there is no signal.
+        points: point -> axis (`Fx`, `Fy`, `Fz`) -> scores; empty where the log has no truth.
+        components: how large each estimated component is.
+        gain: K [1/s]: a number, one per filtered quantity, or a matrix as nested lists.
+        rank: of the equations for the unknown components.
+        condition: of the same equations; None where it is infinite.
+        null_direction: the faintest pattern that leaves no trace, (n, 3) where the components are n forces in world
+            axes, else (c,); None at full rank.
+        unseen: in words, every pattern that leaves no trace.
     """
 
-    r2: float | None
-    r2_noise_free: float | None
-    rmse: float
-    lag_s: float | None
+    points: Mapping[str, Mapping[str, AxisScore]]
+    components: tuple[ComponentSize, ...]
+    gain: float | list[Any]
+    rank: int
+    condition: float | None
+    null_direction: list[Any] | None
+    unseen: list[str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `metrics.json`; the points stand beside the rest."""
+        rest = asdict(self)
+        return {**rest.pop("points"), **rest, "components": list(rest["components"])}
+
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any]) -> ObserverScores:
+        """Read an entry of `metrics.json`."""
+        rest = {item.name: entry[item.name] for item in fields(cls) if item.name != "points"}
+        points = {
+            name: {axis: AxisScore(**score) for axis, score in axes.items()}
+            for name, axes in entry.items()
+            if name not in rest
+        }
+        return cls(points, **{**rest, "components": tuple(ComponentSize(**size) for size in rest["components"])})
+
+
+@dataclass(frozen=True, repr=False)
+class Scores:
+    """Everything that `metrics.json` says of a flight; printed it is the table of the commands.
+
+    Attributes:
+        scenario: name of the scenario, or of the recorded flight.
+        seed: of the random numbers; None for a recorded flight.
+        versions: package -> version.
+        torque: what was known of the joint torques.
+        inputs: input of the observers -> where it comes from.
+        note: a line about the flight.
+        observers: name -> what it found.
+        flight: what the flight was like; None for a recorded one.
+    """
+
+    scenario: str
+    seed: int | None
+    versions: Mapping[str, str]
+    torque: str
+    inputs: Mapping[str, str]
+    note: str
+    observers: Mapping[str, ObserverScores]
+    flight: FlightSummary | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of `metrics.json`."""
+        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
+        values |= {"versions": dict(self.versions), "inputs": dict(self.inputs)}
+        values["observers"] = {name: found.to_json() for name, found in self.observers.items()}
+        flight = values.pop("flight")
+        return values if flight is None else {**values, "flight": flight.to_json()}
+
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """Give the table row by row under `TABLE_HEADER`; nothing where the log has no truth."""
+        for name, found in self.observers.items():
+            yield from _rows(name, found)
+
+    @property
+    def title(self) -> str:
+        """Which flight it is, in a line."""
+        seed = "" if self.seed is None else f", seed {self.seed}"
+        return f"{self.scenario}{seed}: {self.note}; motor torque {self.torque}"
+
+    @property
+    def worse_than_nothing(self) -> bool:
+        """Whether an R2 is below 0, as in strong sensor noise: a constant would fit the truth better."""
+        points = [axes for found in self.observers.values() for axes in found.points.values()]
+        return any((score.r2_noise_free or 0.0) < 0.0 for axes in points for score in axes.values())
+
+    def __repr__(self) -> str:
+        """Return title and table as text; patterns that cannot be seen stand before their observer's rows."""
+        lines = [self.title]
+        if any(found.points for found in self.observers.values()):
+            lines.append(_line(TABLE_HEADER))
+        for name, found in self.observers.items():
+            lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
+            lines += [_line(row) for row in _rows(name, found)]
+        return "\n".join(lines)
+
+
+def _rows(observer: str, found: ObserverScores) -> Iterator[tuple[str, ...]]:
+    for point, axes in found.points.items():
+        for axis, score in axes.items():
+            yield (observer, point, axis, *score.texts())
+
+
+def _line(cells: tuple[str, ...]) -> str:
+    name, point, axis, r2, noise_free, error, lag = cells
+    return f"{name:<12} {point:<12} {axis:<4} {r2:>9} {noise_free:>14} {error:>10} {lag:>9}"
+
+
+def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
+    """Score an estimate; against the truth only where the log knows it."""
+    found = estimate.identifiability
+    points = {}
+    if log.truth is not None:
+        dt = float(np.median(np.diff(estimate.time)))
+        for i, frame in enumerate(estimate.frames):
+            truth, noise_free = true_force(log, frame)
+            points[point_label(frame)] = {
+                axis: axis_score(estimate.force[:, i, k], truth[:, k], noise_free[:, k], dt)
+                for k, axis in enumerate(FORCE_AXES)
+            }
+    sizes = np.sqrt(np.mean(estimate.components**2, axis=0)).tolist()
+    return ObserverScores(
+        points=points,
+        components=tuple(map(ComponentSize, found.components, sizes, estimate.units)),
+        gain=estimate.gain.tolist(),
+        rank=found.rank,
+        condition=found.condition if np.isfinite(found.condition) else None,
+        null_direction=None if found.null_direction is None else found.null_direction.tolist(),
+        unseen=found.describe(),
+    )
 
 
 def point_label(frame: str) -> str:
     """Return the short name of a force point: `left` for `left_force_point`."""
     return frame.removesuffix("_force_point")
+
+
+def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> AxisScore:
+    """Score one axis: series (m,) of interval means [N], dt [s] apart."""
+    return AxisScore(
+        r2=r_squared(estimate, truth),
+        r2_noise_free=r_squared(estimate, noise_free),
+        rmse=float(np.sqrt(np.mean((estimate - truth) ** 2))),
+        lag_s=lag(estimate, noise_free, dt),
+    )
 
 
 def r_squared(estimate: Array, truth: Array) -> float | None:
@@ -64,104 +223,3 @@ def lag(estimate: Array, truth: Array, dt: float) -> float | None:
     bend = before - 2.0 * here + after
     offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     return float((best - 1 + offset) * dt)
-
-
-def score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> AxisScore:
-    """Score one axis: series (m,) of interval means [N]."""
-    return AxisScore(
-        r2=r_squared(estimate, truth),
-        r2_noise_free=r_squared(estimate, noise_free),
-        rmse=float(np.sqrt(np.mean((estimate - truth) ** 2))),
-        lag_s=lag(estimate, noise_free, dt),
-    )
-
-
-def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
-    """Return the true force and its noise-free part (m, 3) [N] in world axes at a frame; zero where nothing pushed."""
-    assert log.truth is not None
-    points = [str(name) for name in log.truth["point"].values]
-    if frame not in points:
-        zero = np.zeros((log.truth.sizes["interval"], 3))
-        return zero, zero
-    at = points.index(frame)
-    return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
-
-
-@dataclass(frozen=True)
-class TrueEvent:
-    """What came and went: its name, the frames at which it pushed, from when to when [s], infinity where it stayed."""
-
-    name: str
-    frames: tuple[str, ...]
-    start: float
-    end: float
-
-
-def true_events(log: FlightLog) -> list[TrueEvent]:
-    """Return what came and went of the true forces, in order of time; what did so at several frames at once is one."""
-    if log.truth is None or "event" not in log.truth.dims:
-        return []
-    names, frames, starts, ends = (
-        log.truth[name].values for name in ("event", "event_point", "event_start", "event_end")
-    )
-    found: dict[tuple[float, float, str], list[str]] = {}
-    for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
-        found.setdefault((float(start), float(end), str(name)), []).append(str(frame))
-    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(found.items())]
-
-
-def observer_metrics(estimate: Estimate, log: FlightLog) -> dict[str, Any]:
-    """Return an observer's entry of `metrics.json`; scores only where the log knows the truth."""
-    found = estimate.identifiability
-    metrics: dict[str, Any] = {}
-    if log.truth is not None:
-        dt = float(np.median(np.diff(estimate.time)))
-        for i, frame in enumerate(estimate.frames):
-            truth, noise_free = true_force(log, frame)
-            metrics[point_label(frame)] = {
-                axis: asdict(score(estimate.force[:, i, k], truth[:, k], noise_free[:, k], dt))
-                for k, axis in enumerate(AXES)
-            }
-    sizes = np.sqrt(np.mean(estimate.components**2, axis=0))
-    metrics["components"] = [
-        {"name": name, "rms": size, "unit": unit}
-        for name, size, unit in zip(found.components, sizes.tolist(), estimate.units, strict=True)
-    ]
-    metrics["gain"] = estimate.gain.tolist()
-    metrics["rank"] = found.rank
-    metrics["condition"] = found.condition if np.isfinite(found.condition) else None
-    metrics["null_direction"] = None if found.null_direction is None else found.null_direction.tolist()
-    metrics["unseen"] = found.describe()
-    return metrics
-
-
-def flight_metrics(log: FlightLog, mass: float) -> dict[str, Any]:
-    """Return the flight's entry of `metrics.json`, SI and radians.
-
-    Args:
-        log: the flight.
-        mass: of the robot [kg].
-    """
-    measured = log.measured
-    q = (measured if log.truth is None or "q" not in log.truth else log.truth)["q"].values
-    angles = euler_angles(q)
-    weight = mass * float(measured.attrs["gravity"])
-    metrics: dict[str, Any] = {
-        "duration": float(log.time[-1]),
-        "position_end": q[-1, :3].tolist(),
-        "z_range": [float(q[:, 2].min()), float(q[:, 2].max())],
-    }
-    for i, name in enumerate(("roll", "pitch", "yaw")):
-        metrics[f"{name}_range"] = [float(angles[:, i].min()), float(angles[:, i].max())]
-    forces = {"thrusters": measured[f"{KNOWN}thrusters"].values} if f"{KNOWN}thrusters" in measured else {}
-    if log.truth is not None:
-        forces["aerodynamic"] = log.truth["aerodynamic"].values + log.truth["added_mass"].values
-    for name, force in forces.items():
-        if weight > 0.0:
-            lift = world_velocity(q[:-1], force)[:, 2]
-            metrics[f"{name}_lift_over_weight"] = float(np.mean(lift) / weight)
-    if log.truth is not None:
-        metrics["motor_power_mean"] = float(np.mean(log.truth["motor_power"].values))
-        incidence = log.truth["incidence"].values
-        metrics["incidence_range"] = [float(incidence.min()), float(incidence.max())]
-    return metrics

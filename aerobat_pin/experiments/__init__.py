@@ -1,6 +1,6 @@
 """A scenario flown, estimated and written; sweeps of hundreds of them."""
 
-from aerobat_pin.experiments.experiment import Experiment, Progress, run, run_recorded, write, write_recorded
+from aerobat_pin.experiments.experiment import Experiment, Progress, run, run_recorded, write
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.output_folder import check_file, output_folder, picture_files, write_files, write_text
 from aerobat_pin.experiments.result_tables import estimate_dataset
@@ -22,6 +22,5 @@ __all__ = [
     "shipped_sweeps",
     "write",
     "write_files",
-    "write_recorded",
     "write_text",
 ]

@@ -1,18 +1,19 @@
-"""One experiment from scenario to numbers: simulate, estimate, evaluate, write."""
+"""One experiment from scenario to numbers: simulate, estimate, score, write."""
 
 from __future__ import annotations
 
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from html import escape
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.estimation import check_names, estimate_log, flight_metrics, observer_metrics
+from aerobat_pin.estimation import TABLE_HEADER, Scores, check_names, estimate_log, flight_summary, observer_scores
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
 from aerobat_pin.flight import FlightLog, simulate
@@ -20,25 +21,58 @@ from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import RecordedForce, Scenario, scenario_toml
 
-PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
-Progress = Callable[[str, float], None]
+VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
+Progress = Callable[[str, float], None]  # called with the name of the stage and the share of it that is done
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Experiment:
-    """What one run made."""
+    """What one flight gave, simulated or recorded.
+
+    Attributes:
+        scenario: what happened; of a recorded flight, what is believed of it.
+        robot: that flew; of a recorded flight, the believed one.
+        log: the flight.
+        estimates: observer -> estimate.
+        scores: the estimates against the truth, and what the flight was like.
+    """
 
     scenario: Scenario
     robot: Aerobat
     log: FlightLog
     estimates: dict[str, Estimate]
-    metrics: dict[str, Any]
+    scores: Scores
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """The scores as plain values: the content of `metrics.json`."""
+        return self.scores.to_json()
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether the flight was recorded, not simulated."""
+        return self.scores.flight is None
+
+    def __repr__(self) -> str:
+        robot = f"{self.robot.model.name}, {1e3 * self.robot.mass:.1f} g"
+        time = self.log.time
+        return (
+            f"Experiment {self.scores.title}\n"
+            f"  robot {robot}; {time[-1] - time[0]:.3g} s, {len(time)} samples; observers {', '.join(self.estimates)}"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the table of scores for a notebook."""
+        head = "".join(f"<th>{escape(cell)}</th>" for cell in TABLE_HEADER)
+        rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self.scores.rows())
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<p>{escape(self.scores.title)}</p><table><tr>{head}</tr>{body}</table>"
 
 
 def run(
     scenario: Scenario, progress: Progress | None = None, robots: tuple[Aerobat, Aerobat] | None = None
 ) -> Experiment:
-    """Fly, estimate and evaluate a scenario, in memory.
+    """Fly, estimate and score a scenario, in memory.
 
     Args:
         scenario: what happens.
@@ -50,25 +84,48 @@ def run(
     """
     check_names(scenario.observers.names)
     robot, believed = loaded(scenario) if robots is None else robots
-    log = simulate(scenario, None if progress is None else lambda share: progress("flying", share), robot=robot)
-    inputs, estimates = estimate_log(
-        log, believed, scenario, None if progress is None else lambda share: progress("estimating", share)
+    log = simulate(scenario, _stage(progress, "flying"), robot=robot)
+    made = _estimated(log, believed, scenario, flight_note(scenario, robot), progress)
+    scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
+    return replace(made, robot=robot, scores=scores)
+
+
+def run_recorded(log: FlightLog, belief: Scenario, progress: Progress | None = None) -> Experiment:
+    """Estimate on a recorded flight, and score where the log has a truth.
+
+    Args:
+        log: the flight.
+        belief: about it, as `estimation.belief_about` gives it.
+        progress: as in `run`.
+
+    Raises:
+        AerobatError: the log or the belief does not give what is asked for.
+    """
+    robot = believed_robot(belief)
+    return _estimated(log, robot, belief, recorded_note(log, robot), progress)
+
+
+def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, progress: Progress | None) -> Experiment:
+    """Run a belief's observers on a log and score them."""
+    inputs, estimates = estimate_log(log, believed, belief, _stage(progress, "estimating"))
+    scores = Scores(
+        scenario=belief.name,
+        seed=None,
+        versions=versions(),
+        torque=belief.observers.torque,
+        inputs=inputs.source,
+        note=note,
+        observers={name: observer_scores(estimate, log) for name, estimate in estimates.items()},
     )
-    metrics = {
-        "scenario": scenario.name,
-        "seed": scenario.simulation.seed,
-        "versions": dict(versions()),
-        "torque": scenario.observers.torque,
-        "inputs": dict(inputs.source),
-        "note": flight_note(scenario, robot),
-        "observers": {name: observer_metrics(estimate, log) for name, estimate in estimates.items()},
-        "flight": flight_metrics(log, robot.mass),
-    }
-    return Experiment(scenario, robot, log, estimates, metrics)
+    return Experiment(belief, believed, log, estimates, scores)
+
+
+def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
+    return None if progress is None else lambda share: progress(name, share)
 
 
 def loaded(scenario: Scenario) -> tuple[Aerobat, Aerobat]:
-    """Load a scenario's robot and the believed one: one and the same where they do not differ. Raises AerobatError."""
+    """Load a scenario's robot and the believed one: the same object where they do not differ. Raises AerobatError."""
     robot = load_robot(scenario)
     return robot, robot if scenario.believed_robot == scenario.robot else believed_robot(scenario)
 
@@ -76,54 +133,27 @@ def loaded(scenario: Scenario) -> tuple[Aerobat, Aerobat]:
 @cache
 def versions() -> dict[str, str]:
     """Return the versions of the packages that make the numbers."""
-    return {name: metadata.version(name) for name in PACKAGES}
-
-
-def run_recorded(
-    log: FlightLog, belief: Scenario, progress: Progress | None = None
-) -> tuple[dict[str, Estimate], dict[str, Any]]:
-    """Estimate on a recorded flight; return estimates and metrics, with scores where the log has a truth.
-
-    Raises:
-        AerobatError: the log or the belief does not give what is asked for.
-    """
-    robot = believed_robot(belief)
-    inputs, estimates = estimate_log(
-        log, robot, belief, None if progress is None else lambda share: progress("estimating", share)
-    )
-    metrics = {
-        "scenario": belief.name,
-        "seed": None,
-        "versions": dict(versions()),
-        "torque": belief.observers.torque,
-        "inputs": dict(inputs.source),
-        "note": recorded_note(log, robot),
-        "observers": {name: observer_metrics(estimate, log) for name, estimate in estimates.items()},
-    }
-    return estimates, metrics
-
-
-def write_recorded(belief: Scenario, estimates: dict[str, Estimate], metrics: dict[str, Any], folder: Path) -> None:
-    """Write belief, estimates (NetCDF and text) and metrics into an existing folder."""
-    write_scenario(belief, folder, "belief.toml")
-    estimate_dataset(estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
-    (folder / "estimate.csv").write_text(estimate_table(estimates), encoding="utf-8")
-    write_metrics(metrics, folder)
+    return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
 
 
 def write(experiment: Experiment, folder: Path) -> None:
-    """Write an experiment's scenario, log, estimates and metrics into an existing folder.
+    """Write scenario, log, estimates and metrics into an existing folder.
 
-    Files of the user's own that the scenario names are copied beside it, so that the folder can be run again anywhere.
+    The scenario's own files are copied beside it, so that the folder can be run again anywhere. Of a recorded flight
+    the belief is written in the scenario's place, and the estimates as text in the log's.
     """
-    write_scenario(experiment.scenario, folder)
-    experiment.log.save(folder / "flight.nc")
+    if experiment.is_recorded:
+        write_scenario(experiment.scenario, folder, "belief.toml")
+        (folder / "estimate.csv").write_text(estimate_table(experiment.estimates), encoding="utf-8")
+    else:
+        write_scenario(experiment.scenario, folder)
+        experiment.log.save(folder / "flight.nc")
     estimate_dataset(experiment.estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
     write_metrics(experiment.metrics, folder)
 
 
 def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:
-    """Write a scenario, and beside it the user's own files that it names: morphology and recorded forces."""
+    """Write a scenario and copy beside it the user's own files that it names: morphology and recorded forces."""
     if scenario.robot.morphology not in MORPHOLOGIES:
         shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
         robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})

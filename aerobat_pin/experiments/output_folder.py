@@ -1,4 +1,4 @@
-"""Where results go: everything or nothing, and never at the cost of a file that is not ours."""
+"""Write results: all of them or none, and never over a file that is not a result."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RESULTS = (
     "report.html",
     "replay.html",
 )
-WORK = ".aerobat-"  # begins the name of the folder that results are first written to
+WORK = ".aerobat-"  # begins the names of files and folders that are still being written
 
 
 @contextmanager
@@ -76,10 +76,7 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULT
 
 
 def check_file(target: Path, *, force: bool) -> None:
-    """Raise OutputError where a file is not to be written, or cannot be.
-
-    It is a folder, there is no folder for it, that folder takes no files, or (not `force`) it is there.
-    """
+    """Raise OutputError where a file cannot be written, or exists and may not be replaced (not `force`)."""
     if target.is_dir():
         raise OutputError(f"output {target}: is a folder; a file was expected")
     if target.exists() and not force:
@@ -123,7 +120,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
     """
     parts = {path: path.with_name(f"{WORK}{os.getpid()}-{path.name}") for path in contents}
     folders = {folder for path in contents for folder in path.absolute().parents}
-    made = [folder for folder in sorted(folders, key=lambda one: -len(one.parts)) if not folder.exists()]
+    made = [folder for folder in sorted(folders, key=lambda path: -len(path.parts)) if not folder.exists()]
     done, path = False, Path()
     try:
         for path, content in contents.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from aerobat_pin.flight import channel
@@ -12,9 +13,9 @@ from aerobat_pin.observers import Estimate
 
 
 def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
-    """Label the estimates of several observers on one log for `estimate.nc`; all of them look for the same.
+    """Label the estimates of several observers on one log for `estimate.nc`; all have the same components.
 
-    Forces in world axes are `force_W` (observer, interval, point, axis). Where anything else is looked for, all is
+    Forces in world axes are `force_W` (observer, interval, point, axis). Where other components are estimated, all are
     `components` (observer, interval, component), each with its `unit`.
     """
     first, all_of = next(iter(estimates.values())), list(estimates.values())
@@ -49,15 +50,13 @@ def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
 
 
 def estimate_table(estimates: dict[str, Estimate]) -> str:
-    """Return the estimates as a table of text: one row an interval, a column per observer and component."""
+    """Return the estimates as CSV: a row per interval, a column per observer and component."""
     first = next(iter(estimates.values()))
-    header, columns = ["start [s]", "end [s]"], [first.time[:-1], first.time[1:]]
+    columns = {"start [s]": first.time[:-1], "end [s]": first.time[1:]}
     for name, estimate in estimates.items():
         for i, (label, unit) in enumerate(zip(estimate.identifiability.components, estimate.units, strict=True)):
-            header.append(f"{name}.{label} [{unit}]")
-            columns.append(estimate.components[:, i])
+            columns[f"{name}.{label} [{unit}]"] = estimate.components[:, i]
             if estimate.standard_deviation is not None:
-                header.append(f"{name}.{label} deviation [{unit}]")
-                columns.append(estimate.standard_deviation[:, i])
-    rows = np.column_stack(columns)
-    return "\n".join([",".join(header), *(",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n"
+                columns[f"{name}.{label} deviation [{unit}]"] = estimate.standard_deviation[:, i]
+    table = pd.DataFrame(columns)
+    return str(table.to_csv(index=False, float_format="%.9g", na_rep="nan", lineterminator="\n"))

@@ -10,67 +10,97 @@
 | `crank_angle` | rad | absolute t1, unwrapped or not; or instead of it the four joints |
 | `crank_rate` | rad/s | optional, beside the angle: of a tachometer, or of the angle once smoothed |
 | `left_shoulder`, ... | rad | joint angles; any of them may have `<joint>_rate` [rad/s] beside it |
-| `airspeed` | m/s | optional: of the air past the body, along its x axis from ahead |
+| `airspeed` | m/s | optional: of the air that meets the body from ahead, along its x axis |
 | `wind_x`, `wind_y`, `wind_z` | m/s | optional: of the air over ground, world axes |
 | `crank_torque` | N m | optional: of the motor on the crank |
 | `torque_<joint>` | N m | optional, all four or none: of the motor at the joints |
 | `thrust_fx` ... `thrust_mz` | N, N m | optional, all six or none: known wrench at the body COM, body axes |
 
-A header cell is a name, or a name with its unit as in `x [m]`. Forces and torques are samples; their interval means are
-taken as the mean of both ends. Writing a log, where they are means, a sample is the mean of both its neighbours.
+A header cell is a name, or a name with its unit as in `x [m]`. A table has samples of forces and torques, a log has
+interval means: reading takes the mean of both ends of an interval, writing the mean of both intervals beside a sample.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.flight.flight_log import KNOWN, POSE_AXIS, TWIST_AXIS, FlightLog, channel
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS
-from aerobat_pin.scenario import read_rows
+from aerobat_pin.scenario import TextTable
 
-POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-VELOCITY, GYRO = ("vx", "vy", "vz"), ("wx", "wy", "wz")
-WIND = ("wind_x", "wind_y", "wind_z")
-THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))
-RATES = tuple(f"{name}_rate" for name in JOINTS)
-TORQUES = tuple(f"torque_{name}" for name in JOINTS)
-UNITS = {
-    "time": "s",
-    **dict.fromkeys(POSE[:3], "m"),
-    **dict.fromkeys(POSE[3:], "-"),
-    **dict.fromkeys((*VELOCITY, *WIND, "airspeed"), "m/s"),
-    **dict.fromkeys((*GYRO, "crank_rate", *RATES), "rad/s"),
-    **dict.fromkeys(("crank_angle", *JOINTS), "rad"),
-    **dict.fromkeys(("crank_torque", *TORQUES, *THRUST[3:]), "N m"),
-    **dict.fromkeys(THRUST[:3], "N"),
-}
 THRUSTERS = f"{KNOWN}thrusters"
-# Columns, the channels of which one may hold them, and their labels there.
-WRITTEN: tuple[tuple[Sequence[str], Sequence[str], Sequence[str] | None], ...] = (
-    (POSE, ("q", "pose"), POSE_AXIS),
-    ((*VELOCITY, *GYRO), ("v", "twist"), TWIST_AXIS),
-    (("crank_angle",), ("crank_angle",), None),
-    (("crank_rate",), ("crank_rate",), None),
-    (JOINTS, ("q", "joint_angle"), JOINTS),
-    (RATES, ("v", "joint_rate"), JOINTS),
-    (("airspeed",), ("airspeed",), None),
-    (WIND, ("wind_W",), ("x", "y", "z")),
-    (("crank_torque",), ("crank_torque",), None),
-    (TORQUES, ("motor_torque", "joint_torque"), JOINTS),
-    (THRUST, (THRUSTERS,), TWIST_AXIS),
-)
 FASTEST_CRANK = 60.0  # [Hz]: a faster one is in degrees
-SLOWEST = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
-SHORTEST = 3  # samples: rates of a shorter record cannot be told
-HEADER = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+LONGEST_SAMPLE_TIME = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
+FEWEST_SAMPLES = 3  # rates of a shorter record cannot be told
+HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+
+
+@dataclass(frozen=True)
+class ColumnGroup:
+    """Columns that a table has all of or none, and the channel of a log that they make.
+
+    Attributes:
+        channels: names of the channels that may hold them; reading makes the last one.
+        columns: unit -> names of columns, between blanks.
+        meaning: of the channel.
+        axis: name of the channel's second dimension; empty for a channel of one number.
+        labels: of the columns along it.
+        means: the channel has interval means.
+    """
+
+    channels: tuple[str, ...]
+    columns: dict[str, str]
+    meaning: str
+    axis: str = ""
+    labels: tuple[str, ...] = ()
+    means: bool = False
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Column -> unit."""
+        return {name: unit for unit, names in self.columns.items() for name in names.split()}
+
+
+QUATERNION, XYZ = "qx qy qz qw", ("x", "y", "z")
+
+RATES, TORQUES = " ".join(f"{name}_rate" for name in JOINTS), " ".join(f"torque_{name}" for name in JOINTS)
+THRUST = {"N": "thrust_fx thrust_fy thrust_fz", "N m": "thrust_mx thrust_my thrust_mz"}
+TWIST = {"m/s": "vx vy vz", "rad/s": "wx wy wz"}
+GROUPS = (
+    ColumnGroup(
+        ("q", "pose"),
+        {"m": "x y z", "-": QUATERNION},
+        "body placement in world: position, quaternion",
+        "pose_axis",
+        POSE_AXIS,
+    ),
+    ColumnGroup(("v", "twist"), TWIST, "body twist in body axes", "twist_axis", TWIST_AXIS),
+    ColumnGroup(("crank_angle",), {"rad": "crank_angle"}, "absolute crank angle t1"),
+    ColumnGroup(("crank_rate",), {"rad/s": "crank_rate"}, "rate of the crank angle"),
+    ColumnGroup(("q", "joint_angle"), {"rad": " ".join(JOINTS)}, "joint angles", "joint", JOINTS),
+    ColumnGroup(("v", "joint_rate"), {"rad/s": RATES}, "joint rates", "joint", JOINTS),
+    ColumnGroup(("airspeed",), {"m/s": "airspeed"}, "airspeed along the body's x axis"),
+    ColumnGroup(
+        ("wind_W",), {"m/s": "wind_x wind_y wind_z"}, "velocity of the air over ground, world axes", "axis", XYZ
+    ),
+    ColumnGroup(("crank_torque",), {"N m": "crank_torque"}, "motor torque at the crank", means=True),
+    ColumnGroup(
+        ("motor_torque", "joint_torque"), {"N m": TORQUES}, "motor torque at the joints", "joint", JOINTS, True
+    ),
+    ColumnGroup((THRUSTERS,), THRUST, "known wrench at the body COM", "twist_axis", TWIST_AXIS, True),
+)
+UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()}
 
 
 def read_csv(path: str | Path) -> FlightLog:
@@ -79,117 +109,75 @@ def read_csv(path: str | Path) -> FlightLog:
     Raises:
         LogError: the file cannot be read, or is not a flight; the message names file, column and line.
     """
-    columns, lines = _columns(Path(path))
-    _check(columns, lines, path)
+    text = TextTable(Path(path), "log", LogError)
+    columns = _columns(text)
+    _check(columns, text)
+    quaternion = np.array([columns[name] for name in QUATERNION.split()])
+    columns |= dict(zip(QUATERNION.split(), quaternion / np.linalg.norm(quaternion, axis=0), strict=True))
+    if "crank_angle" in columns:
+        columns["crank_angle"] = np.unwrap(columns["crank_angle"])
     time = columns["time"]
-    per_sample, per_interval = ("time",), ("interval",)
-    coords = {
-        "time": channel(time, per_sample, "s", "sample time"),
-        "interval": channel(time[:-1], per_interval, "s", "start of the interval"),
-        "pose_axis": list(POSE_AXIS),
+    coords: dict[str, Any] = {
+        "time": channel(time, ("time",), "s", "sample time"),
+        "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
-    pose = _stack(columns, POSE)
-    pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
-    made = {"pose": channel(pose, ("time", "pose_axis"), "m, -", "body placement in world: position, quaternion")}
-    for names, title, meaning in (
-        ((*VELOCITY, *GYRO), "twist", "body twist in body axes"),
-        (JOINTS, "joint_angle", "joint angles"),
-        (RATES, "joint_rate", "joint rates"),
-        (WIND, "wind_W", "velocity of the air over ground, world axes"),
-    ):
-        if all(name in columns for name in names):
-            axis = {"twist": "twist_axis", "wind_W": "axis"}.get(title, "joint")
-            labels = {"twist_axis": list(TWIST_AXIS), "axis": ["x", "y", "z"], "joint": list(JOINTS)}
-            coords[axis] = labels[axis]
-            unit = ", ".join(dict.fromkeys(UNITS[name] for name in names))
-            made[title] = channel(_stack(columns, names), ("time", axis), unit, meaning)
-    for name, meaning in (
-        ("crank_angle", "absolute crank angle t1"),
-        ("crank_rate", "rate of the crank angle"),
-        ("airspeed", "airspeed along the body's x axis"),
-    ):
-        if name in columns:
-            values = np.unwrap(columns[name]) if name == "crank_angle" else columns[name]
-            made[name] = channel(values, per_sample, UNITS[name], meaning)
-    if "crank_torque" in columns:
-        made["crank_torque"] = channel(
-            _means(columns["crank_torque"]), per_interval, "N m", "motor torque at the crank"
-        )
-    if all(name in columns for name in TORQUES):
-        coords["joint"] = list(JOINTS)
-        made["joint_torque"] = channel(
-            _means(_stack(columns, TORQUES)), ("interval", "joint"), "N m", "motor torque at the joints"
-        )
-    if all(name in columns for name in THRUST):
-        coords["twist_axis"] = list(TWIST_AXIS)
-        made[THRUSTERS] = channel(
-            _means(_stack(columns, THRUST)), ("interval", "twist_axis"), "N, N m", "known wrench at the body COM"
-        )
+    made = {}
+    for group in GROUPS:
+        if all(name in columns for name in group.units):
+            values = np.column_stack([columns[name] for name in group.units])
+            values = 0.5 * (values[1:] + values[:-1]) if group.means else values
+            dims: tuple[str, ...] = ("interval" if group.means else "time",)
+            if group.axis:
+                dims = (*dims, group.axis)
+                coords[group.axis] = list(group.labels)
+            else:
+                values = values[:, 0]
+            unit = ", ".join(dict.fromkeys(group.units.values()))
+            made[group.channels[-1]] = channel(values, dims, unit, group.meaning)
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}))
 
 
 def write_csv(log: FlightLog, path: str | Path) -> None:
     """Write the measured side of a flight as a table that `read_csv` reads, units in the header.
 
-    Samples come back as they were, to ten digits; forces and torques smoothed over their neighbours, because a table
-    has samples where a log has interval means. What a log notes beside its channels, such as its robot, is not written.
+    Samples come back as they were, to ten digits; forces and torques come back smoothed over their neighbours. What a
+    log notes beside its channels, such as its robot, is not written.
 
     Raises:
         LogError: a known force has no column.
         OutputError: the file cannot be written.
     """
-    strange = [str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN) and name != THRUSTERS]
-    if strange:
-        raise LogError(f"flight log: a table has no column for {', '.join(strange)}: drop the channel first")
+    unwritten = [str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN) and name != THRUSTERS]
+    if unwritten:
+        raise LogError(f"flight log: a table has no column for {', '.join(unwritten)}: drop the channel first")
     columns = {"time": log.time}
-    for names, channels, labels in WRITTEN:
-        for values in (log.measured[name] for name in channels if name in log.measured):
-            table = values.values[:, None] if labels is None else values.sel({values.dims[1]: list(labels)}).values
-            columns |= dict(zip(names, (table if values.dims[0] == "time" else _samples(table)).T, strict=True))
-    header = ",".join(f"{name} [{UNITS[name]}]" for name in columns)
-    rows = (",".join(f"{value:.10g}" for value in row) for row in np.column_stack(list(columns.values())).tolist())
+    for group in GROUPS:
+        for values in (log.measured[name] for name in group.channels if name in log.measured):
+            array = values.sel({values.dims[1]: list(group.labels)}).values if group.axis else values.values[:, None]
+            columns |= dict(zip(group.units, (_samples(array) if group.means else array).T, strict=True))
+    table = pd.DataFrame({f"{name} [{UNITS[name]}]": values for name, values in columns.items()})
     try:
-        Path(path).write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+        table.to_csv(path, index=False, float_format="%.10g", lineterminator="\n")
     except OSError as error:
         raise OutputError(f"log {path}: cannot be written: {error.strerror or error}") from error
 
 
-def _columns(path: Path) -> tuple[dict[str, Array], list[int]]:
-    """Read the columns by name, and on which lines their values stand.
-
-    Raises LogError for what is not a table of numbers with known names and units.
-    """
-    rows, lines = read_rows(path, "log", LogError)
-    if len(rows) < 1 + SHORTEST:
-        raise LogError(
-            f"log {path}: {max(len(rows) - 1, 0)} samples: a header and {SHORTEST} rows or more were expected"
-        )
-    names, lines = [_name(cell, path) for cell in rows[0]], lines[1:]
+def _columns(text: TextTable) -> dict[str, Array]:
+    """Return the columns by name. Raises LogError for what is not a table of numbers with known names and units."""
+    names = [_name(cell, text.path) for cell in text.header]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise LogError(f"log {path}: column '{twice.pop()}' is there twice")
-    table = np.full((len(rows) - 1, len(names)), np.nan)
-    for i, row in enumerate(rows[1:]):
-        if len(row) != len(names):
-            raise LogError(f"log {path}, line {lines[i]}: {len(row)} values: {len(names)} were expected")
-        for k, cell in enumerate(row):
-            try:
-                table[i, k] = float(cell)
-            except ValueError:
-                raise LogError(f"log {path}, line {lines[i]}: {names[k]} = {cell!r}: a number was expected") from None
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        row, column = bad[0]
-        missing = len(np.unique(bad[:, 0]))
+        raise LogError(f"log {text.path}: column '{twice.pop()}' is there twice")
+    table = text.numbers()
+    if len(table) < FEWEST_SAMPLES:
         raise LogError(
-            f"log {path}, line {lines[row]}: {names[column]} is not finite ({missing} such rows): leave those rows "
-            "out; gaps in time are allowed"
+            f"log {text.path}: {len(table)} samples: a header and {FEWEST_SAMPLES} rows or more were expected"
         )
-    return {name: table[:, k] for k, name in enumerate(names)}, lines
+    return dict(zip(names, table.T, strict=True))
 
 
 def _name(cell: str, path: Path) -> str:
-    found = HEADER.fullmatch(cell)
+    found = HEADER_CELL.fullmatch(cell)
     name = found["name"] if found else cell.strip()
     if name not in UNITS:
         close = difflib.get_close_matches(name, UNITS, n=1)
@@ -201,15 +189,16 @@ def _name(cell: str, path: Path) -> str:
     return name
 
 
-def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> None:
+def _check(columns: dict[str, Array], text: TextTable) -> None:
     """Raise LogError unless the columns make a flight."""
-    missing = [name for name in ("time", *POSE) if name not in columns]
+    path = text.path
+    missing = [name for name in ("time", *GROUPS[0].units) if name not in columns]
     if missing:
         raise LogError(f"log {path}: no column named {', '.join(missing)}")
-    for group in ((*VELOCITY, *GYRO), JOINTS, RATES, WIND, TORQUES, THRUST):
-        there = [name for name in group if name in columns]
-        if there and len(there) < len(group):
-            absent = [name for name in group if name not in columns]
+    for group in GROUPS:
+        there = [name for name in group.units if name in columns]
+        absent = [name for name in group.units if name not in columns]
+        if there and absent:
             raise LogError(f"log {path}: {', '.join(there)} without {', '.join(absent)}: all of them or none")
     if "crank_rate" in columns and "crank_angle" not in columns:
         raise LogError(f"log {path}: crank_rate without crank_angle: the linkage closes at an angle")
@@ -220,14 +209,14 @@ def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> Non
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
         what = "is repeated" if steps[row - 1] == 0.0 else "runs backwards"
-        raise LogError(f"log {path}, line {lines[row]}: time = {time[row]:g} s {what}: rising stamps were expected")
+        raise LogError(f"log {path}, line {text.line(row)}: time = {time[row]:g} s {what}: rising stamps were expected")
     step = float(np.median(steps))
-    if step > SLOWEST:
+    if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
-    norm = np.linalg.norm(_stack(columns, POSE[3:]), axis=1)
+    norm = np.linalg.norm([columns[name] for name in QUATERNION.split()], axis=0)
     if np.any(np.abs(norm - 1.0) > 0.01):
         row = int(np.argmax(np.abs(norm - 1.0) > 0.01))
-        raise LogError(f"log {path}, line {lines[row]}: the quaternion has length {norm[row]:.3g}: 1 was expected")
+        raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
     if "crank_angle" in columns:
         rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
         if rate > FASTEST_CRANK:
@@ -235,15 +224,7 @@ def _check(columns: dict[str, Array], lines: list[int], path: str | Path) -> Non
     for name in JOINTS:
         if name in columns and np.max(np.abs(columns[name])) > 2.0 * np.pi:
             row = int(np.argmax(np.abs(columns[name])))
-            raise LogError(f"log {path}, line {lines[row]}: {name} = {columns[name][row]:g}: radians were expected")
-
-
-def _stack(columns: dict[str, Array], names: Sequence[str]) -> Array:
-    return np.column_stack([columns[name] for name in names])
-
-
-def _means(samples: Array) -> Array:
-    return np.asarray(0.5 * (samples[1:] + samples[:-1]))
+            raise LogError(f"log {path}, line {text.line(row)}: {name} = {columns[name][row]:g}: radians were expected")
 
 
 def _samples(means: Array) -> Array:

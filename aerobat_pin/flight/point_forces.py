@@ -59,5 +59,5 @@ def held_parts(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array
     """
     parts = np.zeros((2, len(forces), len(edges) - 1))
     for i, force in enumerate(forces):
-        parts[:, i] = force.signal.held(edges, np.random.default_rng([seed, i]))
+        parts[:, i] = force.signal.interval_means(edges, np.random.default_rng([seed, i]))
     return parts

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_description.closure import elbow
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
+from aerobat_description.position_closure import elbow
 from aerobat_pin.linkage.moving import Complex
 from aerobat_pin.numerics import Array
 

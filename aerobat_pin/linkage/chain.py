@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import bent_arms
 from aerobat_pin.linkage.moving import Angle, Pin, bar_angle, meet, still
 from aerobat_pin.numerics import Array

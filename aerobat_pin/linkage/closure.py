@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import ANGLES, loops
 from aerobat_pin.linkage.moving import Angle, Complex, Pin, opening, wrapped
 from aerobat_pin.numerics import Array

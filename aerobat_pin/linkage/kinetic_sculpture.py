@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerobat_description.closure import TURN, remedies
 from aerobat_description.morphology import Morphology
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
+from aerobat_description.position_closure import CRANK_ANGLES, remedies
 from aerobat_pin.errors import LinkageError, NearSingularWarning, ShapeError
 from aerobat_pin.linkage.arms import ANGLES, bent_arms
 from aerobat_pin.linkage.chain import close
@@ -74,7 +74,7 @@ class KineticSculpture:
 
     def check(self) -> None:
         """Raise LinkageError unless the crank can turn through a full circle; warn as `solve` does."""
-        self.solve(TURN)
+        self.solve(CRANK_ANGLES)
         self._judged = True
 
     def _open(self, closed: Closure, dyad: str) -> LinkageError:

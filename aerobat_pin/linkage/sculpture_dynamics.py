@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import ANGLES, loops, real_rows
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.numerics import Array

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_description.closure import ADJUSTABLE
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
+from aerobat_description.position_closure import ADJUSTABLE
 from aerobat_pin.linkage.arms import ANGLES, PINS, loops, loops_by_lengths, pins, real_rows
 from aerobat_pin.numerics import Array
 

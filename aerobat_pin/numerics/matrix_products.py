@@ -1,8 +1,9 @@
 """Products of small matrices, in the processor's vectors.
 
-For some ten rows BLAS spends its time on the way in, and a compiler that cannot know whether target and factors overlap
-keeps no sum in a register. Here up to four rows times sixteen columns of the target are summed in registers over all k.
-Rows are contiguous, and start anywhere.
+For some ten rows BLAS spends its time on the way in. In plain loops the compiler cannot know whether target and factors
+overlap, and keeps no sum in a register: with the best of nine forms a whole sample of `kalman` takes 6 to 11 % longer,
+one of `smoother` 12 %, with harmonics 18 % and 28 % (design note 7). So the instructions are written here: up to four rows
+times sixteen columns of the target are summed in registers over all k. Rows are contiguous, and start anywhere.
 """
 
 from __future__ import annotations
@@ -51,16 +52,16 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
         fused = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
         offset = builder.mul(j, WORD(DOUBLE))
         sums = [cgutils.alloca_once(builder, kind) for _ in range(rows)]  # registers, once compiled
-        for one in sums:
-            builder.store(zero, one)
+        for total in sums:
+            builder.store(zero, total)
         with cgutils.for_range(builder, depth) as loop:
             row, along = read(place(b, loop.index, b_row, offset, kind)), builder.mul(loop.index, a_column)
-            for r, one in enumerate(sums):
+            for r, total in enumerate(sums):
                 factor = repeated(read(place(a, builder.add(i, WORD(r)), a_row, along, REAL)), columns)
-                builder.store(builder.call(fused, [factor, row, builder.load(one)]), one)
-        for r, one in enumerate(sums):
+                builder.store(builder.call(fused, [factor, row, builder.load(total)]), total)
+        for r, total in enumerate(sums):
             target = place(c, builder.add(i, WORD(r)), c_row, offset, kind)
-            summed = builder.call(fused, [repeated(scale, columns), builder.load(one), read(target)])
+            summed = builder.call(fused, [repeated(scale, columns), builder.load(total), read(target)])
             builder.store(summed, target).align = DOUBLE
 
     def spans(count: Any, sizes: Sequence[int]) -> Iterator[tuple[Any, Any]]:

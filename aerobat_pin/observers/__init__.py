@@ -13,14 +13,12 @@ from aerobat_pin.observers.analysis.noise_and_lag import (
 from aerobat_pin.observers.analysis.point_of_action import PointOfAction, locate_series
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
-from aerobat_pin.observers.force_level import ForceLevelObserver
 from aerobat_pin.observers.identifiability import Identifiability
 from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample
 from aerobat_pin.observers.kalman.smoother import SmootherObserver
-from aerobat_pin.observers.momentum import MomentumObserver
+from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import Rows, Tie, tie_joints
-from aerobat_pin.observers.second_order import SecondOrderObserver
 from aerobat_pin.observers.super_twisting import SuperTwistingObserver
 
 OBSERVERS: dict[str, type[Observer]] = {

@@ -48,7 +48,7 @@ class Application:
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each component, `N` or `N m`."""
-        return tuple("N m" if np.any(one[3:]) else "N" for one in self.directions)
+        return tuple("N m" if np.any(direction[3:]) else "N" for direction in self.directions)
 
     @property
     def directions(self) -> Array:
@@ -89,15 +89,17 @@ class Applications:
         if isinstance(applications, str | Application):
             raise ObserverError(f"applications = {applications!r}: a list of them was expected, even of one")
         self.model = model
-        self.given = tuple(Application(one) if isinstance(one, str) else one for one in applications)
-        self.frames = tuple(one.frame for one in self.given)
+        self.given = tuple(
+            Application(application) if isinstance(application, str) else application for application in applications
+        )
+        self.frames = tuple(application.frame for application in self.given)
         if len(set(self.frames)) != len(self.frames):
             raise ObserverError(f"force frames {list(self.frames)}: different names were expected")
-        self.components = tuple(label for one in self.given for label in one.labels)
-        self.units = tuple(unit for one in self.given for unit in one.units)
+        self.components = tuple(label for application in self.given for label in application.labels)
+        self.units = tuple(unit for application in self.given for unit in application.units)
         rows, support = [], []
-        for one in self.given:
-            frame = model.frames[frame_id(model, one.frame)]
+        for application in self.given:
+            frame = model.frames[frame_id(model, application.frame)]
             if frame.parentJoint == 0:
                 raise ObserverError(f"force frame '{frame.name}' is fixed to the world: a force there moves nothing")
             moves = np.zeros(model.nv)
@@ -106,10 +108,10 @@ class Applications:
                 start = model.joints[joint].idx_v
                 moves[start : start + model.joints[joint].nv] = 1.0
                 joint = int(model.parents[joint])
-            R = frame.placement.rotation if one.axes == "frame" else np.eye(3)
-            for both in one.directions:
-                turned = (*(R @ both[:3]), *(R @ both[3:]))
-                rows.append([frame.parentJoint, *frame.placement.translation, *turned, one.axes == "frame"])
+            R = frame.placement.rotation if application.axes == "frame" else np.eye(3)
+            for direction in application.directions:
+                both = (*(R @ direction[:3]), *(R @ direction[3:]))
+                rows.append([frame.parentJoint, *frame.placement.translation, *both, application.axes == "frame"])
                 support.append(moves)
         self.table: Array = np.array(rows, float).reshape(-1, 11)
         self.support: Array = np.array(support).reshape(-1, model.nv)
@@ -119,8 +121,10 @@ class Applications:
         """Return J (c, nv) at a configuration (nq,): the components f make the generalised force J^T f."""
         model, data = self.model, self.model.createData()
         blocks = [np.zeros((0, model.nv))]
-        for one in self.given:
-            axes = pin.ReferenceFrame.LOCAL if one.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            frame = pin.computeFrameJacobian(model, data, np.asarray(q, float), frame_id(model, one.frame), axes)
-            blocks.append(one.directions @ frame)
+        for application in self.given:
+            axes = pin.ReferenceFrame.LOCAL if application.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            frame = pin.computeFrameJacobian(
+                model, data, np.asarray(q, float), frame_id(model, application.frame), axes
+            )
+            blocks.append(application.directions @ frame)
         return np.concatenate(blocks)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers.identifiability import Identifiability
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 
 class Sample:
@@ -21,7 +29,7 @@ class Sample:
     @property
     def force(self) -> Array:
         """Forces (n, 3) [N] in world axes, where that is what acts (see `Estimate.force`)."""
-        return self._values[self._nv :].reshape(-1, 3)
+        return self.components.reshape(-1, 3)
 
     @property
     def components(self) -> Array:
@@ -33,8 +41,12 @@ class Sample:
         """Generalised residual (nv,)."""
         return self._values[: self._nv]
 
+    def __repr__(self) -> str:
+        """Show the components."""
+        return f"{type(self).__name__}(components={np.array2string(self.components, precision=4)})"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Estimate:
     """A run of estimates; number k belongs to the interval [time_k, time_k+1].
 
@@ -72,7 +84,7 @@ class Estimate:
         """Forces (m, n, 3) [N] in world axes.
 
         Raises:
-            ObserverError: something else than forces in world axes acts; look at `component`.
+            ObserverError: not all components are forces in world axes; read them by `component`.
         """
         if not self.are_world_forces:
             raise ObserverError("not all components are forces in world axes: read them by `component`")
@@ -84,3 +96,71 @@ class Estimate:
         if label not in labels:
             raise ObserverError(f"no component '{label}'; there are {', '.join(labels)}")
         return self.components[:, labels.index(label)]
+
+    def to_xarray(self) -> Dataset:
+        """Return what `estimate.nc` holds of this estimate; `xarray.concat` along `observer` joins several.
+
+        Forces in world axes are `force_W` (observer, interval, point, axis). Where anything else is looked for, all is
+        `components` (observer, interval, component), each with its `unit`.
+        """
+        import xarray as xr  # a third of a second that only this needs
+
+        def variable(values: Array, dims: tuple[str, ...], unit: str, meaning: str) -> tuple[Any, ...]:
+            return dims, values, {"units": unit, "long_name": meaning}
+
+        coords: dict[str, Any] = {
+            "observer": [self.observer],
+            "interval": variable(self.time[:-1], ("interval",), "s", "start of the interval"),
+            "interval_end": variable(self.time[1:], ("interval",), "s", "end of the interval"),
+        }
+        dims: tuple[str, ...]
+        if self.are_world_forces:
+            name, meaning, dims = "force_W", "force in world axes", ("observer", "interval", "point", "axis")
+            coords |= {"point": list(self.frames), "axis": ["x", "y", "z"]}
+        else:
+            name, meaning, dims = "components", "component", ("observer", "interval", "component")
+            coords |= {"component": list(self.identifiability.components), "unit": ("component", list(self.units))}
+        unit, shape = (
+            ", ".join(dict.fromkeys(self.units)),
+            (1, len(self.components), *(len(coords[d]) for d in dims[2:])),
+        )
+        sure = np.full_like(self.components, np.nan) if self.standard_deviation is None else self.standard_deviation
+        mean, sure_of = f"estimated {meaning}, mean over the interval", f"of the estimated {meaning}"
+        return xr.Dataset(
+            {
+                name: variable(self.components.reshape(shape), dims, unit, mean),
+                "standard_deviation": variable(
+                    sure.reshape(shape), dims, unit, f"{sure_of}, where the observer knows it"
+                ),
+                "residual": variable(
+                    self.residual[None], ("observer", "interval", "v_axis"), "N, N m", "estimated generalised force"
+                ),
+            },
+            coords=coords,
+        )
+
+    def __repr__(self) -> str:
+        """Name observer and record, and each component's mean and range."""
+        lines = (
+            f"  {label:<24} {mean:>9} {least:>9} to {most:>9} {unit}" for label, mean, least, most, unit in self._rows()
+        )
+        return "\n".join([self._title(), *lines])
+
+    def _repr_html_(self) -> str:
+        """Show the same as a table."""
+        cells = [("component", "mean", "least", "largest", "unit"), *self._rows()]
+        rows = ("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
+        return f"<p>{escape(self._title())}</p><table>{''.join(rows)}</table>"
+
+    def _title(self) -> str:
+        first, last = self.time[[0, -1]]
+        known = f"rank {self.identifiability.rank} of {len(self.units)}"
+        return (
+            f"Estimate of '{self.observer}': {len(self.components)} intervals from {first:g} s to {last:g} s, "
+            f"rows '{self.rows}', {known}"
+        )
+
+    def _rows(self) -> Iterator[tuple[str, ...]]:
+        """Yield label, mean, least, largest value and unit of each component."""
+        for label, unit, values in zip(self.identifiability.components, self.units, self.components.T, strict=True):
+            yield label, *(f"{number:.4g}" for number in (values.mean(), values.min(), values.max())), unit

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers.applications import Applications
-from aerobat_pin.observers.rows import Believed
+from aerobat_pin.observers.rows import BelievedRows
 
 RANK_TOLERANCE = 1.0e-6  # of the largest singular value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identifiability:
     """What the geometry lets an observer know, at the worst configuration of a run.
 
@@ -55,9 +56,23 @@ class Identifiability:
         """Say in words which patterns leave no trace, one line each; empty at full rank."""
         return [_pattern(self.components, row) for row in self.null_space]
 
+    def __repr__(self) -> str:
+        """Give rank, condition and what leaves no trace."""
+        title = f"Identifiability: rank {self.rank} of {len(self.components)}, condition {self.condition:.3g}"
+        return "\n".join([title, *(f"  no trace: {pattern}" for pattern in self.describe())])
+
+    def _repr_html_(self) -> str:
+        """Show the same, and each component's deviation, as a table."""
+        rows = (
+            f"<tr><td>{escape(name)}</td><td>{size:.3g}</td></tr>"
+            for name, size in zip(self.components, self.deviation, strict=True)
+        )
+        head = "<tr><th>component</th><th>deviation per newton of noise</th></tr>"
+        return f"<pre>{escape(repr(self))}</pre><table>{head}{''.join(rows)}</table>"
+
 
 def judge(
-    applications: Applications, jacobians: Array, velocities: Array, believed: Believed, samples: int = 64
+    applications: Applications, jacobians: Array, velocities: Array, believed: BelievedRows, samples: int = 64
 ) -> Identifiability:
     """Find the worst of up to `samples` instants, spread evenly over those of a run.
 

@@ -1,7 +1,8 @@
-"""The paper's observer: filter the generalised residual, then project it onto the force points."""
+"""The paper's observer and its relatives: a linear low-pass, before or after the projection onto the force points."""
 
 from __future__ import annotations
 
+from aerobat_pin.observers.kernels.filters import SECOND_ORDER
 from aerobat_pin.observers.observer import Observer
 
 
@@ -14,3 +15,25 @@ class MomentumObserver(Observer):
 
     name = "momentum"
     project_first = False
+
+
+class ForceLevelObserver(Observer):
+    """Projects each interval's mean onto the force points, then filters the force in world axes.
+
+    f <- exp(-K dt) f + (1 - exp(-K dt)) J^T+ phi, J in the middle of the interval. On a flapping wing J turns faster
+    than a slow filter follows. Filtering in world axes leaves that turn out of the filter. At high gain the forces
+    equal those of `momentum`.
+    """
+
+    name = "force_level"
+
+
+class SecondOrderObserver(Observer):
+    """Projects first, then filters by a critically damped second-order low-pass.
+
+    f'' + 2 w f' + w^2 f = w^2 J^T+ phi with w = 2.146 K, advanced exactly over each interval. Noise falls with the
+    square of its frequency, at the same rise of 63 % in 1/K.
+    """
+
+    name = "second_order"
+    kind = SECOND_ORDER

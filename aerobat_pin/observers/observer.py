@@ -16,16 +16,14 @@ from numpy.typing import ArrayLike
 from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import Array, addresses, check_views, checked, lock, motions, placements
+from aerobat_pin.numerics import Array, addresses, check_views, checked, lock, motions, new_memory, placements
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
-from aerobat_pin.observers.kernels.memory import new_store
-from aerobat_pin.observers.kernels.record import open_record
-from aerobat_pin.observers.kernels.residual import update
-from aerobat_pin.observers.rows import Believed, Rows, Tie
+from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
+from aerobat_pin.observers.rows import BelievedRows, Rows, Tie
 
 DEFAULT_GAIN = 1000.0  # [1/s]
 # How many of a joint's last coordinates are a direction: a quaternion, or a cosine and a sine.
@@ -70,33 +68,51 @@ class Observer:
             raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
         self.model, self.data = model, model.createData()
         self.applications = Applications(model, applications)
-        self.believed = Believed(model, rows)
+        self.believed = BelievedRows(model, rows)
         count, nv = len(self.applications.components), int(model.nv)
         self.gain = np.array(gain, float)
-        gains, basis = _modes(self.gain, count if self.project_first else nv)
-        data = self.data
-        oMi = placements(data.oMi)
-        check_views(model, data, oMi, placements(data.liMi), motions(data.v))
-        places = np.append(addresses(data.M, data.C, data.g, data.J, oMi), model.njoints)
-        self._store = new_store(
-            places,
-            gains,
-            basis,
-            (self.believed.weight, self.believed.metric, self.believed.number),
-            self.applications.table,
-            self.applications.support,
-            project_first=self.project_first,
-            kind=self.kind,
-            slope=self.slope,
+        self._gains, self._basis = _modes(self.gain, count if self.project_first else nv)
+        self._sizes = ObserverSizes(
+            nv=nv,
+            joints=int(model.njoints),
+            components=count,
+            filtered=len(self._gains),
+            basis=len(self._basis),
+            metric=len(self.believed.metric),
+            project_first=int(self.project_first),
+            rows=self.believed.number,
+            filter=self.kind,
         )
         self._width, self._nv = nv + count, nv
-        self._update: Any = update
+        self._memory = new_memory(observer_in, *self._sizes)
+        self._fill(observer_in(self._memory))
+        self._update: Any = kernels.update_observer
         self._time = float("nan")
         self._latest = Sample(np.zeros(self._width), nv)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
         return type(self), (self.model, self.applications.given, self.gain, self.believed.rows)
+
+    def __repr__(self) -> str:
+        """Give name, model, rows, gain and where unknown forces are looked for."""
+        gain = np.array2string(self.gain, precision=4, threshold=12)
+        found = ", ".join(self.applications.components) or "nothing: the generalised residual alone"
+        return (
+            f"{type(self).__name__} '{self.name}' on '{self.model.name}', {self._nv} velocities\n"
+            f"  rows '{self.believed.name}', gain {gain} 1/s\n  looks for {found}"
+        )
+
+    def _fill(self, memory: ObserverMemory) -> None:
+        """Write what does not change in use into a new memory."""
+        data = self.data
+        oMi = placements(data.oMi)
+        check_views(self.model, data, oMi, placements(data.liMi), motions(data.v))
+        memory.robot[:] = addresses(data.M, data.C, data.g, data.J, oMi)
+        memory.slope[:] = self.slope
+        memory.gain[:], memory.basis[:] = self._gains, self._basis
+        memory.weight[:], memory.metric[:] = self.believed.weight, self.believed.metric
+        memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
         """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
@@ -107,7 +123,7 @@ class Observer:
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
         self._check_directions(q[None])
         # Compiled for streams alone, and from here on for arrays of doubles alone: others raise.
-        lock(self._update, self._store.copy(), v, v, 1.0, np.zeros(self._width))
+        lock(self._update, self._memory.copy(), v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
         self._start(v)
         self._time = float(time)
@@ -147,13 +163,13 @@ class Observer:
             crba(model, data, q)
             computeCoriolisMatrix(model, data, q, v)
             computeGeneralizedGravity(model, data, q)
-            good = self._update(self._store, v, u, dt, out)
+            good = self._update(self._memory, v, u, dt, out)
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
         if not good:
             q, v, u = self._checked(q, v, tau, known or {})
             _compute(model, data, q, v)
-            if not self._update(self._store, v, u, dt, out):
+            if not self._update(self._memory, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
         self._latest = latest = self._sample(out)
@@ -196,30 +212,29 @@ class Observer:
 
     def _start(self, v: Array) -> None:
         """Start the filter at a sample that Pinocchio has just computed."""
-        kernels.start(self._store, v)
+        kernels.start_observer(self._memory, v)
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        """Filter a checked record; return results (m, width) and what the samples left behind."""
-        store = self._store.copy()  # a stream that is under way goes on undisturbed
-        memory = self._collect(
-            kernels.collect, store, q, v, np.empty((len(time), 3 + self._width - self._nv, self._nv))
+        """Filter a checked record; return results (m, width) and its samples."""
+        memory = self._memory.copy()  # a stream that is under way goes on undisturbed
+        samples = self._record_samples(
+            kernels.record_sample, memory, q, v, np.empty((len(time), 3 + self._width - self._nv, self._nv))
         )
         out = np.empty((len(u), self._width))
-        self._refuse_huge(kernels.observe_all(memory, time, u, store, out), time)
-        return out, memory
+        self._refuse_huge(kernels.observe_all(samples, time, u, memory, out), time)
+        return out, samples
 
-    def _collect(self, collect: Any, store: Array, q: Array, v: Array, memory: Array) -> Array:
-        """Remember every sample of a record, with a kernel, in memory (m + 1, rows, nv); return it."""
+    def _record_samples(self, kernel: Any, memory: Array, q: Array, v: Array, samples: Array) -> Array:
+        """Write the samples (m + 1, rows, nv) of a record, each by a kernel behind Pinocchio's calls; return them."""
         model, data = self.model, self.data
-        place, one_q, one_v = open_record(q, v, memory)
-        for _ in range(len(q)):
-            crba(model, data, one_q)
-            computeCoriolisMatrix(model, data, one_q, one_v)
-            computeGeneralizedGravity(model, data, one_q)
-            collect(store, place)
-        return memory
+        for k, (at, rate) in enumerate(zip(q, v, strict=True)):
+            crba(model, data, at)
+            computeCoriolisMatrix(model, data, at, rate)
+            computeGeneralizedGravity(model, data, at)
+            kernel(memory, rate, samples, k)
+        return samples
 
-    def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
+    def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
         """Name the parts of a record's results."""
         end = self._nv + len(self.applications.components)
         return Estimate(
@@ -231,7 +246,7 @@ class Observer:
             components=out[:, self._nv : end],
             units=self.applications.units,
             residual=out[:, : self._nv],
-            identifiability=judge(self.applications, memory[:, 3 : 3 + end - self._nv], memory[:, 2], self.believed),
+            identifiability=judge(self.applications, samples[:, 3 : 3 + end - self._nv], samples[:, 2], self.believed),
         )
 
     def _refuse_huge(self, bad: int, time: Array) -> None:

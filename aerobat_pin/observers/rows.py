@@ -11,13 +11,12 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 
 MOMENT_ARM = 0.05  # [m]
-BASE = 6  # rows of a free-flyer base
+BASE_ROWS = 6  # rows of a free-flyer base
 TIED = 3  # the kernels' number of tied rows
 Rows = Literal["all", "base", "base+power"]
 ROWS = ("all", "base", "base+power")  # in the order of the kernels' numbers
@@ -37,14 +36,6 @@ class Tie:
 
     name: str
     map: Array
-
-    def inertia(self, M: ArrayLike) -> Array:
-        """Return M_s = S^T M S (ns, ns)."""
-        return np.asarray(self.map.T @ np.asarray(M, float) @ self.map)
-
-    def force(self, generalized: ArrayLike) -> Array:
-        """Return S^T of a generalised force (..., nv) as (..., ns)."""
-        return np.asarray(np.asarray(generalized, float) @ self.map)
 
 
 def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:
@@ -70,7 +61,7 @@ def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right"
     return Tie(name, S)
 
 
-class Believed:
+class BelievedRows:
     """The rows an observer believes, as the kernels and the identifiability take them.
 
     Attributes:
@@ -83,7 +74,7 @@ class Believed:
     def __init__(self, model: pin.Model, rows: Rows | Tie) -> None:
         """Check and weigh. Raises ObserverError for rows that the model does not have."""
         nv = int(model.nv)
-        floating = bool(model.njoints > 1 and model.joints[1].nv == BASE)
+        floating = bool(model.njoints > 1 and model.joints[1].nv == BASE_ROWS)
         self.weight: Array = np.full(nv, 1.0 / MOMENT_ARM)
         if floating:
             self.weight[:3] = 1.0
@@ -109,9 +100,10 @@ class Believed:
         diagonal: Array = np.diag(self.weight)
         if self.rows == "all":
             return diagonal
-        base: Array = diagonal[:, :BASE]
+        base: Array = diagonal[:, :BASE_ROWS]
         if self.rows == "base":
             return base
         along = np.zeros((len(velocity), 1))
-        along[BASE:, 0] = velocity[BASE:] / max(float(np.linalg.norm(velocity[BASE:])), 1e-12) / MOMENT_ARM
+        joints = velocity[BASE_ROWS:]
+        along[BASE_ROWS:, 0] = joints / max(float(np.linalg.norm(joints)), 1e-12) / MOMENT_ARM
         return np.concatenate([base, along], axis=1)

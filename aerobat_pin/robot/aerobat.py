@@ -13,10 +13,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_description.generate import srdf, urdf
+from aerobat_description.generate import srdf_text, urdf_text
 from aerobat_description.morphology import Morphology
+from aerobat_description.morphology_tables import FreeFlyer
 from aerobat_description.reading import MorphologyError
-from aerobat_description.sections import FreeFlyer
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.numerics import Array
@@ -144,10 +144,10 @@ def _with_file(message: str, morphology: str) -> str:
 def _robot(shape: Morphology, gravity: Array) -> Aerobat:
     linkage = KineticSculpture(shape.linkage)
     linkage.check()
-    text = urdf(shape)
+    text = urdf_text(shape)
     model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
     model.gravity.linear = gravity
-    pin.loadReferenceConfigurationsFromXML(model, srdf(shape))
+    pin.loadReferenceConfigurationsFromXML(model, srdf_text(shape))
     _limit_free_flyer(model, shape.free_flyer)
     indices = [model.getJointId(name) for name in JOINTS]
     return Aerobat(

@@ -1,12 +1,12 @@
 """What happens, as checked text: the keys of a scenario file, their units, and the messages when one is wrong."""
 
-from aerobat_pin.scenario.csv_rows import read_rows
+from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.describe import describe_scenario
 from aerobat_pin.scenario.dotted_keys import assign, with_settings
-from aerobat_pin.scenario.messages import nothing_there
+from aerobat_pin.scenario.messages import explain_plainly
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario, shipped_scenarios
 from aerobat_pin.scenario.tables import AirSection, Number, Positive, RobotSection, SensorSection, SensorsSection, Whole
-from aerobat_pin.scenario.toml import scenario_toml
+from aerobat_pin.scenario.toml import read_toml, scenario_toml, shipped_names
 from aerobat_pin.scenario.unknown_forces import Axes, RecordedForce, UnknownForce
 
 __all__ = [
@@ -19,15 +19,17 @@ __all__ = [
     "Scenario",
     "SensorSection",
     "SensorsSection",
+    "TextTable",
     "UnknownForce",
     "Whole",
     "assign",
     "describe_scenario",
+    "explain_plainly",
     "load_scenario",
-    "nothing_there",
     "parse_scenario",
-    "read_rows",
+    "read_toml",
     "scenario_toml",
+    "shipped_names",
     "shipped_scenarios",
     "with_settings",
 ]

@@ -1,41 +1,101 @@
-"""A table of text: rows of cells between commas, each with the number of its line as an editor shows it."""
+"""Tables of text: a header and rows of numbers between commas, whose errors name the line as an editor counts it."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
 from aerobat_pin.errors import AerobatError
+from aerobat_pin.numerics import Array
 
 
-def read_rows(path: Path, what: str, error: Callable[[str], AerobatError]) -> tuple[list[list[str]], list[int]]:
-    """Read the rows that are not empty, the header first.
+class TextTable:
+    """A table of text, read up to its header; empty lines do not count as rows.
 
     Args:
         path: of the file.
         what: it is, to begin a message with.
         error: what to raise with a message.
 
-    Returns:
-        The rows' cells, and the lines on which the rows stand, counted from 1.
-
     Raises:
         AerobatError: of the given kind: there is no such file, it is no text, or another sign separates its cells.
     """
-    if not path.is_file():
-        raise error(f"{what} {path}: there is no such file")
-    rows, lines = [], []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            for row in reader:
-                if any(cell.strip() for cell in row):
-                    rows.append(row)
-                    lines.append(reader.line_num)
-    except (OSError, UnicodeDecodeError, csv.Error) as cause:
-        raise error(f"{what} {path}: cannot be read as CSV: {cause}") from cause
-    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
-        if rows and len(rows[0]) == 1 and sign in rows[0][0]:
-            raise error(f"{what} {path}: {name} separate its columns: commas were expected, and points in numbers")
-    return rows, lines
+
+    def __init__(self, path: Path, what: str, error: Callable[[str], AerobatError]) -> None:
+        if not path.is_file():
+            raise error(f"{what} {path}: there is no such file")
+        self.path, self._name, self._error = path, f"{what} {path}", error
+        self._header_line, self.header = next(self._rows(), (0, []))
+        for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+            if len(self.header) == 1 and sign in self.header[0]:
+                raise error(f"{self._name}: {name} separate its columns: commas were expected, and points in numbers")
+
+    @property
+    def names(self) -> list[str]:
+        """The header's cells without units in brackets."""
+        return [cell.partition("[")[0].strip() for cell in self.header]
+
+    def numbers(self, columns: Sequence[int] | None = None) -> Array:
+        """Return the finite numbers (rows, columns) below the header; of all columns, or of those given by their index.
+
+        Raises:
+            AerobatError: of the table's kind: a cell is no finite number, or a row is too short or too long.
+        """
+        chosen = list(range(len(self.header)) if columns is None else columns)
+        try:  # from pandas 3.1 on, to the last bit what `float` reads
+            frame = pd.read_csv(
+                self.path,
+                skiprows=self._header_line,
+                header=None,
+                names=range(len(self.header)),
+                dtype=dict.fromkeys(chosen, float),
+                encoding="utf-8-sig",
+            )
+        except ValueError:
+            return self._numbers_by_cell(chosen)
+        values = frame[chosen].to_numpy()
+        # An index of its own takes the cells of rows that are too long.
+        good = isinstance(frame.index, pd.RangeIndex) and np.all(np.isfinite(values))
+        return values if good else self._numbers_by_cell(chosen)
+
+    def line(self, row: int) -> int:
+        """Return the line on which a row below the header stands, counted from 1."""
+        return [line for line, _ in self._rows()][row + 1]
+
+    def _numbers_by_cell(self, columns: list[int]) -> Array:
+        """Read as `numbers` does, slowly, with a message for each mistake."""
+        rows = []
+        infinite: list[tuple[int, str]] = []
+        for line, row in list(self._rows())[1:]:
+            if len(row) != len(self.header):
+                raise self._error(f"{self._name}, line {line}: {len(row)} values: {len(self.header)} were expected")
+            for k in columns:
+                try:
+                    float(row[k])
+                except ValueError:
+                    rule = f"{self.names[k]} = {row[k]!r}: a number was expected"
+                    raise self._error(f"{self._name}, line {line}: {rule}") from None
+            rows.append([float(row[k]) for k in columns])
+            infinite += [(line, self.names[k]) for k in columns if not np.isfinite(float(row[k]))][:1]
+        if infinite:
+            line, name = infinite[0]
+            raise self._error(
+                f"{self._name}, line {line}: {name} is not finite ({len(infinite)} such rows): leave those rows out; "
+                "gaps in time are allowed"
+            )
+        return np.array(rows, float).reshape(-1, len(columns))
+
+    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield the rows that are not empty, the header first, each with the number of its line."""
+        try:
+            with self.path.open(newline="", encoding="utf-8-sig") as file:
+                reader = csv.reader(file)
+                for row in reader:
+                    if any(cell.strip() for cell in row):
+                        yield reader.line_num, row
+        except (OSError, UnicodeDecodeError, csv.Error) as cause:
+            raise self._error(f"{self._name}: cannot be read as CSV: {cause}") from cause

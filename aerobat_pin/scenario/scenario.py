@@ -1,13 +1,11 @@
-"""A scenario: what happens to which robot, and who estimates it. TOML in, TOML out, every value checked.
+"""A scenario: which robot flies through what, and which observers estimate the forces on it; every value checked.
 
 Units are SI; keys ending in `_deg` are degrees, because a person types them.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +15,7 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.dotted_keys import with_settings
-from aerobat_pin.scenario.messages import explain, nothing_there
+from aerobat_pin.scenario.messages import explain
 from aerobat_pin.scenario.tables import (
     AirSection,
     BelievedSection,
@@ -30,9 +28,11 @@ from aerobat_pin.scenario.tables import (
     SensorsSection,
     SimulationSection,
 )
+from aerobat_pin.scenario.toml import read_toml, shipped_names
 from aerobat_pin.scenario.unknown_forces import UnknownForceSection
 
-LONGEST_WARM_UP = 60.0  # [s]
+SHIPPED = Path(__file__).with_name("shipped")
+MOST_WARM_UP = 60.0  # [s]
 
 
 class Scenario(Section):
@@ -53,6 +53,14 @@ class Scenario(Section):
     observers: ObserverSection = ObserverSection()
     believed: BelievedSection = BelievedSection()
 
+    def __repr__(self) -> str:
+        frames = ", ".join(dict.fromkeys(force.frame for force in self.unknown_force)) or "no frame"
+        return (
+            f"Scenario {self.name}: {self.description}\n"
+            f"  robot {self.robot.morphology}; {self.simulation.duration:g} s in steps of {self.simulation.dt:g} s, "
+            f"seed {self.simulation.seed}; unknown forces at {frames}; observers {', '.join(self.observers.names)}"
+        )
+
     @property
     def believed_robot(self) -> RobotSection:
         """The robot that the observers believe in."""
@@ -69,17 +77,17 @@ class Scenario(Section):
             try:
                 getattr(self, f"believed_{name}")
             except ValidationError as error:
-                told = [explain({**item, "loc": (name, *item["loc"])}, Scenario) for item in error.errors()]
-                raise ValueError("; ".join(f"believed: {line}" for line in told)) from error
+                lines = [explain({**item, "loc": (name, *item["loc"])}, Scenario) for item in error.errors()]
+                raise ValueError("; ".join(f"believed: {line}" for line in lines)) from error
         return self
 
     @model_validator(mode="after")
     def _short_warm_up(self) -> Scenario:
         cycles, frequency = self.air.warm_up_cycles, self.crank.frequency
-        if frequency > 0.0 and cycles / frequency > LONGEST_WARM_UP:
+        if frequency > 0.0 and cycles / frequency > MOST_WARM_UP:
             raise ValueError(
                 f"air.warm_up_cycles = {cycles} at crank.frequency = {frequency} Hz take {cycles / frequency:.0f} s "
-                f"to fly; at most {LONGEST_WARM_UP:.0f} s are allowed"
+                f"to fly; at most {MOST_WARM_UP:.0f} s are allowed"
             )
         return self
 
@@ -104,9 +112,7 @@ def _laid_over(section: Table, values: Mapping[str, Any]) -> Table:
 
 def shipped_scenarios() -> dict[str, str]:
     """Return the shipped scenarios: name -> description."""
-    folder = resources.files("aerobat_pin") / "scenario" / "shipped"
-    names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
-    return {name: load_scenario(name).description for name in names}
+    return {name: load_scenario(name).description for name in shipped_names(SHIPPED)}
 
 
 def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
@@ -119,14 +125,14 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     Raises:
         ScenarioError: not found, not TOML, or a value that breaks its rule; the message names key, value and rule.
     """
-    values = _read(str(source))
+    values = read_toml("scenario", str(source), SHIPPED, ScenarioError)
     if Path(source).is_file():
         _find_beside(Path(source).parent, values)
     return parse_scenario(with_settings(values, settings), str(source))
 
 
 def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
-    """Find the files that plain values name from where the scenario lies; shipped morphologies stay names."""
+    """Make paths in plain values relative to the scenario's folder; names of shipped morphologies stay."""
     robot, forces = values.get("robot"), values.get("unknown_force")
     named: list[tuple[Any, str]] = [(robot, "morphology")]
     named += [(force, "file") for force in forces] if isinstance(forces, list) else []
@@ -136,31 +142,9 @@ def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
 
 
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
-    """Check plain values. Raises ScenarioError with every broken rule."""
+    """Make a scenario of plain values. Raises ScenarioError naming every broken rule."""
     try:
         return Scenario.model_validate(dict(values))
     except ValidationError as error:
-        lines = dict.fromkeys(
-            explain(dict(item), Scenario) for item in error.errors()
-        )  # each missing number is an error
+        lines = dict.fromkeys(explain(dict(item), Scenario) for item in error.errors())  # one per missing number
         raise ScenarioError(f"scenario {source}: " + "; ".join(lines)) from error
-
-
-def _read(source: str) -> dict[str, Any]:
-    shipped = resources.files("aerobat_pin") / "scenario" / "shipped" / f"{source}.toml"
-    path = Path(source)
-    if "/" not in source and shipped.is_file():
-        text = shipped.read_text(encoding="utf-8")
-    elif path.is_file():
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScenarioError(f"scenario file {path}: cannot be read: {error}") from error
-    else:
-        folder = resources.files("aerobat_pin") / "scenario" / "shipped"
-        names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
-        raise ScenarioError(nothing_there("scenario", source, names))
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"scenario {source}: not valid TOML: {error}") from error

@@ -17,6 +17,16 @@ PerAxis = Annotated[
 Limits = tuple[Positive, Positive, Positive]
 
 
+def _false_for_none(values: Any) -> Any:
+    """Write `tail = None` as `tail = false`, which means the same and can be written as TOML."""
+    if isinstance(values, dict):
+        return {key: _false_for_none(value) for key, value in values.items()}
+    return False if values is None else values
+
+
+RobotValues = Annotated[dict[str, Any], BeforeValidator(_false_for_none)]
+
+
 class Section(BaseModel):
     """A table of a scenario file: no unknown keys, no changes after reading."""
 
@@ -27,7 +37,7 @@ class RobotSection(Section):
     """Which robot flies."""
 
     morphology: str = Field("aerobat", description="shipped name or TOML file")
-    changes: dict[str, Any] = Field(default_factory=dict, description="nested values laid over the morphology")
+    changes: RobotValues = Field(default_factory=dict, description="nested values laid over the morphology")
 
 
 class FlightSection(Section):
@@ -60,7 +70,7 @@ class MotorSection(Section):
 
 
 class CrankSection(Section):
-    """How the crank turns. The table named after the drive holds its numbers."""
+    """How the crank turns; the table named after the drive holds its numbers."""
 
     drive: Literal["constant", "spin_up", "motor"] = Field("constant", description="steady, from rest, or by a motor")
     frequency: NonNegative = Field(4.75, description="flapping frequency, one turn a flap; where a drive leads to [Hz]")
@@ -71,7 +81,7 @@ class CrankSection(Section):
     @model_validator(mode="before")
     @classmethod
     def _drives_own_table(cls, values: Any) -> Any:
-        """Give a drive its table of defaults where none is written."""
+        """Add a drive's table of defaults where none is written."""
         if isinstance(values, dict) and values.get("drive") in ("spin_up", "motor"):
             return {values["drive"]: {}, **values}
         return values
@@ -120,7 +130,7 @@ class HoldSection(Section):
 
 
 class SensorSection(Section):
-    """One sensor: what it makes of the true value, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
+    """One sensor: its errors, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
 
     rate: Positive | None = Field(None, description="of its samples [Hz]; one at every time of the log, when left out")
     noise: PerAxis = Field((0.0,), description="standard deviation of each sample; one number, or one per axis [unit]")
@@ -132,7 +142,7 @@ class SensorSection(Section):
 
 
 class SensorsSection(Section):
-    """What the measured channels went through; without a table a channel is exact."""
+    """The sensors of the measured channels; a channel without a table is exact."""
 
     position: SensorSection | None = Field(None, description="of the body's COM in world axes [m]")
     attitude: SensorSection | None = Field(None, description="small turns about body axes; rounded: Euler angles [rad]")
@@ -197,7 +207,7 @@ class SimulationSection(Section):
 
 
 class KalmanSection(Section):
-    """What the observers `kalman` and `smoother` believe of sensors and models; see `aerobat_pin.observers.kalman.kalman`."""
+    """What the observers `kalman` and `smoother` believe of sensors and models; see `aerobat_pin.observers.kalman`."""
 
     sensor_noise: tuple[Positive, Positive, Positive] = Field(
         (0.02, 0.01, 0.05), description="deviation of a sample: velocity, gyro, joint rates [m/s, rad/s, rad/s]"
@@ -218,13 +228,13 @@ class KalmanSection(Section):
 
 
 class SuperTwistingSection(Section):
-    """What the observer `super_twisting` is told."""
+    """Settings of the observer `super_twisting`."""
 
     slope: Positive = Field(1.0, description="of a force that is followed exactly [N/s]")
 
 
 class ObserverSection(Section):
-    """Who estimates the unknown forces."""
+    """The observers of the unknown forces."""
 
     names: tuple[str, ...] = Field(("momentum", "force_level"), description="observers to run")
     gain: Positive = Field(1000.0, description="K: how fast estimates follow; 1/K is the lag [1/s]")
@@ -247,9 +257,9 @@ class ObserverSection(Section):
 
 
 class BelievedSection(Section):
-    """What the observers believe of robot and air where that differs from what flies: a model error, on purpose."""
+    """What the observers believe of robot and air where it differs from what flies: a deliberate model error."""
 
-    robot: dict[str, Any] = Field(default_factory=dict, description="values laid over the table robot")
+    robot: RobotValues = Field(default_factory=dict, description="values laid over the table robot")
     air: dict[str, Any] = Field(default_factory=dict, description="values laid over the table air")
 
 

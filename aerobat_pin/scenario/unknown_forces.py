@@ -1,9 +1,9 @@
-"""Unknown forces of a scenario file, told apart by their `signal`: each knows its impulse exactly, hence every mean.
+"""Unknown forces of a scenario file, one class per `signal`; each integrates its signal exactly, for interval means.
 
 The paper's signal (its section III-A): f_t = 0.2 sin(q_e) + noise, plus 0.15 while 1 s < t <= 1.6 s, with
-noise ~ N(0, 0.01^2). The sine follows the elbow continuously. Noise, and the paper's step, live on a clock of their
-own, one value held over each of its ticks, so a flight does not depend on the integrator's step. Over one step of the
-integrator every other signal acts with its mean there, so that no impulse falls between two steps.
+noise ~ N(0, 0.01^2). The sine follows the elbow continuously. Noise and the paper's step keep one value over each tick
+of a clock of their own, so they do not depend on the integrator's step. Every other signal acts with its mean over a
+step of the integrator, so that no impulse is lost between two steps.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario.csv_rows import read_rows
+from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
 
 Axes = Literal["link", "body", "world"]
@@ -36,23 +36,20 @@ class UnknownForce(Section):
 
     @property
     def elbow_amplitude(self) -> float:
-        """Factor of sin(elbow angle) [N], which the plant's kernel adds."""
+        """Factor of sin(elbow angle) [N]; the plant adds this part itself."""
         return 0.0
 
     @property
     def event(self) -> tuple[str, float, float] | None:
-        """What comes and goes, to be looked at: its name, from when and until when [s], infinity where it stays."""
+        """The signal's event, for figures and replay: name, start and end [s], infinity where it does not end."""
         return None
 
     def impulse_until(self, time: Array) -> Array:
-        """Return the impulse (n,) [N s] from a common start until times (n,) [s], without noise and the elbow's part.
-
-        Times are interval edges: rising, from 0.
-        """
+        """Return the impulse (n,) [N s] from a fixed time until rising times (n,) [s], without noise and elbow part."""
         raise NotImplementedError
 
-    def held(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Draw the run's noise, and average it and the signal over intervals.
+    def interval_means(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Draw the noise of a run, and average noise and signal over intervals.
 
         Args:
             edges: (n + 1,) interval edges [s], from 0.
@@ -65,7 +62,7 @@ class UnknownForce(Section):
             ScenarioError: a recorded series cannot be read.
         """
         noise = self.noise * rng.standard_normal(_ticks(edges, self.tick))
-        return held_means(noise, self.tick, edges), _means(self.impulse_until(edges), edges)
+        return tick_means(noise, self.tick, edges), _mean_rates(self.impulse_until(edges), edges)
 
 
 class PaperForce(UnknownForce):
@@ -92,11 +89,11 @@ class PaperForce(UnknownForce):
         return ("step", self.step_start, self.step_end) if self.step != 0.0 else None
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate the step, which is held over ticks."""
+        """Integrate the step, which changes at ticks only."""
         start = np.arange(_ticks(time, self.tick)) * self.tick
         # Half a tick in a thousand keeps 1.0 s out of "1 s < t" however it is rounded.
         on = (start > self.step_start + 5e-4 * self.tick) & (start <= self.step_end + 5e-4 * self.tick)
-        return _held_integral(self.step * on, self.tick, time)
+        return _tick_integral(self.step * on, self.tick, time)
 
 
 class StepForce(UnknownForce):
@@ -119,7 +116,7 @@ class StepForce(UnknownForce):
         return self
 
     def impulse_until(self, time: Array) -> Array:
-        """Height times how long it is on."""
+        """Integrate the step."""
         return np.asarray(self.height * np.clip(time, self.start, self._off))
 
     @property
@@ -142,7 +139,7 @@ class ImpulseForce(UnknownForce):
         return "impulse", self.start, self.start + self.duration
 
     def impulse_until(self, time: Array) -> Array:
-        """The share of the push that is over."""
+        """Integrate the push."""
         share = np.clip((time - self.start) / self.duration, 0.0, 1.0)
         return np.asarray(self.impulse * (share if self.shape == "boxcar" else 0.5 * (1.0 - np.cos(np.pi * share))))
 
@@ -182,9 +179,9 @@ class OneCosineForce(UnknownForce):
 
 
 class RecordedForce(UnknownForce):
-    """A series from a file, straight between its samples, nothing before the first and after the last."""
+    """A series from a file, linear between its samples, zero before the first and after the last."""
 
-    signal: Literal["recorded"] = Field(description="a series from a file, straight between its samples")
+    signal: Literal["recorded"] = Field(description="a series from a file, linear between its samples")
     file: str = Field(min_length=1, description="CSV with a header: time in s, rising, and columns in N")
     column: str = Field("force", description="name of the column")
 
@@ -206,7 +203,7 @@ class RecordedForce(UnknownForce):
 
 
 def _signal(values: Any) -> str:
-    """Return which signal a table asks for: the paper's, where it does not say."""
+    """Return the signal that a table names; the paper's by default."""
     return str(values.get("signal", "paper")) if isinstance(values, dict) else str(getattr(values, "signal", "paper"))
 
 
@@ -221,17 +218,17 @@ UnknownForceSection = Annotated[
 ]
 
 
-def held_means(values: Array, tick: float, edges: Array) -> Array:
-    """Average a held series (value i on [i tick, (i + 1) tick)) over intervals given by their edges (n + 1,)."""
-    return _means(_held_integral(values, tick, edges), edges)
+def tick_means(values: Array, tick: float, edges: Array) -> Array:
+    """Average a series of ticks, value i on [i tick, (i + 1) tick), over intervals given by their edges (n + 1,)."""
+    return _mean_rates(_tick_integral(values, tick, edges), edges)
 
 
-def _held_integral(values: Array, tick: float, time: Array) -> Array:
+def _tick_integral(values: Array, tick: float, time: Array) -> Array:
     clock = np.arange(len(values) + 1) * tick
     return np.asarray(np.interp(time, clock, np.concatenate([[0.0], np.cumsum(values) * tick])))
 
 
-def _means(integral: Array, edges: Array) -> Array:
+def _mean_rates(integral: Array, edges: Array) -> Array:
     return np.asarray(np.diff(integral) / np.diff(edges))
 
 
@@ -240,18 +237,13 @@ def _ticks(edges: Array, tick: float) -> int:
 
 
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:
-    """Read `time` and one other column of a CSV. Raises ScenarioError naming what is wrong with the file."""
-    where = f"unknown_force: recorded file {path}"
-    rows, _ = read_rows(path, "unknown_force: recorded file", ScenarioError)
-    names = [cell.partition("[")[0].strip() for cell in rows[0]] if rows else []
+    """Read `time` and one other column of a table of text. Raises ScenarioError naming what is wrong with the file."""
+    text = TextTable(path, "unknown_force: recorded file", ScenarioError)
+    where, names = f"unknown_force: recorded file {path}", text.names
     for name in ("time", column):
         if name not in names:
             raise ScenarioError(f"{where}: no column named '{name}'; its header has {', '.join(names) or 'nothing'}")
-    chosen = [names.index("time"), names.index(column)]
-    try:
-        table = np.array([[float(row[at]) for at in chosen] for row in rows[1:]], float).reshape(-1, 2)
-    except (ValueError, IndexError) as error:
-        raise ScenarioError(f"{where}: a number was expected in every row of time and {column}: {error}") from error
-    if len(table) < 2 or not np.all(np.isfinite(table)) or np.any(np.diff(table[:, 0]) <= 0.0):
-        raise ScenarioError(f"{where}: two rows or more of finite numbers with rising times were expected")
-    return np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1])
+    time, force = text.numbers([names.index("time"), names.index(column)]).T.copy()
+    if len(time) < 2 or np.any(np.diff(time) <= 0.0):
+        raise ScenarioError(f"{where}: two rows or more with rising times were expected")
+    return time, force

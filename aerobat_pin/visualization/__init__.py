@@ -1,4 +1,7 @@
-"""Figures, report and replay: what a person looks at after a flight."""
+"""Figures, report and replay: what a person looks at after a flight.
+
+A name is imported when it is first used, so that a replay does not wait for matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -6,40 +9,43 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aerobat_pin.visualization.figures.linkage_svg import animation
-    from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight
-    from aerobat_pin.visualization.replay.load_run import flight_of
-    from aerobat_pin.visualization.replay.motion_csv import recording_of
-    from aerobat_pin.visualization.replay.recording import Recording, record
-    from aerobat_pin.visualization.replay.serve import serve
-    from aerobat_pin.visualization.replay.snapshots import snapshots
+    from aerobat_pin.visualization.figures.linkage import draw_linkage as draw_linkage
+    from aerobat_pin.visualization.figures.linkage import range_table as range_table
+    from aerobat_pin.visualization.figures.linkage_svg import linkage_animation as linkage_animation
+    from aerobat_pin.visualization.figures.paper import draw_estimation as draw_estimation
+    from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION as SLOW_MOTION
+    from aerobat_pin.visualization.replay.flight_replay import replay_flight as replay_flight
+    from aerobat_pin.visualization.replay.load_run import replay_log as replay_log
+    from aerobat_pin.visualization.replay.load_run import replay_run as replay_run
+    from aerobat_pin.visualization.replay.motion_csv import replay_table as replay_table
+    from aerobat_pin.visualization.replay.recording import Recording as Recording
+    from aerobat_pin.visualization.replay.recording import record as record
+    from aerobat_pin.visualization.replay.serve import serve as serve
+    from aerobat_pin.visualization.replay.snapshots import snapshots as snapshots
+    from aerobat_pin.visualization.write_all import draw_all as draw_all
+    from aerobat_pin.visualization.write_all import write_figures_and_pages as write_figures_and_pages
 
-_PLACES = {
-    "SLOW_MOTION": "replay.flight_replay",
-    "Recording": "replay.recording",
-    "animation": "figures.linkage_svg",
-    "flight_of": "replay.load_run",
-    "record": "replay.recording",
-    "recording_of": "replay.motion_csv",
-    "replay_flight": "replay.flight_replay",
-    "serve": "replay.serve",
-    "snapshots": "replay.snapshots",
+_MODULES = {
+    "figures.linkage": ["draw_linkage", "range_table"],
+    "figures.linkage_svg": ["linkage_animation"],
+    "figures.paper": ["draw_estimation"],
+    "replay.flight_replay": ["SLOW_MOTION", "replay_flight"],
+    "replay.load_run": ["replay_log", "replay_run"],
+    "replay.motion_csv": ["replay_table"],
+    "replay.recording": ["Recording", "record"],
+    "replay.serve": ["serve"],
+    "replay.snapshots": ["snapshots"],
+    "write_all": ["draw_all", "write_figures_and_pages"],
 }
-__all__ = [
-    "SLOW_MOTION",
-    "Recording",
-    "animation",
-    "flight_of",
-    "record",
-    "recording_of",
-    "replay_flight",
-    "serve",
-    "snapshots",
-]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for: whoever replays does not wait for matplotlib."""
-    if name in _PLACES:
-        return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = next(module for module, names in _MODULES.items() if name in names)
+    return getattr(import_module(f"{__name__}.{module}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

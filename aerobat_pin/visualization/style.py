@@ -1,16 +1,18 @@
-"""One visual language for figures, report and replay: colours, fonts, sizes.
+"""Colours, fonts and sizes of figures, report and replay.
 
-Colours after Okabe & Ito (2008), told apart by colour-blind eyes and, with the line styles, in grey. What is true is
-black, what is estimated vermillion, in figures and in the replay, where nothing of the robot has these two. The
-description's materials are of the same palette: bones blue, bars orange, the crank purple, membranes sky blue.
+The colours are those of Okabe & Ito (2008), which colour-blind readers can tell apart; line styles tell curves apart in
+grey. True forces are black and estimates vermillion; nothing of the robot has these two colours. The materials in the
+robot's description are of the same palette: bones blue, bars orange, the crank purple, membranes sky blue.
 """
 
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 BLACK, ORANGE, SKY_BLUE, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -19,16 +21,16 @@ YELLOW, BLUE, VERMILLION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 INK = "#222222"
 TRUTH = BLACK
 ESTIMATES = (VERMILLION, BLUE, PURPLE, ORANGE)
-AXES = (VERMILLION, GREEN, BLUE)  # x, y, z and roll, pitch, yaw
+AXIS_COLOURS = (VERMILLION, GREEN, BLUE)  # x, y, z and roll, pitch, yaw
 LEFT, RIGHT = BLUE, ORANGE
-BARS = {"L1": PURPLE, "L2": ORANGE, "L3": BLUE, "L4": GREEN, "L5": VERMILLION, "L6": SKY_BLUE, "L7": INK}
-NOISE_ZONE, STEP_ZONE = BLUE, PURPLE
-CIRCULATION = (BLUE, ORANGE)  # of a wake, left behind by a wing that lifts, and that pushes down
+BAR_COLOURS = {"L1": PURPLE, "L2": ORANGE, "L3": BLUE, "L4": GREEN, "L5": VERMILLION, "L6": SKY_BLUE, "L7": INK}
+ENLARGED_ZONE, EVENT_ZONE = BLUE, PURPLE
+WAKE_COLOURS = (BLUE, ORANGE)  # shed by a wing with lift, and with downforce
 PATH = GREEN
 MUTED = "#8A8F98"
 FAINT = "#C8CCD2"
 LINE_STYLES = ("-", "--", ":", "-.")
-FIELD = "cividis"  # colours of a field over time and span: light and dark alone tell its values
+FIELD_COLOURS = "cividis"  # of values over time and span; its lightness alone tells them
 
 RC: Any = {
     "font.size": 9,
@@ -48,7 +50,7 @@ RC: Any = {
     "savefig.dpi": 160,
     "svg.hashsalt": "aerobat",
 }
-UNDATED: Any = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
+METADATA: Any = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
@@ -58,10 +60,23 @@ def rgb(colour: str) -> tuple[float, float, float]:
 
 
 def rendered(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a `png`, `pdf` or `svg` file, without a date: the same figure gives the same bytes."""
+    """Return the content of a `png`, `pdf` or `svg` file, without a date: the same figure gives the same bytes."""
     import matplotlib as mpl
 
     file = io.BytesIO()
     with mpl.rc_context(RC):
-        figure.savefig(file, format=kind, metadata=UNDATED[kind])
+        figure.savefig(file, format=kind, metadata=METADATA[kind])
     return file.getvalue()
+
+
+def save(figure: Figure, stem: Path) -> None:
+    """Write `stem`.png and `stem`.pdf."""
+    for kind in ("png", "pdf"):
+        stem.with_suffix(f".{kind}").write_bytes(rendered(figure, kind))
+
+
+def legend_on_top(axis: Axes, ncols: int) -> None:
+    """Add a legend in a row, with room for it above the lines."""
+    axis.legend(ncols=ncols, loc="upper right")
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, high + 0.2 * (high - low))

@@ -19,7 +19,7 @@ from PIL import Image
 from aerobat_description import PACKAGE_PATH
 from aerobat_description.meshes import parts
 from aerobat_pin.robot import Aerobat, load_aerobat
-from aerobat_pin.visualization.style import AXES, INK, MUTED, RC
+from aerobat_pin.visualization.style import AXIS_COLOURS, INK, MUTED, RC
 
 PICTURE = Path(PACKAGE_PATH, "frames.png")
 ARROW = 0.024  # [m]
@@ -75,7 +75,7 @@ def draw_view(axes: Axes, robot: Aerobat, q: np.ndarray, view: np.ndarray, names
     for name, offset in names.items():
         place = data.oMf[model.getFrameId(name)]
         origin = view @ place.translation
-        for axis, colour in zip(place.rotation.T, AXES, strict=True):
+        for axis, colour in zip(place.rotation.T, AXIS_COLOURS, strict=True):
             tip = view @ (place.translation + ARROW * axis)
             if np.linalg.norm((tip - origin)[:2]) < 0.1 * ARROW:  # along the line of sight: a dot
                 axes.plot(*origin[:2], "o", color=colour, markersize=4.0, zorder=4)
@@ -113,7 +113,7 @@ def figure() -> Figure:
         flat.set_xlim(-0.06, 0.215)
         flat.set_ylim(-0.045, 0.06)
         bent.autoscale_view()
-        for name, colour, place in zip("xyz", AXES, (0.90, 0.93, 0.96), strict=True):
+        for name, colour, place in zip("xyz", AXIS_COLOURS, (0.90, 0.93, 0.96), strict=True):
             page.text(place, 0.965, name, color=to_rgb(colour), fontsize=11, weight="bold")
     return page
 

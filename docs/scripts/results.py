@@ -9,11 +9,11 @@ import numpy as np
 from support.pages import HOLE, ROOT, Part
 from support.pages import run as write_or_check
 
-from aerobat_pin.estimation import AXES, known_inputs, r_squared, true_force
+from aerobat_pin.estimation import FORCE_AXES, known_inputs, r_squared, true_force
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization.figures import paper as figures
+from aerobat_pin.visualization import draw_all, style
 
 PAGE, FIGURES = "docs/results.md", ROOT / "docs" / "figures"
 SEEDS = (1, 2, 3, 4, 5)
@@ -26,7 +26,7 @@ def paper_summary(experiment: Experiment) -> str:
     scores = experiment.metrics["observers"]["momentum"]
     lines = ["| | Fx | Fy | Fz |", "|---|---|---|---|", f"| paper, R2 | {' | '.join(PAPER.values())} |"]
     for wing in ("left", "right"):
-        cells = [f"{scores[wing][axis]['r2']:.5f} ({1e3 * scores[wing][axis]['rmse']:.2f} mN)" for axis in AXES]
+        cells = [f"{scores[wing][axis]['r2']:.5f} ({1e3 * scores[wing][axis]['rmse']:.2f} mN)" for axis in FORCE_AXES]
         lines.append(f"| {wing} wing, R2 (error rms) | {' | '.join(cells)} |")
     note = f"`momentum`, K = 2000 1/s, seed 1; {experiment.metrics['note']}."
     return "\n".join([*lines, "", note])
@@ -40,7 +40,7 @@ def paper_table(experiments: list[Experiment]) -> str:
     ]
     for name in experiments[0].estimates:
         for wing in ("left", "right"):
-            for axis in AXES:
+            for axis in FORCE_AXES:
                 found = [one.metrics["observers"][name][wing][axis] for one in experiments]
                 cells = [
                     _range([one["r2"] for one in found], "{:.5f}"),
@@ -70,7 +70,7 @@ def flight_table(experiments: list[Experiment]) -> str:
 
 def benchmark_table(experiments: list[Experiment]) -> str:
     """Return the worst seed's R2 of `observer_benchmark` per gain, observer, wing and axis."""
-    columns = [f"{wing} {axis}" for wing in ("left", "right") for axis in AXES]
+    columns = [f"{wing} {axis}" for wing in ("left", "right") for axis in FORCE_AXES]
     lines = [f"| K [1/s] | observer | {' | '.join(columns)} |", "|---" * (len(columns) + 2) + "|"]
     for gain in GAINS:
         for name, kind in OBSERVERS.items():
@@ -96,7 +96,7 @@ def torque_table() -> str:
         for torque in ("measured", "modelled", "motor_only", "none"):
             observers = run(load_scenario(name, [f"observers.torque={torque}"])).metrics["observers"]
             for observer, scores in observers.items():
-                cells = " | ".join(f"{scores['left'][axis]['r2']:.4f}" for axis in AXES)
+                cells = " | ".join(f"{scores['left'][axis]['r2']:.4f}" for axis in FORCE_AXES)
                 lines.append(f"| `{name}` | {torque} | {scores['rank']} | `{observer}` | {cells} |")
     return "\n".join(lines)
 
@@ -111,7 +111,7 @@ def flights_table() -> str:
         metrics = run(load_scenario(name, [f"simulation.seed={seed}"])).metrics
         flight, scores = metrics["flight"], metrics["observers"]["force_level"]
         angles = [_span(np.degrees(flight[f"{angle}_range"]), "{:.1f}") for angle in ("pitch", "roll", "yaw")]
-        axes = [scores[wing][axis] for wing in ("left", "right") for axis in AXES]
+        axes = [scores[wing][axis] for wing in ("left", "right") for axis in FORCE_AXES]
         worst = min(one["r2"] for one in axes if one["r2"] is not None)
         fx = max(1e3 * scores[wing]["Fx"]["rmse"] for wing in ("left", "right"))
         end = ", ".join(f"{x:.2f}" for x in flight["position_end"])
@@ -215,9 +215,9 @@ def write() -> None:
         flights_table(),
         torque_table(),
     )
-    drawn = figures.draw_all(first.robot, first.log, first.estimates, first.metrics["note"])
+    drawn = draw_all(first)
     for name in re.findall(r"figures/(\w+)\.png", text):
-        figures.save(drawn[name], FIGURES / name)
+        style.save(drawn[name], FIGURES / name)
         (FIGURES / f"{name}.pdf").unlink()
     (ROOT / PAGE).write_text(text, encoding="utf-8")
     readme = ROOT / "README.md"

@@ -13,10 +13,10 @@ from aerobat_pin.errors import BrowserError
 from aerobat_pin.experiments import estimate_dataset, run
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization import SLOW_MOTION, Recording, animation, record, replay_flight, snapshots
+from aerobat_pin.visualization import SLOW_MOTION, Recording, linkage_animation, record, replay_flight, snapshots
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures" / "replay"
-SIZE = (960, 600)
+SIZE = (960, 600)  # pixels
 TURN = 2.0  # [s], of the animated linkage
 
 
@@ -44,7 +44,7 @@ def walker() -> Recording:
 def main() -> None:
     """Rewrite the pictures, or say why not."""
     FIGURES.mkdir(parents=True, exist_ok=True)
-    (FIGURES / "linkage.svg").write_text(animation(KineticSculpture(), TURN), encoding="utf-8")
+    (FIGURES / "linkage.svg").write_text(linkage_animation(KineticSculpture(), TURN), encoding="utf-8")
     paper, dive = flight("paper"), flight("paper_open_loop")
     wanted = (
         ("page", paper, 1.11, True),

@@ -113,7 +113,9 @@ def model_error(grid: xr.Dataset) -> Figure:
         axes = figure.add_subplot(1, 3, k + 1)
         for i, axis in enumerate(AXES):
             wrong = 100.0 * (grid[key].values / truth - 1.0)
-            axes.plot(wrong, 1e3 * found.sel(axis=axis), MARKERS[i], ms=3, color=style.AXES[i], label=f"F{axis}")
+            axes.plot(
+                wrong, 1e3 * found.sel(axis=axis), MARKERS[i], ms=3, color=style.AXIS_COLOURS[i], label=f"F{axis}"
+            )
         axes.set(xlabel="believed too high [%]", title=name, ylim=(0.0, None))
         if k == 0:
             axes.set_ylabel("error rms [mN]")

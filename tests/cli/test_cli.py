@@ -59,7 +59,7 @@ def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.M
 
 def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> None:
     """To the last bit, with noisy forces and sensors: two fresh processes, and this one, twice."""
-    program, written = [sys.executable, "-m", "aerobat_pin.cli", "run", "noisy_sensors", "--no-report", *SHORT], []
+    program, written = [sys.executable, "-m", "aerobat_pin", "run", "noisy_sensors", "--no-report", *SHORT], []
     for name in ("first", "second"):
         subprocess.run([*program, "--out", str(tmp_path / name)], check=True, capture_output=True)
         written.append((tmp_path / name / "metrics.json").read_bytes())
@@ -256,11 +256,3 @@ def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     printed = capsys.readouterr().out
     for name in ("paper", "observer_benchmark", "gain_noise", "aerobat_guard", "momentum", "force_level"):
         assert name in printed
-
-
-def test_the_program_starts_without_importing_what_it_does_not_need() -> None:
-    """`import aerobat_pin` and the command line's own import pull in neither Pinocchio nor matplotlib nor meshcat."""
-    heavy = "{'pinocchio', 'matplotlib', 'meshcat', 'scipy', 'xarray', 'numpy'}"
-    code = f"import sys, aerobat_pin, aerobat_pin.cli.app; print(sorted({heavy} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

@@ -19,8 +19,8 @@ import aerobat_description as description
 from aerobat_description.generate import files
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
+from aerobat_description.morphology_tables import Body
 from aerobat_description.reading import MorphologyError
-from aerobat_description.sections import Body
 from aerobat_pin.errors import AerobatError, MorphologyFileError
 from aerobat_pin.robot.aerobat import JOINTS, load_aerobat
 

@@ -11,11 +11,11 @@ import pinocchio as pin
 import pytest
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_description.closure import ClosureError, can_turn, close, remedies
 from aerobat_description.morphology import Morphology
+from aerobat_description.morphology_tables import Body
 from aerobat_description.poses import poses
+from aerobat_description.position_closure import ClosureError, can_turn, close_linkage, remedies
 from aerobat_description.scaling import stretched
-from aerobat_description.sections import Body
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.robot.aerobat import load_aerobat
@@ -188,7 +188,7 @@ def test_both_closures_of_the_linkage_agree() -> None:
     turn = np.radians(np.arange(0.0, 360.0, 3.7))
     closed = KineticSculpture(bars).solve(turn)
     for i, angle in enumerate(turn):
-        pose = close(bars, float(angle))
+        pose = close_linkage(bars, float(angle))
         assert pose.theta_s == pytest.approx(closed.theta_s[i], abs=1e-12)
         assert pose.theta_e == pytest.approx(closed.theta_e[i], abs=1e-12)
         for name, point in pose.pins.items():
@@ -205,7 +205,7 @@ def test_a_linkage_that_cannot_turn_is_refused_with_what_would_do(key: str, valu
         robot.with_changes({"linkage": {key: value}})
     bars = type(robot.morphology.linkage)(**{**vars(robot.morphology.linkage), key: value})
     with pytest.raises(ClosureError) as caught:
-        [close(bars, angle) for angle in np.radians(np.arange(0.0, 360.0, 0.5))]
+        [close_linkage(bars, angle) for angle in np.radians(np.arange(0.0, 360.0, 0.5))]
     assert caught.value.dyad == dyad
     found = remedies(bars, dyad)
     assert key in found

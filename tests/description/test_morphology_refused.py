@@ -12,7 +12,7 @@ from support.commands import aerobat
 from support.readers import URDF
 
 from aerobat_description.morphology import Morphology
-from aerobat_description.names import TAKEN
+from aerobat_description.names import BUILT_IN
 from aerobat_description.reading import MorphologyError
 from aerobat_pin.robot.aerobat import load_aerobat
 
@@ -29,10 +29,10 @@ def test_the_names_that_are_taken_are_those_of_the_tree() -> None:
     root = ET.parse(URDF["aerobat"]).getroot()
     tree = {str(one.get("name")) for kind in ("link", "joint") for one in root.findall(kind)}
     model = load_aerobat().model
-    assert tree | set(model.names) | {frame.name for frame in model.frames} == TAKEN
+    assert tree | set(model.names) | {frame.name for frame in model.frames} == BUILT_IN
 
 
-@pytest.mark.parametrize("name", sorted(TAKEN))
+@pytest.mark.parametrize("name", sorted(BUILT_IN))
 def test_a_thruster_does_not_take_the_name_of_anything_else(name: str) -> None:
     """Any link, joint or frame of the robot; two thrusters; and a thruster and another one's joint."""
     rule = "another link, joint or frame has this name"

@@ -164,7 +164,7 @@ def test_what_a_log_cannot_give_is_refused_by_name(paper: Experiment) -> None:
             known_inputs(FlightLog(measured), robot, torque)
 
     refused("neither joints nor crank_angle", log.measured.drop_vars("crank_angle"))
-    refused("no channel named motor_torque or joint_torque: torque = measured cannot be had", log.measured, "measured")
+    refused("no channel named motor_torque or joint_torque: torque = measured needs it", log.measured, "measured")
     refused("or crank_torque: torque = motor_only", log.measured, "motor_only")
     refused("torque = 'guessed': one of measured", log.measured, "guessed")
     for torque in ("modelled", "motor_only"):

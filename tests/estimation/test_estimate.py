@@ -12,7 +12,7 @@ import xarray as xr
 from support.commands import aerobat
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.estimate import belief_about, estimate_log, who_is_believed
+from aerobat_pin.estimation.estimate import belief_about, describe_belief, estimate_log
 from aerobat_pin.estimation.self_check import Check, self_check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.flight_log import FlightLog
@@ -57,7 +57,7 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
     words = ["--set", "robot.changes={wing={offset_x=-0.06}}", "--set", "observers.gain=500"]
     done = aerobat("estimate", "hall.csv", "--morphology", "aerobat_guard", *words, "--out", "found", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("believed: aerobat_guard with changes, 92.1 g, as --morphology says\n")
+    assert done.stdout.startswith("believed: aerobat_guard with changes, 92.1 g, from --morphology\n")
     assert "cannot be seen at all: equal and opposite along the line" in done.stdout
     for line in ("q              reconstructed", "aerodynamic    reconstructed", "thrusters      measured"):
         assert line in done.stdout
@@ -79,26 +79,28 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
 @pytest.mark.parametrize(
     ("noted", "morphology", "settings", "told"),
     [
-        (False, None, [], "aerobat, 42.1 g, as nobody said otherwise: --morphology"),
-        (False, "aerobat_guard", [], "aerobat_guard, 92.1 g, as --morphology says"),
-        (False, None, ["robot.morphology=aerobat_light"], "aerobat_light, 20.0 g, as --set says"),
-        (True, None, [], "aerobat_guard with changes, 92.1 g, as the log notes"),
-        (True, "aerobat_guard", [], "aerobat_guard, 92.1 g, as --morphology says"),
-        (True, None, ["robot.changes.body.mass=0.07"], "aerobat_guard with changes, 80.8 g, as the log notes"),
+        (False, None, [], "aerobat, 42.1 g, by default; --morphology chooses another"),
+        (False, "aerobat_guard", [], "aerobat_guard, 92.1 g, from --morphology"),
+        (False, None, ["robot.morphology=aerobat_light"], "aerobat_light, 20.0 g, from --set"),
+        (True, None, [], "aerobat_guard with changes, 92.1 g, noted in the log"),
+        (True, "aerobat_guard", [], "aerobat_guard, 92.1 g, from --morphology"),
+        (True, None, ["robot.changes.body.mass=0.07"], "aerobat_guard with changes, 80.8 g, noted in the log"),
     ],
 )
-def test_who_is_believed_is_said_with_the_reason(
+def test_the_believed_robot_is_named_with_the_reason(
     noted: bool, morphology: str | None, settings: list[str], told: str, paper: Experiment
 ) -> None:
     """A robot of another mass makes other forces: nobody is to believe one without knowing."""
     belief = belief_about(paper.log if noted else None, "x", morphology, [], settings)
-    assert who_is_believed(belief, morphology, settings) == f"believed: {told}"
+    assert describe_belief(belief, morphology, settings) == f"believed: {told}"
 
 
 @pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
 def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
     """The message names the key and what may be set; gravity may, for the believed robot falls by it."""
-    with pytest.raises(ScenarioError, match=f"'{key}' is nothing .* keys of robot, air, observers, and flight.gravity"):
+    with pytest.raises(
+        ScenarioError, match=f"'{key}' does not belong .* keys of robot, air, observers, and flight.gravity"
+    ):
         belief_about(None, "x", None, [], [f"{key}=1"])
     assert belief_about(None, "x", None, [], ["flight.gravity=1.62"]).flight.gravity == 1.62
 
@@ -111,7 +113,10 @@ def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
         (("hall.csv", "--observer", "oracle"), "choose from momentum, force_level"),
         (("hall.csv", "--morphology", "aerobot"), "no morphology named 'aerobot'"),
         (("hall.csv", "--set", "observers.gian=1"), "did you mean 'gain'"),
-        (("hall.csv", "--set", "crank.frequency=50"), "'crank.frequency' is nothing to believe of a recorded flight"),
+        (
+            ("hall.csv", "--set", "crank.frequency=50"),
+            "'crank.frequency' does not belong to the belief about a recorded flight",
+        ),
         (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
         (("broken.csv",), "unknown column 'height'"),
         (("notes.nc",), "cannot be read as NetCDF-4"),

@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
 
-from aerobat_pin.estimation.scores import TrueEvent, lag, r_squared, true_events
+from aerobat_pin.estimation.scores import lag, r_squared
+from aerobat_pin.estimation.truth import TrueEvent, true_events
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.frames import euler_angles, world_velocity

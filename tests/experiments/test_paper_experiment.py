@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerobat_pin.estimation.scores import AXES, true_force
+from aerobat_pin.estimation.scores import FORCE_AXES, true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
 
@@ -18,7 +18,7 @@ def scores(experiment: Experiment, key: str = "r2") -> dict[tuple[str, str, str]
         (observer, wing, axis): experiment.metrics["observers"][observer][wing][axis][key]
         for observer in experiment.estimates
         for wing in ("left", "right")
-        for axis in AXES
+        for axis in FORCE_AXES
     }
 
 

@@ -17,7 +17,7 @@ from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps
-from aerobat_pin.experiments.sweep.columns import TAKEN
+from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 
 SHORT = """
@@ -115,7 +115,7 @@ def test_the_grid_holds_the_numbers_of_the_single_runs_under_their_labels(tmp_pa
         np.testing.assert_array_equal(here["position_end"], metrics["flight"]["position_end"])
         assert float(here["motor_power_mean"]) == metrics["flight"]["motor_power_mean"]
     own = {str(name) for name in grid.variables} - {one.name for one in sweep.dimensions}
-    assert own <= TAKEN, "another name that no dimension may have"
+    assert own <= RESERVED_NAMES, "another name that no dimension may have"
 
 
 def test_a_run_that_fails_is_in_the_tables_with_its_reason(tmp_path: Path) -> None:

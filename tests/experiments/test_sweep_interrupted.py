@@ -20,7 +20,7 @@ from distributed import LocalCluster
 from aerobat_pin.experiments.sweep import load_sweep, run_sweep
 
 RUNS = 40
-PROGRAM = [sys.executable, "-m", "aerobat_pin.cli", "sweep"]
+PROGRAM = [sys.executable, "-m", "aerobat_pin", "sweep"]
 SWEEP = """
 name = "short"
 base = "paper"

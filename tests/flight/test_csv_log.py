@@ -12,6 +12,7 @@ from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.csv_log import UNITS, read_csv, write_csv
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.robot.aerobat import JOINTS
+from aerobat_pin.scenario.csv_rows import TextTable
 
 HEADER = ["time [s]", "x [m]", "y", "z", "qx", "qy", "qz", "qw [-]", "crank_angle [rad]", "airspeed [m/s]"]
 
@@ -127,6 +128,17 @@ def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
     wrong = next(k for k, line in enumerate(file.read_text().splitlines(), start=1) if "far" in line)
     with pytest.raises(LogError, match=f"hall.csv, line {wrong}: x = 'far'"):
         read_csv(file)
+
+
+def test_numbers_are_read_to_the_last_bit_however_they_are_written(tmp_path: Path) -> None:
+    """With blanks, quotes and underscores, and as Python itself reads them."""
+    numbers = [1.0 / 3.0, 1e-300, 6.02214076e23, -0.0, 1.7976931348623157e308]
+    (tmp_path / "plain.csv").write_text("a,b\n" + "".join(f"{x!r},{x:.25e}\n" for x in numbers))
+    (tmp_path / "odd.csv").write_text("a,b\n" + "".join(f' {x!r} ,"{x!r}"\n\n' for x in numbers) + "1_000,1e3\n ,\n")
+    for name, rows in (("plain", numbers), ("odd", [*numbers, 1000.0])):
+        table = TextTable(tmp_path / f"{name}.csv", "table", LogError)
+        assert table.numbers().tolist() == [[x, x] for x in rows]
+        assert table.numbers([1]).tolist() == [[x] for x in rows]
 
 
 def test_a_simulated_flight_comes_back_from_its_table(paper: Experiment, tmp_path: Path) -> None:

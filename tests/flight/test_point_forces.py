@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.scenario.unknown_forces import PaperForce, held_means
+from aerobat_pin.scenario.unknown_forces import PaperForce, tick_means
 
 SIGNAL = PaperForce(frame="left_force_point")
 
@@ -23,14 +23,14 @@ def clock(duration: float, dt: float = 1e-3) -> np.ndarray:
 
 def test_the_step_is_on_for_more_than_1_s_up_to_1_6_s() -> None:
     """Section III-A: plus 0.15 N while 1 s < t <= 1.6 s; sampled on the 1 ms clock that means ticks 1001 to 1600."""
-    _, step = SIGNAL.held(clock(2.0), np.random.default_rng(1))
+    _, step = SIGNAL.interval_means(clock(2.0), np.random.default_rng(1))
     tick = np.arange(2000)
     assert step == pytest.approx(np.where((tick > 1000) & (tick <= 1600), 0.15, 0.0), abs=1e-12)
 
 
 def test_the_noise_is_a_hundredth_of_a_newton() -> None:
     """Section III-A: N(0, 0.01^2). 100 000 draws, bounds of five standard errors (0.22 % of the deviation)."""
-    noise, _ = SIGNAL.held(clock(100.0), np.random.default_rng(1))
+    noise, _ = SIGNAL.interval_means(clock(100.0), np.random.default_rng(1))
     assert noise.std() == pytest.approx(0.01, rel=0.011)
     assert noise.mean() == pytest.approx(0.0, abs=5.0 * 0.01 / np.sqrt(1e5))
     assert abs(np.corrcoef(noise[:-1], noise[1:])[0, 1]) < 5.0 / np.sqrt(1e5)
@@ -39,8 +39,9 @@ def test_the_noise_is_a_hundredth_of_a_newton() -> None:
 def test_the_noise_is_the_seeds_alone() -> None:
     """Equal seeds give equal noise, other seeds other noise; two forces with streams of their own are independent."""
     edges = clock(20.0)
-    one, again = (SIGNAL.held(edges, np.random.default_rng([1, 0]))[0] for _ in range(2))
-    other_force, other_seed = (SIGNAL.held(edges, np.random.default_rng(seed))[0] for seed in ([1, 1], [2, 0]))
+    one, again = (SIGNAL.interval_means(edges, np.random.default_rng([1, 0]))[0] for _ in range(2))
+    other_force = SIGNAL.interval_means(edges, np.random.default_rng([1, 1]))[0]
+    other_seed = SIGNAL.interval_means(edges, np.random.default_rng([2, 0]))[0]
     assert np.array_equal(one, again)
     for stranger in (other_force, other_seed):
         assert abs(np.corrcoef(one, stranger)[0, 1]) < 5.0 / np.sqrt(len(one))
@@ -48,16 +49,16 @@ def test_the_noise_is_the_seeds_alone() -> None:
 
 def test_on_its_own_clock_the_signal_is_its_values() -> None:
     """One interval a tick: the means are the drawn numbers themselves."""
-    noise, _ = SIGNAL.held(clock(0.5), np.random.default_rng(7))
+    noise, _ = SIGNAL.interval_means(clock(0.5), np.random.default_rng(7))
     assert noise == pytest.approx(0.01 * np.random.default_rng(7).standard_normal(500), abs=1e-12)
     values = np.random.default_rng(8).normal(size=300)
-    assert held_means(values, 1e-3, clock(0.3)) == pytest.approx(values, abs=1e-10)
+    assert tick_means(values, 1e-3, clock(0.3)) == pytest.approx(values, abs=1e-10)
 
 
 @pytest.mark.parametrize("dt", [1e-4, 2.5e-4, 5e-4, 2e-3, 5e-3])
 def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> None:
     """Finer intervals see the held value of their tick, coarser ones the mean of theirs; same seed, same force."""
-    fine, held = (SIGNAL.held(clock(2.0, step), np.random.default_rng(3)) for step in (5e-5, dt))
+    fine, held = (SIGNAL.interval_means(clock(2.0, step), np.random.default_rng(3)) for step in (5e-5, dt))
     for finest, mean in zip(fine, held, strict=True):
         assert finest.reshape(len(mean), -1).mean(axis=1) == pytest.approx(mean, abs=1e-9)
 
@@ -65,7 +66,7 @@ def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> 
 def test_a_signal_that_is_not_sampled_on_its_ticks_still_covers_the_run() -> None:
     """A run that ends between two ticks draws the last tick as well; an interval across an edge mixes both values."""
     signal = PaperForce(frame="left_force_point", noise=1.0, tick=0.1)
-    noise, _ = signal.held(np.array([0.0, 0.05, 0.15, 0.25]), np.random.default_rng(2))
+    noise, _ = signal.interval_means(np.array([0.0, 0.05, 0.15, 0.25]), np.random.default_rng(2))
     a, b, c = np.random.default_rng(2).standard_normal(3)
     assert noise == pytest.approx([a, (a + b) / 2.0, (b + c) / 2.0], abs=1e-12)
 
@@ -77,7 +78,7 @@ def test_averaging_conserves_the_impulse(intervals: list[float], seed: int) -> N
     edges = np.concatenate([[0.0], np.cumsum(intervals)])
     ticks = int(np.ceil(edges[-1] / 1e-3))
     values = np.random.default_rng(seed).normal(size=ticks)
-    means = held_means(values, 1e-3, edges)
+    means = tick_means(values, 1e-3, edges)
     whole = int(edges[-1] / 1e-3 + 1e-9)
     integral = values[:whole].sum() * 1e-3
     if whole < ticks:

@@ -9,8 +9,7 @@ import pinocchio as pin
 import pytest
 import xarray as xr
 
-from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.scores import flight_metrics
+from aerobat_pin.estimation.flight_summary import flight_summary
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.sensors import sensed, sensed_attitude
@@ -194,26 +193,5 @@ def test_the_flight_is_judged_by_what_was_true() -> None:
     end = flight.metrics["flight"]["position_end"]
     assert end[0] == pytest.approx(0.3, abs=0.05)
     assert flight.log.measured["q"].values[-1, 0] == pytest.approx(end[0] + 10.0)
-    assert flight_metrics(flight.log, flight.robot.mass)["position_end"] == end
+    assert list(flight_summary(flight.log, flight.robot.mass).position_end) == end
     assert flight.metrics["note"].endswith("; imperfect sensors: position")
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("sensors.gyro.noise=[1, 2]", "sensors.gyro.noise = [1.0, 2.0]: one number, or 3, were expected"),
-        ("sensors.joint_rate.bias=[]", "sensors.joint_rate.bias = []: one number, or 4, were expected"),
-        ("sensors.airspeed.bias=[1, 2]", "sensors.airspeed.bias = [1.0, 2.0]: one number was expected"),
-        ("sensors.gyro.noise=-1", "sensors.gyro.noise = [-1.0]: deviations are not negative"),
-        ("sensors.gyro.noise=nan", "sensors.gyro.noise.0 = nan: input should be a finite number"),
-        ("sensors.gyro.dropout=1", "sensors.gyro.dropout = 1: input should be less than 1"),
-        ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
-        ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
-        ("sensors.gyro.nois=1", "unknown key 'sensors.gyro.nois'; did you mean 'noise'?"),
-    ],
-)
-def test_a_wrong_sensor_names_key_value_and_rule(setting: str, message: str) -> None:
-    """One clear message."""
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("paper", [setting])
-    assert message in str(caught.value)

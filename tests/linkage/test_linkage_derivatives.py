@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerobat_description.closure import ADJUSTABLE
+from aerobat_description.position_closure import ADJUSTABLE
 from aerobat_pin.linkage import ANGLES, PINS, KineticSculpture
 from aerobat_pin.linkage.arms import loops, pins
 

@@ -163,7 +163,7 @@ def test_a_covariance_stays_symmetric() -> None:
     observer.reset(robot_q, speeds[0])
     for k, v in enumerate(speeds[1:]):
         observer.update(1e-3 * (k + 1), robot_q, v, np.zeros(model.nv))
-    P = observer._filter.P
+    P = observer._kalman.filter.P
     np.testing.assert_array_equal(P, P.T)
     assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > 0.0
 

@@ -8,12 +8,12 @@ import pytest
 from support import observer_twins as twins
 from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
+from aerobat_pin.numerics import new_memory
 from aerobat_pin.observers import OBSERVERS, Observer
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
-from aerobat_pin.observers.kernels.memory import new_store, unpack
+from aerobat_pin.observers.kernels.memory import ObserverSizes, observer_in
 from aerobat_pin.observers.kernels.projection import project
-from aerobat_pin.observers.kernels.record import open_record
 from aerobat_pin.observers.rows import ROWS, Rows
 
 
@@ -60,13 +60,11 @@ def test_a_remembered_sample_is_momentum_drift_and_jacobians(name: str) -> None:
     observer = OBSERVERS["momentum"](model, frames)
     _, q, v, _, _ = record(model, count=4)
     memory = np.full((len(v), 3 + 3 * len(frames), model.nv), np.nan)
-    place, now_q, now_v = open_record(q, v, memory)
     for k in range(len(v)):
-        np.testing.assert_array_equal(now_q, q[k])
-        pin.crba(model, observer.data, now_q)
-        pin.computeCoriolisMatrix(model, observer.data, now_q, now_v)
-        pin.computeGeneralizedGravity(model, observer.data, now_q)
-        kernels.collect(observer._store, place)
+        pin.crba(model, observer.data, q[k])
+        pin.computeCoriolisMatrix(model, observer.data, q[k], v[k])
+        pin.computeGeneralizedGravity(model, observer.data, q[k])
+        kernels.record_sample(observer._memory, v[k], memory, k)
         expected = twins.remembered(model, frames, q[k], v[k])
         assert_equal(memory[k, 0], expected[0])
         assert_equal(memory[k, 1], expected[1])
@@ -87,21 +85,13 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     before[2], after[2] = moving * before[2], moving * after[2]
     phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
     weight = np.diag(twins.believed(model, "all", mean[2]))
-    empty = np.zeros((0, 0))
-    flat = new_store(
-        np.zeros(6, dtype=np.intp),
-        np.ones(nv),
-        empty,
-        (weight, empty, ROWS.index(rows)),
-        np.zeros((3 * points, 11)),
-        np.zeros((3 * points, nv)),
-        project_first=False,
-        kind=0,
-        slope=0.0,
+    sizes = ObserverSizes(
+        nv, 0, 3 * points, filtered=nv, basis=0, metric=0, project_first=0, rows=ROWS.index(rows), filter=0
     )
-    store, found = unpack(flat), np.full(3 * points, np.nan)
-    store.jacobian[:] = mean[3:]
-    project(store, before, after, phi, found)
+    memory = new_memory(observer_in, *sizes)
+    observer, found = observer_in(memory), np.full(3 * points, np.nan)
+    observer.weight[:], observer.jacobian[:] = weight, mean[3:]
+    project(observer, before, after, phi, found)
     assert_equal(found, twins.project(mean[3:], twins.believed(model, rows, mean[2]), phi))
 
 

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+ROOMS = (  # from the ground up; code imports from its own layer or below
+    {"aerobat_description"},
+    {"errors"},
+    {"numerics"},
+    {"linkage", "scenario"},
+    {"robot"},
+    {"aerodynamics", "observers"},
+    {"flight"},
+    {"estimation"},
+    {"experiments"},
+    {"visualization"},
+    {"cli"},
+)
 TEXT = {".py", ".toml", ".md", ".cff", ".urdf", ".srdf", ".cfg", ".yml", ""}
 
 
@@ -58,3 +74,62 @@ def test_the_readme_leads_with_the_two_commands() -> None:
     """Whoever opens it sees `make demo` and `make test` first."""
     first_block = (ROOT / "README.md").read_text().split("```")[1]
     assert first_block.index("make demo") < first_block.index("make test")
+
+
+def imports() -> dict[str, set[str]]:
+    """Return module -> modules of our own that it imports, also for types alone; doors lead to the defining module."""
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for package in ("aerobat_description", "aerobat_pin")
+        for path in (ROOT / package).rglob("*.py")
+    }
+    named = {module: list(named_imports(module, path)) for module, path in files.items()}
+
+    def home(module: str, name: str) -> str:
+        """Return the module that defines what a module calls by a name."""
+        if f"{module}.{name}" in files:
+            return f"{module}.{name}"
+        if files[module].name == "__init__.py":
+            for source, known in named[module]:
+                if known == name and source in files:
+                    return home(source, name)
+        return module
+
+    return {
+        module: {home(source, name) for source, name in found if source in files} - {module}
+        for module, found in named.items()
+    }
+
+
+def named_imports(module: str, path: Path) -> Iterator[tuple[str, str]]:
+    """Yield module and name of every import of a file, wherever it stands; the name is empty for a whole module."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            source = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
+            yield from ((source, alias.name) for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names)
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """A circle is found where nothing is left that imports nothing of the rest."""
+    left = imports()
+    assert len(left) > 100
+    while free := [module for module, found in left.items() if not found & left.keys()]:
+        for module in free:
+            del left[module]
+    assert not left, f"among these there is a circle: {sorted(left)}"
+
+
+def test_no_room_imports_from_a_higher_one() -> None:
+    """The layers of the import contract, with the imports that are for types alone."""
+    floor = {room: number for number, rooms in enumerate(ROOMS) for room in rooms}
+
+    def room(module: str) -> str:
+        parts = module.split(".")
+        return parts[1] if parts[0] == "aerobat_pin" and len(parts) > 1 else parts[0]
+
+    arrows = {(room(a), room(b)) for a, found in imports().items() for b in found if room(a) in floor}
+    assert {a for a, _ in arrows} == floor.keys() - {"errors"}
+    assert [f"{a} -> {b}" for a, b in arrows if a != b and floor[b] >= floor[a]] == []

@@ -8,9 +8,9 @@ from typing import get_args
 import pytest
 from support.commands import call
 
-from aerobat_pin.scenario.describe import WIDTH, describe_scenario, kind_of, unit_and_meaning
+from aerobat_pin.scenario.describe import COLUMNS, describe_scenario, kind_of, unit_and_meaning
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
-from aerobat_pin.scenario.tables import Section, sections_of
+from aerobat_pin.scenario.tables import Section, SimulationSection, sections_of
 
 
 def sections(section: type[Section] = Scenario) -> dict[str, type[Section]]:
@@ -33,7 +33,7 @@ def test_every_key_has_a_meaning_and_every_number_a_unit(name: str) -> None:
     section = sections()[name]
     assert section.__doc__
     for key, field in section.model_fields.items():
-        unit, meaning = unit_and_meaning(field)
+        unit, meaning = unit_and_meaning(field.description or "")
         tables = sections_of(field.annotation)
         assert meaning or (tables and all(one.__doc__ for one in tables.values())), f"{name}.{key}: no description"
         if float in inside(field.annotation):
@@ -47,7 +47,7 @@ def test_the_text_names_every_key_of_every_section_under_its_table(
     assert call(monkeypatch, "describe", "scenario") == 0
     text = capsys.readouterr().out
     assert text == describe_scenario()
-    assert max(map(len, text.splitlines())) <= WIDTH
+    assert max(map(len, text.splitlines())) <= COLUMNS
     for name, section in sections().items():
         for key, field in section.model_fields.items():
             if field.description or not sections_of(field.annotation):
@@ -84,7 +84,7 @@ def test_keys_that_all_signals_share_are_told_once_unless_a_signal_has_its_own()
 
 def test_units_are_found_where_the_description_has_them() -> None:
     """The last thing of it, or before a comma or semicolon."""
-    fields = Scenario.model_fields["simulation"].annotation.model_fields  # type: ignore[union-attr]
-    assert unit_and_meaning(fields["duration"]) == ("s", "of the flight")
+    fields = SimulationSection.model_json_schema()["properties"]
+    assert unit_and_meaning(fields["duration"]["description"]) == ("s", "of the flight")
     assert kind_of(fields["seed"]) == "whole number >= 0"
     assert load_scenario("paper").simulation.duration == 2.0

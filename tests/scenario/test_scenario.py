@@ -10,7 +10,7 @@ from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError,
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
 from aerobat_pin.robot.aerobat import load_morphology
-from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.scenario.scenario import load_scenario, parse_scenario, shipped_scenarios
 from aerobat_pin.scenario.toml import scenario_toml
 
 
@@ -24,8 +24,18 @@ def test_a_shipped_scenario_survives_writing_and_reading(name: str, tmp_path: Pa
     assert name in shipped_scenarios()
 
 
+def test_a_part_that_is_taken_off_in_python_is_off_in_the_written_scenario(tmp_path: Path) -> None:
+    """TOML has no null: `tail = None` is written as `tail = false`."""
+    values = load_scenario("paper").model_dump(exclude_none=True)
+    values["robot"]["changes"] = {"tail": None, "wing": {"force_point": None}}
+    scenario = parse_scenario(values, "without a tail")
+    (tmp_path / "again.toml").write_text(scenario_toml(scenario), encoding="utf-8")
+    assert load_scenario(tmp_path / "again.toml") == scenario
+    assert load_morphology("aerobat", scenario.robot.changes).tail is None
+
+
 def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
-    """`--set` takes TOML values and bare words, and counts list entries from 0."""
+    """`--set` takes TOML values and bare words, counts list entries from 0, and reaches all of them by a `*`."""
     scenario = load_scenario(
         "paper",
         [
@@ -33,10 +43,12 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
             "robot.morphology=aerobat",
             "unknown_force.1.axes=world",
             "unknown_force.0.direction=[1, 0, 0]",
+            "unknown_force.*.noise=0.5",
         ],
     )
     assert scenario.simulation.dt == 0.0005
     assert scenario.robot.morphology == "aerobat"
+    assert [force.noise for force in scenario.unknown_force] == [0.5, 0.5]
     assert [force.axes for force in scenario.unknown_force] == ["link", "world"]
     assert scenario.unknown_force[0].direction == (1.0, 0.0, 0.0)
 
@@ -65,13 +77,40 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("crank.motor.torque_limit=0.1", 'crank.motor is given, but crank.drive = "constant"; write drive = "motor"'),
         ("crank.spin_up.duration=0", "crank.spin_up.duration = 0: input should be greater than 0"),
         ("crank.motor.torq_limit=1", "unknown key 'crank.motor.torq_limit'; did you mean 'torque_limit'"),
-        ("unknown_force.9.noise=0", "'9' is not an index of a list of 2"),
+        ("unknown_force.9.noise=0", "'9' is not an index of 'unknown_force', a list of 2"),
+        ("unknown_force.²=0", "'²' is not an index of 'unknown_force', a list of 2"),
+        ("hold.*=0", "'hold' is a table, not a list; '*' stands for the items of a list"),
         ("simulation.dt.x=1", "'simulation.dt' is a value, not a table"),
         ("simulation.dt", "dotted.key=value was expected"),
+        ("unknown_force.0.signal=stp", "unknown_force.0.signal = 'stp': did you mean 'step'? There are paper, step"),
+        ("unknown_force.0={frame='a', signal='impulse', impuls=1}", "unknown_force.0.impuls'; did you mean 'impulse'"),
+        ("unknown_force.0={frame='a', signal='impulse', impulse='x'}", "unknown_force.0.impulse = 'x': input should"),
+        ("unknown_force.0={frame='a', signal='step', end=0.1}", "start = 0.5 s to end = 0.1 s: end comes later"),
+        ("unknown_force.0={frame='a', signal='recorded'}", "missing key 'unknown_force.0.file'"),
+        ("unknown_force.0={frame='a', signal='sine', step=1}", "unknown key 'unknown_force.0.step'"),
+        ("sensors.gyro.noise=[1, 2]", "sensors.gyro.noise = [1.0, 2.0]: one number, or 3, were expected"),
+        ("sensors.joint_rate.bias=[]", "sensors.joint_rate.bias = []: one number, or 4, were expected"),
+        ("sensors.airspeed.bias=[1, 2]", "sensors.airspeed.bias = [1.0, 2.0]: one number was expected"),
+        ("sensors.gyro.noise=-1", "sensors.gyro.noise = [-1.0]: deviations are not negative"),
+        ("sensors.gyro.noise=nan", "sensors.gyro.noise.0 = nan: input should be a finite number"),
+        ("sensors.gyro.dropout=1", "sensors.gyro.dropout = 1: input should be less than 1"),
+        ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
+        ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
+        ("sensors.gyro.nois=1", "unknown key 'sensors.gyro.nois'; did you mean 'noise'?"),
+        (
+            "observers.kalman.sensor_noise=[0.1, 0.1]",
+            "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected",
+        ),
+        ("observers.kalman.sensor_nose=1", "unknown key 'observers.kalman.sensor_nose'; did you mean 'sensor_noise'?"),
+        ("observers.kalman.misfit=0", "observers.kalman.misfit = 0: input should be greater than 0"),
+        (
+            "observers.kalman.known_error.aerodynamic=-1",
+            "known_error.aerodynamic = -1: input should be",
+        ),
     ],
 )
 def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) -> None:
-    """One clear message for each mistake."""
+    """One clear message for each mistake, about the key as the file has it."""
     with pytest.raises(ScenarioError) as caught:
         load_scenario("paper", [setting])
     assert str(caught.value).count(message) == 1

@@ -1,4 +1,4 @@
-"""A real headless Chromium, and what a page did in it that it should not have."""
+"""A headless Chromium for the pages: errors and requests of a page fail its test."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.visualization.replay.snapshots import BROWSERS, DRAWN, FLAGS
+from aerobat_pin.visualization.replay.snapshots import BROWSER_FLAGS, BROWSERS, SEEK_AND_DRAW
 
 CHROMIUM = next((path for name in BROWSERS if (path := shutil.which(name))), None)
 needs_browser = pytest.mark.skipif(
@@ -27,14 +27,14 @@ def started() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_FLAGS)
         yield running
         running.close()
 
 
 @contextmanager
 def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
-    """Open a page; afterwards there was no error in it, and no request but those to what it came from."""
+    """Open a page; fail if it had an error, or requested anything but files, data and the allowed addresses."""
     page = browser.new_page(viewport={"width": 1000, "height": 650})
     problems: list[str] = []
     requests: list[str] = []
@@ -55,7 +55,7 @@ def ready(page: Any) -> None:
 def at(page: Any, time: float) -> None:
     """Pause a replay at a time [s]."""
     page.evaluate("viewer.animator.pause()")
-    page.evaluate(DRAWN, time)
+    page.evaluate(SEEK_AND_DRAW, time)
 
 
 def node(page: Any, *path: str) -> Any:
@@ -68,5 +68,5 @@ def pixels(page: Any) -> Array:
     """Return what is drawn behind legend and controls (height, width, 3), from 0 to 1."""
     style = page.add_style_tag(content=".panel, .dg { display: none !important; }")
     image = imread(io.BytesIO(page.screenshot()))[..., :3]
-    style.evaluate("(one) => one.remove()")
+    style.evaluate("(element) => element.remove()")
     return np.asarray(image)

@@ -24,18 +24,18 @@ def call(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 
 def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `aerobat` with these words in a process of its own."""
-    command = [sys.executable, "-m", "aerobat_pin.cli", *words]
+    command = [sys.executable, "-m", "aerobat_pin", *words]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[str]:
-    """Run `aerobat` in a process of its own, and press Ctrl-C once a file or folder of a pattern is there."""
-    command = [sys.executable, "-m", "aerobat_pin.cli", *words]
+    """Run `aerobat` in a process of its own, and press Ctrl-C once a file or folder matches a pattern."""
+    command = [sys.executable, "-m", "aerobat_pin", *words]
     process = subprocess.Popen(
         command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     while process.poll() is None and not any(cwd.glob(at)):
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: a browser too
-    said, told = process.communicate(timeout=60)
-    return subprocess.CompletedProcess(command, process.returncode, said, told)
+    output, errors = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)

@@ -22,7 +22,7 @@ LINKAGE = KineticSculpture()
 
 def test_every_pin_bar_and_joint_angle_is_named_and_no_name_lies_on_another() -> None:
     """L1..L7, J1..J10, theta_s and theta_e, as in the paper's Fig. 2; boxes of names do not overlap."""
-    figure = linkage_sheet.draw(LINKAGE)
+    figure = linkage_sheet.draw_linkage(LINKAGE)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     mechanism = figure.axes[0]
@@ -40,7 +40,7 @@ def test_every_pin_bar_and_joint_angle_is_named_and_no_name_lies_on_another() ->
 
 def test_the_pose_is_the_linkages_own_over_faint_ones_of_a_whole_turn() -> None:
     """Pins where the closure has them; twelve faint poses; both joint angles over the crank angle beside it."""
-    figure = linkage_sheet.draw(LINKAGE)
+    figure = linkage_sheet.draw_linkage(LINKAGE)
     mechanism, curves = figure.axes[:2]
     shown = LINKAGE.solve(np.radians(linkage_sheet.SHOWN_DEG))
     marks = {tuple(np.round(line.get_xydata()[0], 9)) for line in mechanism.lines if line.get_marker() in "so"}
@@ -77,7 +77,7 @@ def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
         "L6": (0j, bars.L6),
         "L7": (0j, complex(bars.L7b, bars.L7c)),
     }
-    mechanism = linkage_sheet.draw(KineticSculpture(bars)).axes[0]
+    mechanism = linkage_sheet.draw_linkage(KineticSculpture(bars)).axes[0]
     labels = {text.get_text(): text for axis in (mechanism, *mechanism.child_axes) for text in axis.texts}
     for name, points in corners.items():
         sides = sorted(1e3 * abs(a - b) for a, b in itertools.combinations(points, 2))
@@ -89,14 +89,14 @@ def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
 def test_the_same_linkage_gives_the_same_files() -> None:
     """Byte for byte in every kind."""
     for kind, begin in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
-        first, second = (style.rendered(linkage_sheet.draw(LINKAGE), kind) for _ in range(2))
+        first, second = (style.rendered(linkage_sheet.draw_linkage(LINKAGE), kind) for _ in range(2))
         assert first == second
         assert first.startswith(begin)
 
 
 def test_the_table_holds_the_known_ranges() -> None:
     """The golden figures of the nominal linkage, measured on the laboratory's published bar lengths."""
-    rows = {line[:20].strip(): line[20:].split() for line in linkage_sheet.table(LINKAGE).splitlines()}
+    rows = {line[:20].strip(): line[20:].split() for line in linkage_sheet.range_table(LINKAGE).splitlines()}
     assert rows["shoulder theta_s"] == ["-83.52", "37.3", "29.40", "218.0"]
     assert rows["elbow theta_e"] == ["-108.85", "188.9", "45.67", "5.4"]
     for pin, lowest, highest in (("J4", 31.5, 145.6), ("J7", 23.8, 87.2), ("J10", 21.5, 97.6)):

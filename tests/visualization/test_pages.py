@@ -16,9 +16,9 @@ from support.browser import needs_browser, opened
 from aerobat_pin.estimation.scores import true_force
 from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.figures.paper import draw_all, estimation
+from aerobat_pin.visualization.figures.paper import draw_estimation
 from aerobat_pin.visualization.report import report_html
-from aerobat_pin.visualization.write_all import write_all
+from aerobat_pin.visualization.write_all import draw_all, write_figures_and_pages
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:
@@ -34,7 +34,7 @@ def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None
 
 def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
     """Lines hold the log's own numbers: joints, X Y Z, truth and estimates; the titles say what holds the robot."""
-    drawn = draw_all(paper.robot, paper.log, paper.estimates, paper.metrics["note"])
+    drawn = draw_all(paper)
     q = paper.log.measured["q"]
     shoulder, elbow = (line.get_ydata() for line in drawn["states"].axes[0].lines)
     np.testing.assert_allclose(np.radians(shoulder), q.sel(q_axis="left_shoulder"))
@@ -53,7 +53,7 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
 def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
     """The title of the figure follows the frames at which the observers look."""
     guard = run(load_scenario("guard", ["simulation.duration=0.1"]))
-    figure = estimation(guard.log, guard.estimates)
+    figure = draw_estimation(guard.log, guard.estimates)
     assert "Unknown force at each point" in figure.get_suptitle()
     assert figure.axes[0].get_title() == "thruster_1"
 
@@ -61,9 +61,9 @@ def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
 @pytest.mark.parametrize(
     ("name", "row", "span", "legend"),
     [
-        ("impact", 2, (0.675, 0.735), ["impulse", "around the impulse, close in the last row"]),
-        ("guard", 1, (0.35, 1.25), ["push", "around the push, close in the last row"]),
-        ("paper", 1, (0.54, 0.6), ["step", "a stretch of noise, close in the last row"]),
+        ("impact", 2, (0.675, 0.735), ["impulse", "impulse, enlarged in the last row"]),
+        ("guard", 1, (0.35, 1.25), ["push", "push, enlarged in the last row"]),
+        ("paper", 1, (0.54, 0.6), ["step", "noise, enlarged in the last row"]),
     ],
 )
 def test_the_close_up_looks_where_something_happens(
@@ -71,10 +71,10 @@ def test_the_close_up_looks_where_something_happens(
 ) -> None:
     """The axis and the time of the first event, or the paper's noise; boxes are explained, and hide no line."""
     made = run(load_scenario(name))
-    figure = estimation(made.log, made.estimates)
+    figure = draw_estimation(made.log, made.estimates)
     columns = len(made.estimates["momentum"].frames)
     close, looked_at = figure.axes[3 * columns], figure.axes[row * columns]
-    assert close.get_ylabel() == f"$F_{'xyz'[row]}$ [N], close"
+    assert close.get_ylabel() == f"$F_{'xyz'[row]}$ [N], enlarged"
     assert close.get_xlim() == pytest.approx(span)
     truth = looked_at.lines[0].get_ydata()
     low, high = close.get_ylim()
@@ -89,7 +89,7 @@ def test_the_close_up_looks_where_something_happens(
 def test_the_stick_diagram_fills_its_picture(name: str, drawn: float) -> None:
     """A straight flight wide and stretched, one that turns away in its true shape; either over most of the width."""
     made = run(load_scenario(name))
-    figure = draw_all(made.robot, made.log, made.estimates, "")["stick_diagram"]
+    figure = draw_all(made)["stick_diagram"]
     figure.draw_without_rendering()
     [axis] = figure.axes
     assert axis.get_aspect() == drawn
@@ -102,7 +102,7 @@ def test_the_stick_diagram_fills_its_picture(name: str, drawn: float) -> None:
 def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Path, tmp_path: Path) -> None:
     """Byte for byte: no date, no random order (the replay's viewer numbers its objects at random)."""
     write(paper, tmp_path)
-    write_all(paper, tmp_path)
+    write_figures_and_pages(paper, tmp_path)
     for path in sorted(paper_folder.rglob("*")):
         if path.suffix in (".png", ".pdf", ".json", ".toml"):
             assert path.read_bytes() == (tmp_path / path.relative_to(paper_folder)).read_bytes(), path.name
@@ -111,7 +111,7 @@ def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Pa
 def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> None:
     """Lift and thrust against an own rotation to world axes, weight, power; the colours hold every strip."""
     assert paper.log.truth is not None
-    truth, drawn = paper.log.truth, draw_all(paper.robot, paper.log, paper.estimates, paper.metrics["note"])
+    truth, drawn = paper.log.truth, draw_all(paper)
     lift, thrust, strips = drawn["aerodynamics"].axes[:3]
     force = (truth["aerodynamic"] + truth["added_mass"]).values
     for k in (0, 700, 1999):
@@ -138,7 +138,7 @@ def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, pa
     for name, version in paper.metrics["versions"].items():
         assert f'>{name}</td><td class="text">{version}' in page
     assert ">6 of 6<" in page
-    assert "Every pattern of forces leaves a trace." in page
+    assert "Every combination of forces can be estimated" in page
     assert "[simulation]" in page
 
 
@@ -148,9 +148,9 @@ def test_the_report_says_in_words_what_nobody_can_see() -> None:
     page = report_html(blind, {})
     assert ">5 of 6<" in page
     assert ">infinite<" in page
-    [pattern] = blind.metrics["observers"]["momentum"]["unseen"]
+    [pattern] = blind.scores.observers["momentum"].unseen
     assert escape(pattern) in page
-    assert "leave no trace" in page
+    assert "No estimate contains them" in page
 
 
 SHOWN_AT = """time => new Promise((done) => {

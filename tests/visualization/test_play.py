@@ -25,7 +25,7 @@ from aerobat_pin.errors import BrowserError, FrameNotFoundError, LogError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.csv_log import write_csv
 from aerobat_pin.flight.flight_log import FlightLog
-from aerobat_pin.visualization.replay.motion_csv import recording_of
+from aerobat_pin.visualization.replay.motion_csv import replay_table
 from aerobat_pin.visualization.replay.snapshots import snapshots
 
 ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin xyz="0 0 0.5"/><geometry>
@@ -49,7 +49,7 @@ def of_session(leader: int) -> list[str]:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
-    command = [sys.executable, "-m", "aerobat_pin.cli", "play", str(paper_folder), "--rate", "0.05"]
+    command = [sys.executable, "-m", "aerobat_pin", "play", str(paper_folder), "--rate", "0.05"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert server.stdout is not None
@@ -207,7 +207,7 @@ def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         assert node(page, "force", "force", "bar", "head")["position"][0] > 0.1
         assert page.inner_text("#clock") == "7.000 s"
     base = np.column_stack([clock, 3.0 * (clock - 5.0), still, still, still, still, still, 1.0 + still])
-    free = recording_of(table(tmp_path, "time,x,y,z,qx,qy,qz,qw,hinge", np.column_stack([base, angle])), Path(urdf))
+    free = replay_table(table(tmp_path, "time,x,y,z,qx,qy,qz,qw,hinge", np.column_stack([base, angle])), Path(urdf))
     assert free.model.nq == 8
     assert "path of the body" in free.html()
 
@@ -217,7 +217,7 @@ def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
     q = np.hstack([np.zeros((3, 6)), np.ones((3, 1)), np.zeros((3, 4))])
     names = "time,x,y,z,qx,qy,qz,qw,left_elbow,left_shoulder,right_elbow,right_shoulder"
     motion = table(tmp_path, names, np.column_stack([[0.0, 0.1, 0.2], q]))
-    found = recording_of(motion, Path(URDF_PATH))
+    found = replay_table(motion, Path(URDF_PATH))
     assert found.size == pytest.approx(0.25, abs=0.08)  # half of some 0.4 m of span and 0.2 m of length
     assert Path(URDF_PATH).is_relative_to(PACKAGE_PATH)
 
@@ -231,11 +231,11 @@ def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pyte
     (deep / "arm.urdf").write_text(ARM.replace('<box size="0.1 0.1 1"/>', mesh))
     motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
     with pytest.raises(LogError, match=r"bird/body\.stl .* folders above the URDF, or those of ROS_PACKAGE_PATH"):
-        recording_of(motion, deep / "arm.urdf")
+        replay_table(motion, deep / "arm.urdf")
     for place in (tmp_path, tmp_path / "elsewhere"):
         (place / "bird").mkdir(parents=True)
         shutil.copy(Path(PACKAGE_PATH) / "meshes" / "aerobat_body.stl", place / "bird" / "body.stl")
-        assert recording_of(motion, deep / "arm.urdf").visual_model.ngeoms == 1
+        assert replay_table(motion, deep / "arm.urdf").visual_model.ngeoms == 1
         shutil.rmtree(place / "bird")
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
 
@@ -258,14 +258,14 @@ def test_a_table_that_does_not_fit_is_refused(
     """With what was expected."""
     (tmp_path / "arm.urdf").write_text(ARM)
     with pytest.raises(error, match=message):
-        recording_of(table(tmp_path, header, rows), tmp_path / "arm.urdf")
+        replay_table(table(tmp_path, header, rows), tmp_path / "arm.urdf")
 
 
 def test_a_robot_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     """No such file, or no URDF."""
     motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
     with pytest.raises(LogError, match="no such file"):
-        recording_of(motion, tmp_path / "no.urdf")
+        replay_table(motion, tmp_path / "no.urdf")
     (tmp_path / "bad.urdf").write_text("<robot")
     with pytest.raises(LogError, match="Pinocchio cannot read it"):
-        recording_of(motion, tmp_path / "bad.urdf")
+        replay_table(motion, tmp_path / "bad.urdf")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.browser import DRAWN, at, needs_browser, node, opened, pixels, ready
+from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixels, ready
 
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
 from aerobat_pin.visualization.replay import recording as recording_module
@@ -143,7 +143,7 @@ def test_keyframes_are_no_denser_than_needed() -> None:
 def test_a_page_that_would_be_too_large_ends_early_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """A minute of a dense record; here a second, of three. A whole one says nothing of the kind."""
     model, parts, _ = manipulator()
-    monkeypatch.setattr(recording_module, "MOST_FRAMES", 121)
+    monkeypatch.setattr(recording_module, "MOST_KEYFRAMES", 121)
     for end, said in ((3.0, "arm (the first 1 s of 3 s)"), (1.0, "arm")):
         time = np.linspace(0.0, end, round(1200 * end) + 1)
         recording = Recording(model, parts, time, np.zeros((len(time), model.nq)), title="arm")
@@ -166,9 +166,9 @@ def test_nobody_elses_model_is_changed() -> None:
 def test_what_is_no_motion_is_refused() -> None:
     """Shapes, times that fall or stand still, frames that there are not."""
     model, parts, q = manipulator()
-    with pytest.raises(ShapeError, match="not falling"):
+    with pytest.raises(ShapeError, match="never decreasing"):
         record(model, parts, TIME[::-1], q)
-    with pytest.raises(ShapeError, match="does not pass"):
+    with pytest.raises(ShapeError, match="the same in all rows"):
         record(model, parts, 0.0 * TIME, q)
     with pytest.raises(ShapeError, match=r"q has shape \(201, 5\): \(201, 6\) was expected"):
         record(model, parts, TIME, q[:, :5])
@@ -198,10 +198,10 @@ def test_the_opening_shows_robot_ground_and_controls(browser: Any, tmp_path: Pat
             assert box["x"] + box["width"] <= width
             assert box["y"] >= controls["y"]
         page.evaluate("viewer.scene_tree.find(['meshcat', 'world', 'robot']).object.visible = false")
-        page.evaluate(DRAWN, 0.0)
+        page.evaluate(SEEK_AND_DRAW, 0.0)
         ground = pixels(page)
         page.evaluate("viewer.scene_tree.find(['meshcat', 'world', 'robot']).object.visible = true")
-        page.evaluate(DRAWN, 0.0)
+        page.evaluate(SEEK_AND_DRAW, 0.0)
         robot = np.argwhere(np.abs(pixels(page) - ground).max(axis=2) > 0.02)
         assert robot[:, 0].min() > 0
         assert robot[:, 0].max() < controls["y"]

@@ -1,4 +1,4 @@
-"""The folder of a sweep: what it is, and what is finished of it, whenever it is interrupted.
+"""The folder of a sweep, which holds at any time what is swept and every finished run.
 
 | file | content |
 |---|---|
@@ -26,16 +26,16 @@ from aerobat_pin.experiments.output_folder import WORK, write_files
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.scenario import scenario_toml
 
-MANIFEST, BASE, FINISHED, TABLE, GRID = "sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc"
-FILES = (MANIFEST, BASE, FINISHED, TABLE, GRID)
+FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc")
+MANIFEST, BASE_SCENARIO, FINISHED, TABLE, GRID = FILES
 
 
-class Store:
+class Checkpoint:
     """A sweep's folder, held by one process at a time. Use it in a `with` statement.
 
     Args:
         folder: where; made when missing.
-        sweep: what is to be found or started there.
+        sweep: to go on with, or to start there.
         force: start anew, whatever is there; files that are not of a sweep are left alone.
 
     Raises:
@@ -48,21 +48,21 @@ class Store:
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"output {folder}: is a file; a folder was expected")
         try:
-            self._made = [one for one in (folder, *folder.parents) if not one.exists()]
+            self._made = [path for path in (folder, *folder.parents) if not path.exists()]
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         except OSError as error:
             raise OutputError(f"output folder {folder}: cannot be written: {error.strerror}") from error
         try:
-            self._hold()
-            self._find(_manifest(sweep), sweep, force)
-            self.finished = self._read(len(sweep.scenarios))
+            self._lock_folder()
+            self._resume_or_start(_manifest(sweep), sweep, force)
+            self.finished = self._read_finished(len(sweep.scenarios))
             self._file = (folder / FINISHED).open("ab")
         except BaseException:
             os.close(self._lock)
             raise
 
-    def __enter__(self) -> Store:
+    def __enter__(self) -> Checkpoint:
         return self
 
     def __exit__(
@@ -91,14 +91,14 @@ class Store:
         """Write the results, all of them whole or none. Raises OutputError when they cannot be written."""
         write_files({self.folder / name: content for name, content in tables.items()})
 
-    def _hold(self) -> None:
+    def _lock_folder(self) -> None:
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise OutputError(f"output folder {self.folder}: another process is sweeping in it") from error
 
-    def _find(self, manifest: dict[str, Any], sweep: Sweep, force: bool) -> None:
-        """Go on with what is there, or start."""
+    def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool) -> None:
+        """Go on with the sweep that is there, or start one."""
         for stale in self.folder.glob(f"{WORK}*"):  # of a sweep that was killed while it wrote
             if stale.is_file():
                 stale.unlink()
@@ -111,10 +111,10 @@ class Store:
         for name in FILES:
             (self.folder / name).unlink(missing_ok=True)
         text = json.dumps(manifest, indent=2) + "\n"
-        write_files({self.folder / BASE: scenario_toml(sweep.base).encode(), there: text.encode()})
+        write_files({self.folder / BASE_SCENARIO: scenario_toml(sweep.base).encode(), there: text.encode()})
 
-    def _read(self, count: int) -> dict[int, Any]:
-        """Read what is finished; a line that was not written to its end is dropped, in the file too."""
+    def _read_finished(self, count: int) -> dict[int, Any]:
+        """Read the finished runs; drop a line that was not written to its end, in the file too."""
         path = self.folder / FINISHED
         content = path.read_bytes() if path.exists() else b""
         finished, good = {}, []
@@ -133,15 +133,15 @@ class Store:
 
 
 def _manifest(sweep: Sweep) -> dict[str, Any]:
-    """Return what makes two sweeps the same: every scenario, the user's own morphologies, and the versions."""
-    made = hashlib.sha256()
+    """Return what tells this sweep from others: its file, every scenario, the user's own morphologies, the versions."""
+    digest = hashlib.sha256()
     for scenario in sweep.scenarios:
-        made.update(scenario.model_dump_json().encode())
-    named = {name for one in sweep.scenarios for name in (one.robot.morphology, one.believed_robot.morphology)}
+        digest.update(scenario.model_dump_json().encode())
+    named = {name for run in sweep.scenarios for name in (run.robot.morphology, run.believed_robot.morphology)}
     for name in sorted(named - set(MORPHOLOGIES)):
-        made.update(Path(name).read_bytes() if Path(name).is_file() else b"")
+        digest.update(Path(name).read_bytes() if Path(name).is_file() else b"")
     file = sweep.file.model_dump(mode="json", by_alias=True, exclude_none=True)
-    return {**file, "runs": len(sweep.scenarios), "versions": dict(versions()), "sha256": made.hexdigest()}
+    return {**file, "runs": len(sweep.scenarios), "versions": dict(versions()), "sha256": digest.hexdigest()}
 
 
 def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
@@ -149,8 +149,7 @@ def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
         there = dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise OutputError(f"output {path}: cannot be read: {error}; --force starts anew") from error
-    told = ("description",)  # words only
-    other = [key for key in manifest if there.get(key) != manifest[key] and key not in told]
+    other = [key for key in manifest if there.get(key) != manifest[key] and key != "description"]
     if other:
         named = [key for key in other if key not in ("sha256", "runs")] or ["a scenario or a robot"]
         raise OutputError(

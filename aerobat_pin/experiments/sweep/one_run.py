@@ -1,4 +1,4 @@
-"""One run of a sweep, in whatever process: scenario in, numbers or the reason for their lack out."""
+"""One run of a sweep, in any process: a scenario goes in, its numbers or the reason for a failure come out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aerobat_pin.scenario import RobotSection, Scenario
 
 
 def outcome_of(scenario: Scenario) -> str:
-    """Fly and score a scenario; whatever goes wrong is an outcome too.
+    """Fly and score a scenario; a failure is an outcome too.
 
     Returns:
         JSON text: `{"observers", "flight"}` as in `metrics.json`, or `{"failed": reason}`; and `"warnings"`, if any.
@@ -24,7 +24,7 @@ def outcome_of(scenario: Scenario) -> str:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         try:
-            robots = _robot(scenario.robot, scenario), _robot(scenario.believed_robot, scenario)
+            robots = _load_once(scenario.robot, scenario), _load_once(scenario.believed_robot, scenario)
             metrics = run(scenario, robots=robots).metrics
             outcome: dict[str, Any] = {"observers": metrics["observers"], "flight": metrics["flight"]}
             json.dumps(outcome, allow_nan=False)
@@ -32,11 +32,11 @@ def outcome_of(scenario: Scenario) -> str:
             outcome = {"failed": str(error)}
         except Exception as error:  # a fault of ours in one run must not cost the others
             outcome = {"failed": f"{type(error).__name__}: {error}"}
-    said = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, UserWarning))
-    return json.dumps(outcome | ({"warnings": list(said)} if said else {}))
+    texts = dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, UserWarning))
+    return json.dumps(outcome | ({"warnings": list(texts)} if texts else {}))
 
 
-def _robot(section: RobotSection, scenario: Scenario) -> Aerobat:
+def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
     own = section.morphology not in MORPHOLOGIES and Path(section.morphology).is_file()
     stamp = Path(section.morphology).stat().st_mtime_ns if own else 0
     found = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
@@ -47,10 +47,7 @@ def _robot(section: RobotSection, scenario: Scenario) -> Aerobat:
 
 @lru_cache(maxsize=16)
 def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat | AerobatError:
-    """Load a robot once for all the runs that it flies in this process, or find once why there is none.
-
-    `stamp` is the age of the user's own file.
-    """
+    """Load a robot, or return the reason why it cannot be; `stamp` is when the user's own file was last changed."""
     try:
         return load_aerobat(morphology, json.loads(changes), gravity=gravity)
     except AerobatError as error:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.errors import SweepError
-from aerobat_pin.experiments.sweep.columns import TAKEN
+from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
 from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
@@ -28,7 +28,7 @@ class Dimension:
     settings: tuple[dict[str, Any], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sweep:
     """All runs of a sweep: the combinations of its dimensions, the last one running fastest."""
 
@@ -36,17 +36,25 @@ class Sweep:
     base: Scenario
     dimensions: tuple[Dimension, ...]
 
+    def __repr__(self) -> str:
+        return f"Sweep {self.file.name}: {self.sizes} runs of {self.base.name}\n  {self.file.description}"
+
+    @property
+    def sizes(self) -> str:
+        """Number of labels of each dimension with its name, as a product."""
+        return " x ".join(f"{len(dimension.labels)} {dimension.name}" for dimension in self.dimensions)
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of labels of each dimension."""
-        return tuple(len(one.labels) for one in self.dimensions)
+        return tuple(len(dimension.labels) for dimension in self.dimensions)
 
     def labels(self, index: tuple[int, ...]) -> dict[str, Any]:
         """Return what a run is labelled with, dimension by dimension, and the values it draws."""
-        chosen = {one.name: one.labels[i] for one, i in zip(self.dimensions, index, strict=True)}
-        for one, i in zip(self.dimensions, index, strict=True):
-            if one.name == DRAW:
-                chosen |= one.settings[i]
+        chosen = {dimension.name: dimension.labels[i] for dimension, i in zip(self.dimensions, index, strict=True)}
+        for dimension, i in zip(self.dimensions, index, strict=True):
+            if dimension.name == DRAW:
+                chosen |= dimension.settings[i]
         return chosen
 
     @cached_property
@@ -65,11 +73,11 @@ class Sweep:
 
     def _scenario(self, index: tuple[int, ...]) -> Scenario:
         values = _plain(self.base)
-        for one, i in zip(self.dimensions, index, strict=True):
-            for key, value in one.settings[i].items():
+        for dimension, i in zip(self.dimensions, index, strict=True):
+            for key, value in dimension.settings[i].items():
                 assign(values, key, value)
-        told = ", ".join(f"{name} = {value}" for name, value in self.labels(index).items())
-        return parse_scenario(values, f"of sweep {self.file.name} at {told}")
+        labels = ", ".join(f"{name} = {value}" for name, value in self.labels(index).items())
+        return parse_scenario(values, f"of sweep {self.file.name} at {labels}")
 
 
 def load_sweep(source: str | Path) -> Sweep:
@@ -96,13 +104,12 @@ def load_sweep(source: str | Path) -> Sweep:
         dimensions.append(_draw_dimension(file.draws))
     seeds = tuple(base.simulation.seed + k for k in range(file.seeds))
     dimensions.append(Dimension(SEED, seeds, tuple({"simulation.seed": seed} for seed in seeds)))
-    for name in (one.name for one in dimensions if one.name in TAKEN):
+    for name in (dimension.name for dimension in dimensions if dimension.name in RESERVED_NAMES):
         raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
     sweep = Sweep(file, base, tuple(dimensions))
     count = int(np.prod(sweep.shape))
     if count > MOST_RUNS:
-        parts = " x ".join(f"{len(one.labels)} {one.name}" for one in dimensions)
-        raise SweepError(f"sweep {file.name}: {parts} are {count} runs; at most {MOST_RUNS} are allowed")
+        raise SweepError(f"sweep {file.name}: {sweep.sizes} are {count} runs; at most {MOST_RUNS} are allowed")
     assert len(sweep.scenarios) == count
     return sweep
 

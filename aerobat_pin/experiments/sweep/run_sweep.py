@@ -7,12 +7,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Store
+from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
-from aerobat_pin.experiments.sweep.results import grid, table
+from aerobat_pin.experiments.sweep.results import results_csv, results_grid
 
-Progress = Callable[[int, int, int], None]
+SweepProgress = Callable[[int, int, int], None]
 
 
 def run_sweep(
@@ -22,7 +22,7 @@ def run_sweep(
     jobs: int = 1,
     cluster: str | None = None,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: SweepProgress | None = None,
 ) -> xr.Dataset:
     """Fly the runs that are not finished, keep each as it ends, and write the results when all are there.
 
@@ -42,20 +42,22 @@ def run_sweep(
         WorkersLostError: runs were lost with the processes that flew them; what is finished is kept.
     """
     count = len(sweep.scenarios)
-    with Store(Path(folder), sweep, force=force) as store:
-        failed = sum("failed" in one for one in store.finished.values())
-        left = {number: one for number, one in enumerate(sweep.scenarios) if number not in store.finished}
+    with Checkpoint(Path(folder), sweep, force=force) as checkpoint:
+        failed = sum("failed" in outcome for outcome in checkpoint.finished.values())
+        left = {number: run for number, run in enumerate(sweep.scenarios) if number not in checkpoint.finished}
         if progress is not None:
-            progress(len(store.finished), count, failed)
+            progress(len(checkpoint.finished), count, failed)
         if cluster is not None and left:
             outcomes = on_cluster(left, cluster)
         else:
             outcomes = in_this_process(left) if min(jobs, len(left)) < 2 else on_this_machine(left, jobs)
         for number, outcome in outcomes:
-            store.add(number, outcome)
-            failed += "failed" in store.finished[number]
+            checkpoint.add(number, outcome)
+            failed += "failed" in checkpoint.finished[number]
             if progress is not None:
-                progress(len(store.finished), count, failed)
-        made = grid(sweep, store.finished)
-        store.write({GRID: bytes(made.to_netcdf(engine="h5netcdf")), TABLE: table(sweep, store.finished).encode()})
-    return made
+                progress(len(checkpoint.finished), count, failed)
+        grid = results_grid(sweep, checkpoint.finished)
+        checkpoint.write(
+            {GRID: bytes(grid.to_netcdf(engine="h5netcdf")), TABLE: results_csv(sweep, checkpoint.finished).encode()}
+        )
+    return grid

@@ -15,9 +15,6 @@ The runs are all combinations, the same draws for each. A `*` in a key stands fo
 
 from __future__ import annotations
 
-import difflib
-import tomllib
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,8 +22,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from aerobat_pin.errors import SweepError
-from aerobat_pin.scenario import Number, Positive, Whole, nothing_there
+from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_toml, shipped_names
 
+SHIPPED = Path(__file__).with_name("shipped")
 SEED, DRAW = "seed", "draw"
 KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # of values, which pydantic puts into its places
 
@@ -118,7 +116,7 @@ class Factors(_Table):
     def settings(self, factor: float) -> dict[str, Any]:
         """Return what a factor sets."""
         return {
-            key: [factor * one for one in reference] if isinstance(reference, list) else factor * reference
+            key: [factor * number for number in reference] if isinstance(reference, list) else factor * reference
             for key, reference in self.of.items()
         }
 
@@ -142,8 +140,8 @@ class SweepFile(_Table):
         for name in (name for name in names if names.count(name) > 1):
             raise ValueError(f"'{name}' is the name of two dimensions")
         varied = [*self.ranges, *(self.draws.values if self.draws else {})]
-        varied += [key for one in self.factors.values() for key in one.of]
-        varied += [key for sets in self.variants.values() for key in {key for one in sets.values() for key in one}]
+        varied += [key for factors in self.factors.values() for key in factors.of]
+        varied += [key for sets in self.variants.values() for key in {key for keys in sets.values() for key in keys}]
         if "simulation.seed" in varied:
             raise ValueError("simulation.seed is counted up by `seeds`; give their number there")
         for key in (key for key in varied if varied.count(key) > 1):
@@ -153,7 +151,7 @@ class SweepFile(_Table):
 
 def shipped_sweeps() -> dict[str, str]:
     """Return the shipped sweeps: name -> description."""
-    return {name: read_sweep(name).description for name in _names()}
+    return {name: read_sweep(name).description for name in shipped_names(SHIPPED)}
 
 
 def read_sweep(source: str) -> SweepFile:
@@ -162,54 +160,29 @@ def read_sweep(source: str) -> SweepFile:
     Raises:
         SweepError: not found, not TOML, or not a sweep; the message names key, value and rule.
     """
+    values = read_toml("sweep", source, SHIPPED, SweepError)
     try:
-        return SweepFile.model_validate(tomllib.loads(_text(source)))
-    except tomllib.TOMLDecodeError as error:
-        raise SweepError(f"sweep {source}: not valid TOML: {error}") from error
+        return SweepFile.model_validate(values)
     except ValidationError as error:
-        raise SweepError(f"sweep {source}: " + "; ".join(_told(dict(item)) for item in error.errors())) from error
+        lines = (_explain(dict(item)) for item in error.errors())
+        raise SweepError(f"sweep {source}: " + "; ".join(lines)) from error
 
 
-def _names() -> list[str]:
-    return sorted(item.name.removesuffix(".toml") for item in _shipped().iterdir() if item.name.endswith(".toml"))
-
-
-def _shipped() -> Any:
-    return resources.files("aerobat_pin") / "experiments" / "sweep" / "shipped"
-
-
-def _text(source: str) -> str:
-    shipped, path = _shipped() / f"{source}.toml", Path(source)
-    if "/" not in source and shipped.is_file():
-        return str(shipped.read_text(encoding="utf-8"))
-    if not path.is_file():
-        raise SweepError(nothing_there("sweep", source, _names()))
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SweepError(f"sweep file {path}: cannot be read: {error}") from error
-
-
-def _told(error: dict[str, Any]) -> str:
+def _explain(error: dict[str, Any]) -> str:
     loc = [str(part) for part in error["loc"]]
     where = ".".join([*loc[:2], *(part for part in loc[2:] if part not in KINDS)])
-    if error["type"] == "extra_forbidden":
-        known = [field.alias or name for name, field in _table(error["loc"]).model_fields.items()]
-        close = difflib.get_close_matches(loc[-1], known, n=1)
-        return f"unknown key '{where}'" + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}")
-    if error["type"] == "missing":
-        return f"missing key '{where}'"
-    if error["type"] == "value_error":
-        return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
-    return f"{where} = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+    known = [field.alias or name for name, field in _table_at(error["loc"]).model_fields.items()]
+    return explain_plainly(error, where, known)
 
 
-def _table(loc: tuple[Any, ...]) -> type[_Table]:
+def _table_at(loc: tuple[Any, ...]) -> type[_Table]:
     """Return the table that a place in a sweep file is in."""
+    if not loc:
+        return SweepFile
     if "span" in loc[2:]:
         return Span
     if loc[0] == "factors" and len(loc) > 2:
         return Factors
     if loc[0] == "draws" and len(loc) > 1:
-        return Draws if len(loc) == 2 else Normal if loc[3] == "normal" else Uniform
+        return Draws if len(loc) == 2 else Normal if loc[3:4] == ("normal",) else Uniform
     return SweepFile

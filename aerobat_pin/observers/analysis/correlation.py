@@ -21,10 +21,10 @@ def correlation_length(series: ArrayLike) -> float:
         series: (m,) or (m, c), of which the longest counts; its mean is taken off.
     """
     values: Array = np.asarray(series, float).reshape(len(np.asarray(series)), -1)
-    return max(_length(column - column.mean()) for column in values.T)
+    return max(_column_length(column - column.mean()) for column in values.T)
 
 
-def _length(centred: Array) -> float:
+def _column_length(centred: Array) -> float:
     count = len(centred)
     spectrum = np.fft.rfft(centred, 2 * count)  # padded: lags must not wrap around
     products = np.fft.irfft(spectrum * spectrum.conj())[:count]

@@ -25,10 +25,10 @@ from aerobat_pin.numerics import Array, checked
 from aerobat_pin.observers.identifiability import RANK_TOLERANCE, judge
 from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
-from aerobat_pin.observers.rows import BASE
+from aerobat_pin.observers.rows import BASE_ROWS
 
 ORDERS = {"momentum": 1, "force_level": 1, "second_order": 2}  # the observers whose noise has a closed form
-SLOWEST, FASTEST = 1.0e-5, 50.0  # K dt
+GAIN_RANGE = (1.0e-5, 50.0)  # K dt
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class SensorNoise:
 
     def deviations(self, model: pin.Model) -> Array:
         """Return the standard deviations (nv,) of a model's velocity."""
-        free = BASE if model.njoints > 1 and model.joints[1].nv == BASE else 0
+        free = BASE_ROWS if model.njoints > 1 and model.joints[1].nv == BASE_ROWS else 0
         base = [self.linear_velocity] * 3 + [self.gyro] * 3
         return np.array(base[:free] + [self.joint_rate] * (model.nv - free))
 
@@ -73,11 +73,6 @@ class Prediction:
         """(c,) standard deviations of the components."""
         return np.sqrt(np.diag(self.covariance))
 
-    @property
-    def residual_deviation(self) -> Array:
-        """(nv,) standard deviations of the generalised residual."""
-        return np.sqrt(np.diag(self.residual_covariance))
-
 
 def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> Prediction:
     """Predict noise and lag of an observer near rest at a configuration.
@@ -101,8 +96,8 @@ def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> 
     if observer.gain.ndim:
         raise ObserverError(f"gain of shape {observer.gain.shape}: one number was expected")
     model, q = observer.model, checked(q, observer.model.nq, "q")
-    spread = pin.crba(model, model.createData(), q) * noise.deviations(model)
-    momentum = spread @ spread.T
+    root = pin.crba(model, model.createData(), q) * noise.deviations(model)
+    momentum = root @ root.T
     J, rest = observer.applications.jacobian(q), np.zeros(model.nv)
     believed, scale = observer.believed.map(rest), observer.applications.scale
     P = scale[:, None] * np.linalg.pinv((scale[:, None] * (J @ believed)).T, rcond=RANK_TOLERANCE) @ believed.T
@@ -173,12 +168,12 @@ def _solve(value: Callable[[float], float], wanted: float, dt: float, name: str,
     """Return the gain at which a monotone function of it has a wanted value, for K dt from 1e-5 to 50."""
     from scipy.optimize import brentq  # a third of a second that only this needs
 
-    ends = sorted(value(x / dt) for x in (SLOWEST, FASTEST))
+    ends = sorted(value(x / dt) for x in GAIN_RANGE)
     if not ends[0] < wanted < ends[1]:
         raise ObserverError(
             f"{name} = {wanted} {unit}: with samples every {dt} s, gains give {ends[0]:.3g} to {ends[1]:.3g} {unit}"
         )
-    exponent = brentq(lambda s: value(np.exp(s) / dt) - wanted, np.log(SLOWEST), np.log(FASTEST), xtol=1e-12)
+    exponent = brentq(lambda s: value(np.exp(s) / dt) - wanted, *np.log(GAIN_RANGE), xtol=1e-12)
     return float(np.exp(exponent) / dt)
 
 

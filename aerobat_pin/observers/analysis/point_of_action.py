@@ -21,7 +21,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers.analysis.correlation import correlation_length
 from aerobat_pin.observers.analysis.line_of_action import FAINTEST, ROUNDING, checked_covariance
 
-MISFIT = 2.0  # of the moments' variance: the covariance handed in is seldom known better
+LARGEST_MISFIT = 2.0  # of the moments' variance: the covariance handed in is seldom known better
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
         covariance=length * known @ np.linalg.inv(information) @ known.T,
         unknown=axes[:, ~told].T,
         misfit=float(np.sum(errors**2) / (3 * count - known.shape[1])),
-        limit=max(MISFIT, 1.0 + FAINTEST * float(np.sqrt(2.0 * length / (3 * count)))),
+        limit=max(LARGEST_MISFIT, 1.0 + FAINTEST * float(np.sqrt(2.0 * length / (3 * count)))),
     )
 
 

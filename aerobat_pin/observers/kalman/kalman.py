@@ -11,28 +11,19 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, checked
+from aerobat_pin.numerics import Array, checked, new_memory
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
-from aerobat_pin.observers.kalman.memory import (
-    ELAPSED,
-    FOLLOWED,
-    HEAD_START,
-    MISFIT,
-    NEWER,
-    POWER,
-    PULSATION,
-    Filter,
-    new_filter,
-    unpack,
-)
+from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import BASE, Rows, Tie
+from aerobat_pin.observers.rows import BASE_ROWS, Rows, Tie
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # [m/s], [rad/s], [rad/s] per sample: linear, gyro, joints
-SETTLED = 1.75  # pulsation over gain: a second-order Butterworth filter has risen by 1 - 1/e at 1.753 / pulsation
-EARLIER = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
+RISE_PULSATION = (
+    1.75  # pulsation over gain: a second-order Butterworth filter has risen by 1 - 1/e at 1.753 / pulsation
+)
+HEAD_START = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
 
 
 class KalmanSample(Sample):
@@ -44,11 +35,6 @@ class KalmanSample(Sample):
     def components(self) -> Array:
         """All components (c,) in the order of the applications."""
         return self._values[self._nv : (self._nv + len(self._values)) // 2]
-
-    @property
-    def force(self) -> Array:
-        """Forces (n, 3) [N] in world axes, where that is what acts (see `Estimate.force`)."""
-        return self.components.reshape(-1, 3)
 
     @property
     def standard_deviation(self) -> Array:
@@ -128,18 +114,20 @@ class KalmanObserver(Observer):
         errors = [_positive(f"known_error of {name}", size) for name, size in (known_error or {}).items()]
         if mass_error != 0.0:
             errors.append(_positive("mass_error", mass_error))
-        self._store = new_filter(
-            self._store, noise, self._hidden(), len(scale), blocks, len(self._errors), mass_error != 0.0
-        )
-        self._filter = filter_ = unpack(self._store)
-        filter_.settings[POWER] = rows == "base+power"
+        hidden = self._hidden()
+        sizes = (blocks, len(self._errors), len(hidden), int(mass_error != 0.0), int(rows == "base+power"))
+        self._memory = new_memory(kalman_in, *self._sizes, *sizes)
+        self._kalman = kalman_in(self._memory)
+        self._fill(self._kalman.observer)
+        filter_ = self._kalman.filter
+        filter_.noise[:], filter_.hidden[:] = noise, hidden
         if frequency is not None:
-            filter_.settings[PULSATION] = 2.0 * np.pi * _positive("frequency", frequency)
+            filter_.pulsation[:] = 2.0 * np.pi * _positive("frequency", frequency)
         filter_.scale[:] = scale
         self._walks = blocks * len(scale)
         filter_.variance[self._walks :] = np.square(errors)
         filter_.rate[self._walks :] = 1.0 / _positive("error_time", error_time)
-        filter_.settings[MISFIT] = _positive("misfit", misfit)
+        filter_.misfit[:] = _positive("misfit", misfit)
         self._prior: Array | None = None
         if force_walk is not None:
             walk = np.array(force_walk, float)
@@ -150,7 +138,7 @@ class KalmanObserver(Observer):
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
             self._prior = np.tile(np.square(_positive("prior", prior) * scale), blocks)
         self._width = nv + 2 * len(scale)
-        self._update = kernels.update
+        self._update = kernels.update_filter
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh observer."""
@@ -166,7 +154,7 @@ class KalmanObserver(Observer):
             ObserverError: as there; or a force of `known_error` is missing.
             ShapeError: as there.
         """
-        for row, name in zip(self._filter.errors, self._errors, strict=True):
+        for row, name in zip(self._kalman.filter.errors, self._errors, strict=True):
             row[:] = checked(self._of(known or {}, name), self._nv, name)
         return super().update(time, q, v, tau, known)
 
@@ -182,34 +170,35 @@ class KalmanObserver(Observer):
             raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
         linear, angular, joints = (_positive("sensor_noise", size) for size in sensor_noise)
         noise = np.full(self._nv, joints)
-        if self.model.joints[1].nv == BASE:
-            noise[:BASE] = np.repeat([linear, angular], 3)
+        if self.model.joints[1].nv == BASE_ROWS:
+            noise[:BASE_ROWS] = np.repeat([linear, angular], 3)
         return noise
 
     def _hidden(self) -> Array:
         """Return the projector (nv, nv) on generalised forces that the rows believed do not show, or (0, 0)."""
         shown = self.believed.map(np.zeros(self._nv))
         basis, sizes, _ = np.linalg.svd(shown)
-        hidden = basis[:, int(np.sum(sizes > kernels.UNSEEN * sizes[0])) :]
+        hidden = basis[:, int(np.sum(sizes > kernels.LEAST_INFORMATION * sizes[0])) :]
         return hidden @ hidden.T if hidden.shape[1] else np.zeros((0, 0))
 
     def _sample(self, out: Array) -> Sample:
         return KalmanSample(out, self._nv)
 
     def _start(self, v: Array) -> None:
-        sample = self._filter.memory[0]
-        kernels.remember(self._store, v, sample)
-        self._begin(self._filter, sample)
+        samples = self._kalman.filter.samples
+        kernels.record_noisy_sample(self._memory, v, samples, 0)
+        self._begin(self._kalman, samples[0])
 
-    def _begin(self, filter_: Filter, sample: Array) -> None:
-        """Start a filter at a remembered sample: nothing found, and as sure as the settings."""
-        nv = self._nv
+    def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
+        """Start a filter at a sample: nothing found, and as sure as the settings."""
+        nv, filter_ = self._nv, kalman.filter
         blurred, spread = sample[-nv:], filter_.variance.copy()
-        filter_.settings[[NEWER, ELAPSED]] = 0.0
+        kalman.observer.newest[:] = 0
+        filter_.elapsed[:] = 0.0
         if self._prior is None:
-            pulsation = SETTLED * float(self.gain)
-            filter_.settings[HEAD_START] = EARLIER / pulsation
-            filter_.settings[FOLLOWED] = pulsation**4
+            pulsation = RISE_PULSATION * float(self.gain)
+            filter_.head_start[:] = HEAD_START / pulsation
+            filter_.walk_gain[:] = pulsation**4
         else:
             spread[: self._walks] = self._prior
         filter_.x[:] = 0.0
@@ -218,25 +207,25 @@ class KalmanObserver(Observer):
         filter_.P[:nv, :nv] = blurred.T @ blurred
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        return self._filtered(time, q, v, u, known, np.empty((0, len(self._filter.step))))
+        return self._filtered(time, q, v, u, known, np.empty((0, step_size(self._kalman.step))))
 
     def _filtered(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
     ) -> tuple[Array, Array]:
         """Filter a checked record, keeping its steps where there is room; return results (m, width) and the samples."""
-        store = self._store.copy()  # a stream that is under way goes on undisturbed
-        filter_, nv = unpack(store), self._nv
-        memory = np.empty((len(time), *filter_.memory.shape[1:]))
-        self._collect(kernels.collect, store, q, v, memory)
-        self._begin(filter_, memory[0])
+        memory = self._memory.copy()  # a stream that is under way goes on undisturbed
+        kalman, nv = kalman_in(memory), self._nv
+        samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
+        self._record_samples(kernels.record_noisy_sample, memory, q, v, samples)
+        self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
         out = np.empty((len(u), self._width))
         errors = errors.reshape(-1, len(u), nv)
-        self._refuse_huge(kernels.filter_all(memory, time, u, errors, store, steps, out), time)
-        return out, memory
+        self._refuse_huge(kernels.filter_all(samples, time, u, errors, memory, steps, out), time)
+        return out, samples
 
-    def _estimate(self, time: Array, out: Array, memory: Array) -> Estimate:
-        estimate = super()._estimate(time, out, memory)
+    def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
+        estimate = super()._estimate(time, out, samples)
         return replace(estimate, standard_deviation=out[:, -len(self.applications.components) :])
 
 

@@ -13,45 +13,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, Integers, add_product, add_row_product, copy_values, factorise, kernel, mirror
-from aerobat_pin.observers.kalman.memory import (
-    ELAPSED,
-    FOLLOWED,
-    HEAD_START,
-    MASS,
-    MISFIT,
-    NEWER,
-    POWER,
-    PULSATION,
-    Filter,
-    Step,
-    unpack,
-    unpack_step,
-)
-from aerobat_pin.observers.kernels import memory as store
-from aerobat_pin.observers.kernels import residual as kernels
-from aerobat_pin.observers.kernels.record import proceed, sample
-from aerobat_pin.observers.kernels.residual import TOO_LARGE
-from aerobat_pin.observers.rows import BASE
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inner, kernel, mirror
+from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
+from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels.residual import TOO_LARGE, dynamics_of, repeat_interval, write_sample
+from aerobat_pin.observers.rows import BASE_ROWS
 
-UNSEEN = 1.0e-6  # of the information on all patterns of forces: what is seen less counts as seen so much
+LEAST_INFORMATION = 1.0e-6  # of the information on all patterns of forces: what is seen less counts as seen so much
 UNKNOWN_TORQUE = 1.0e8  # variance of an unknown torque's impulse over that of its row's sensors
 
 
-@kernel
-def remember(flat: Array, v: Array, memory: Array) -> None:
-    """Write a sample: what `kernels.remember` does (3 + c, nv), then B^T (nv, nv)."""
-    measured, noise = kernels.look(flat), unpack(flat).noise
-    nv = v.shape[0]
-    top = memory.shape[0] - nv
-    kernels.remember(measured, v, store.unpack(flat[: int(flat[-1])]), memory[:top])
+@inner
+def write_noisy_sample(observer: ObserverMemory, noise: Array, v: Array, sample: Array) -> None:
+    """Write a sample: what `write_sample` does (3 + c, nv), then B^T (nv, nv)."""
+    M, nv = dynamics_of(observer).M, v.shape[0]
+    top = sample.shape[0] - nv
+    write_sample(observer, v, sample[:top])
     for k in range(nv):
         for i in range(nv):
-            memory[top + k, i] = noise[k] * measured.M[i, k]
+            sample[top + k, i] = noise[k] * M[i, k]
 
 
 @kernel
-def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
+def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
     """Write the interval's shear and decay, and into `step.e` what it misses of the measured momentum.
 
     The estimate does not change yet. False where the innovation is NaN or huge.
@@ -64,9 +48,9 @@ def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
         filter_: the filter.
         step: written.
     """
-    settings, x, c, nv, errors = filter_.settings, filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors
+    x, c, nv, errors = filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors
     shear, e, nz, h, z = step.shear, step.e, step.shear.shape[0], step.z.shape[0], filter_.x[u.shape[0] :]
-    angle = settings[PULSATION] * (settings[ELAPSED] + 0.5 * dt)
+    angle = filter_.pulsation[0] * (filter_.elapsed[0] + 0.5 * dt)
     step.basis[0] = 1.0
     if step.basis.shape[0] == 3:
         step.basis[1], step.basis[2] = np.cos(angle), np.sin(angle)
@@ -74,15 +58,15 @@ def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
     for block in range(step.basis.shape[0]):
         half = 0.5 * dt * step.basis[block]
         for a in range(c):
-            row, one, other = shear[block * c + a], before[3 + a], after[3 + a]
+            row, start, end = shear[block * c + a], before[3 + a], after[3 + a]
             for i in range(nv):
-                row[i] = half * (one[i] + other[i])
+                row[i] = half * (start[i] + end[i])
     for a in range(errors.shape[0]):
         for i in range(nv):
             shear[h + a, i] = dt * errors[a, i]
     for a in range(nz):
         step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
-    if settings[MASS] > 0.0:  # an error of the mass stretches whatever accelerates the robot, found forces included
+    if filter_.mass_in_doubt > 0:  # an error of the mass stretches all that accelerates the robot, found forces too
         for i in range(nv):
             shear[nz - 1, i] = dt * u[i]
         for a in range(h):
@@ -101,15 +85,15 @@ def predict(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
 
 
 @kernel
-def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) -> None:
+def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, step: Step) -> None:
     """Carry the covariance P over the interval: noise, shear, misfit, unknown torques; then fill `step.rows`."""
-    settings, P, shear, rows = filter_.settings, filter_.P, step.shear, step.rows
+    P, shear, rows, by_gain = filter_.P, step.shear, step.rows, filter_.walk_gain[0] > 0.0
     nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
     nv = n - nz
-    if settings[FOLLOWED] > 0.0:
-        follow(before, after, filter_, rows)
-    grown = dt * (dt if settings[FOLLOWED] > 0.0 else 1.0) + dt * settings[HEAD_START]
-    settings[HEAD_START] = 0.0
+    if by_gain:
+        set_walk_by_gain(before, after, filter_, rows)
+    grown = dt * (dt if by_gain else 1.0) + dt * filter_.head_start[0]
+    filter_.head_start[0] = 0.0
     for a in range(nz):
         decay = step.decay[a]
         if decay != 1.0:
@@ -126,16 +110,16 @@ def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) 
     add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
     add_product(P, P[:, nv:], shear, 1.0)
     if nz > step.z.shape[0]:
-        decay = step.decay[nz - 1] if settings[ELAPSED] > 0.0 else 0.0
+        decay = step.decay[nz - 1] if filter_.elapsed[0] > 0.0 else 0.0
         for i in range(nv):
             square = 0.0
             for a in range(step.z.shape[0], nz):
                 square += filter_.variance[a] * shear[a, i] * shear[a, i]
             square /= dt * dt
             filter_.doubt[i] = square + decay * (filter_.doubt[i] - square)
-            P[i, i] += settings[MISFIT] * settings[MISFIT] * dt * filter_.doubt[i]
+            P[i, i] += filter_.misfit[0] * filter_.misfit[0] * dt * filter_.doubt[i]
     if filter_.hidden.shape[0] > 0:
-        forget_torques(before, after, filter_, P)
+        add_unknown_torques(before, after, filter_, P)
     for i in range(nv):
         unit = rows[i, nv + n :]
         copy_values(P[i], rows[i, :nv])
@@ -148,42 +132,42 @@ def spread(before: Array, after: Array, dt: float, filter_: Filter, step: Step) 
 
 
 @kernel
-def follow(before: Array, after: Array, filter_: Filter, rows: Array) -> None:
+def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) -> None:
     """Set the walk by the gain: the covariance of the components' impulses as one sample's sensors tell them.
 
     That is (J R^-1 J^T)^-1, so that every pattern rises alike wherever the wings are just now; what is seen less than
-    `UNSEEN` of all counts as seen so much. `rows` (nv, ...) is scratch.
+    `LEAST_INFORMATION` of all counts as seen so much. `rows` (nv, ...) is scratch.
     """
-    c, seen, scale = filter_.walk.shape[0], filter_.seen, filter_.scale
+    c, information, scale = filter_.walk.shape[0], filter_.information, filter_.scale
     nv, blurred = rows.shape[0], after[3 + c :]
     sensed = rows[:, : nv + c]
     sensed[:, :] = 0.0
     add_product(sensed[:, :nv], blurred.T, blurred, 1.0)
     if filter_.hidden.shape[0] > 0:
-        forget_torques(before, after, filter_, sensed)
+        add_unknown_torques(before, after, filter_, sensed)
     for a in range(c):
-        one, other = before[3 + a], after[3 + a]
+        start, end = before[3 + a], after[3 + a]
         for i in range(nv):
-            sensed[i, nv + a] = 0.5 * scale[a] * (one[i] + other[i])
+            sensed[i, nv + a] = 0.5 * scale[a] * (start[i] + end[i])
     factorise(sensed)
-    seen[:, :] = 0.0
-    add_product(seen[:, :c], sensed[:, nv:].T, sensed[:, nv:], 1.0)
+    information[:, :] = 0.0
+    add_product(information[:, :c], sensed[:, nv:].T, sensed[:, nv:], 1.0)
     total = 0.0
     for a in range(c):
-        total += seen[a, a]
+        total += information[a, a]
     for a in range(c):
-        seen[a, a] += UNSEEN * total
-        seen[a, c + a] = 1.0
-    factorise(seen)
+        information[a, a] += LEAST_INFORMATION * total
+        information[a, c + a] = 1.0
+    factorise(information)
     filter_.walk[:, :] = 0.0
-    add_product(filter_.walk, seen[:, c:].T, seen[:, c:], filter_.settings[FOLLOWED])
+    add_product(filter_.walk, information[:, c:].T, information[:, c:], filter_.walk_gain[0])
     for a in range(c):
         for b in range(c):
             filter_.walk[a, b] *= scale[a] * scale[b]
 
 
 @kernel
-def forget_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
+def add_unknown_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
     """Add to P (nv, nv) unknown torques: in `hidden` rows; where the joints' power is known, those that leave it so."""
     hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
     nv, size, speed = noise.shape[0], 0.0, 0.0
@@ -195,13 +179,13 @@ def forget_torques(before: Array, after: Array, filter_: Filter, P: Array) -> No
     for i in range(nv):
         for j in range(nv):
             P[i, j] += size * hidden[i, j]
-    if filter_.settings[POWER] > 0.0:
-        for i in range(BASE, nv):
+    if filter_.power_known > 0:
+        for i in range(BASE_ROWS, nv):
             mean = 0.5 * (before[2, i] + after[2, i])
             speed += mean * mean + 0.5 * noise[i] * noise[i]
-        for i in range(BASE, nv):
+        for i in range(BASE_ROWS, nv):
             along = 0.25 * size * (before[2, i] + after[2, i]) / speed
-            for j in range(BASE, nv):
+            for j in range(BASE_ROWS, nv):
                 P[i, j] -= along * (before[2, j] + after[2, j])
 
 
@@ -225,10 +209,10 @@ def report(step: Step, dt: float, out: Array) -> None:
         out[i] = 0.0
     for a in range(c):
         force, variance = 0.0, 0.0
-        for one in range(blocks):
-            force += step.basis[one] * step.z[one * c + a]
+        for block in range(blocks):
+            force += step.basis[block] * step.z[block * c + a]
             for other in range(blocks):
-                variance += step.basis[one] * step.basis[other] * step.Z[one * c + a, nv + other * c + a]
+                variance += step.basis[block] * step.basis[other] * step.Z[block * c + a, nv + other * c + a]
         out[nv + a] = force
         out[nv + c + a] = np.sqrt(max(variance, 0.0))
         for i in range(nv):
@@ -236,7 +220,7 @@ def report(step: Step, dt: float, out: Array) -> None:
 
 
 @kernel
-def advance(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
+def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
     """Take the interval between two samples (3 + c + nv, nv); False, and nothing changed, where it is NaN or huge.
 
     Args:
@@ -249,9 +233,9 @@ def advance(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
     """
     x, P, nv = filter_.x, filter_.P, u.shape[0]
     n = x.shape[0]
-    if not predict(before, after, u, dt, filter_, step):
+    if not predict_momentum(before, after, u, dt, filter_, step):
         return False
-    spread(before, after, dt, filter_, step)
+    predict_covariance(before, after, dt, filter_, step)
     for i in range(nv):
         x[i] = after[0, i] - step.e[i]
     for a in range(n - nv):
@@ -260,63 +244,61 @@ def advance(before: Array, after: Array, u: Array, dt: float, filter_: Filter, s
     for a in range(step.z.shape[0]):
         step.z[a] = x[nv + a]
         copy_values(P[nv + a], step.Z[a])
-    filter_.settings[ELAPSED] += dt
+    filter_.elapsed[0] += dt
     return True
 
 
 @kernel
-def update(flat: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
-    """Remember a sample and `advance` over the interval since the one before.
+def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+    """Take a sample and `filter_interval` since the block before.
 
-    False, and nothing changed, where v or u does not have the model's size or the innovation is NaN or huge.
+    Returns False, and changes nothing, where v or u does not have the model's size or the innovation is NaN or huge.
     """
-    filter_ = unpack(flat)
-    nv = filter_.noise.shape[0]
+    kalman = kalman_in(memory)
+    filter_, step, nv, newest = kalman.filter, kalman.step, kalman.observer.sizes.nv, kalman.observer.newest[0]
     if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE:
         return False
-    older = int(filter_.settings[NEWER])
-    before, after = filter_.memory[older], filter_.memory[1 - older]
-    remember(flat, v, after)
-    step = unpack_step(filter_.step, filter_)
-    if not advance(before, after, u, dt, filter_, step):
+    before, after = filter_.samples[newest], filter_.samples[1 - newest]
+    write_noisy_sample(kalman.observer, filter_.noise, v, after)
+    if not filter_interval(before, after, u, dt, filter_, step):
         return False
     report(step, dt, out)
-    filter_.settings[NEWER] = 1.0 - older
+    kalman.observer.newest[0] = 1 - newest
     return True
 
 
 @kernel
-def collect(flat: Array, place: Integers) -> None:
-    """Remember a record's sample and go on to the next (see `open_record`)."""
-    v, memory = sample(place)
-    remember(flat, v, memory)
-    proceed(place)
+def record_noisy_sample(memory: Array, v: Array, samples: Array, k: int) -> None:
+    """Write sample k of a record (m + 1, 3 + c + nv, nv), at which Pinocchio just was."""
+    kalman = kalman_in(memory)
+    write_noisy_sample(kalman.observer, kalman.filter.noise, v, samples[k])
 
 
 @kernel
-def filter_all(memory: Array, time: Array, u: Array, errors: Array, flat: Array, steps: Array, out: Array) -> int:
-    """`advance` over every interval of a record; return the first that is not finite, or -1.
+def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Array, steps: Array, out: Array) -> int:
+    """`filter_interval` over a whole record; return the first interval that is not finite, or -1.
 
     Args:
-        memory: (m + 1, 3 + c + nv, nv) remembered samples; a repeated stamp's changes.
+        samples: (m + 1, 3 + c + nv, nv); a repeated stamp's changes.
         time: (m + 1,) [s].
         u: (m, nv) known generalised force, interval means.
         errors: (ne, m, nv) those of the known forces that are in doubt.
-        flat: the filter, begun at the first sample.
+        memory: the filter, begun at the first sample.
         steps: (m, size of a step) written, for a smoother that then writes `out`; or (0, size of a step).
         out: (m, nv + 2 c) written.
     """
-    filter_, kept = unpack(flat), steps.shape[0] > 0
+    kalman, smoothed = kalman_in(memory), steps.shape[0] > 0
+    filter_ = kalman.filter
     for k in range(u.shape[0]):
         dt = time[k + 1] - time[k]
         if dt == 0.0:
-            kernels.repeat(memory, out, k)
+            repeat_interval(samples, out, k)
             continue
         for a in range(errors.shape[0]):
             copy_values(errors[a, k], filter_.errors[a])
-        step = unpack_step(steps[k] if kept else filter_.step, filter_)
-        if not advance(memory[k], memory[k + 1], u[k], dt, filter_, step):
+        step = step_in(steps[k], kalman.step) if smoothed else kalman.step
+        if not filter_interval(samples[k], samples[k + 1], u[k], dt, filter_, step):
             return k
-        if not kept:
+        if not smoothed:
             report(step, dt, out[k])
     return -1

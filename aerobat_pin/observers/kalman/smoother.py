@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers.kalman.kalman import KalmanObserver
+from aerobat_pin.observers.kalman.memory import step_size
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 
 
@@ -33,9 +34,9 @@ class SmootherObserver(KalmanObserver):
         raise ObserverError("observer smoother looks back from the end of a record: use run, or kalman on a stream")
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        steps = np.empty((len(u), len(self._filter.step)))
-        out, memory = self._filtered(time, q, v, u, known, steps)
-        smooth_all(time, self._store, steps, out)
+        steps = np.empty((len(u), step_size(self._kalman.step)))
+        out, samples = self._filtered(time, q, v, u, known, steps)
+        smooth_all(time, self._memory, steps, out)
         for k in np.flatnonzero(np.diff(time) == 0.0):
             out[k] = out[k - 1] if k > 0 else 0.0
-        return out, memory
+        return out, samples

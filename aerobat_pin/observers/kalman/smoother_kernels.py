@@ -15,7 +15,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, kernel, mirror
 from aerobat_pin.observers.kalman.kernels import report
-from aerobat_pin.observers.kalman.memory import Step, unpack, unpack_step
+from aerobat_pin.observers.kalman.memory import Step, kalman_in, step_in
 
 
 @kernel
@@ -34,14 +34,14 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
     add_product(work[:, :n], Z, N, 1.0)
     for a in range(h):
         step.z[a] += dot(Z[a], adjoint)
-    for one in range(c):  # a component needs the covariance of its own coefficients alone
-        for a in range(one, h, c):
+    for component in range(c):  # a component needs the covariance of its own coefficients alone
+        for a in range(component, h, c):
             row, found = work[a, :n], work[a, n:]
-            for b in range(one, h, c):
+            for b in range(component, h, c):
                 found[b] = dot(row, Z[b])
-    for one in range(c):
-        for a in range(one, h, c):
-            for b in range(one, h, c):
+    for component in range(c):
+        for a in range(component, h, c):
+            for b in range(component, h, c):
                 Z[a, nv + b] -= work[a, n + b]
 
 
@@ -103,24 +103,23 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array)
 
 
 @kernel
-def smooth_all(time: Array, flat: Array, steps: Array, out: Array) -> None:
+def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
     """Smooth a record that the filter has gone through.
 
     Args:
         time: (m + 1,) [s].
-        flat: the filter.
+        memory: the filter.
         steps: (m, size of a step); they change.
         out: (m, nv + 2 c) written: residual, components, standard deviations.
     """
-    filter_ = unpack(flat)
-    n, nv = filter_.x.shape[0], filter_.noise.shape[0]
-    h = unpack_step(steps[0], filter_).z.shape[0]
+    latest = kalman_in(memory).step
+    n, nv, h = latest.shear.shape[1], latest.e.shape[0], latest.z.shape[0]
     adjoint, N, K, work = np.zeros(n), np.zeros((n, n)), np.empty((n, n)), np.empty((nv, n))
     smoothing, mirrored = np.empty((h, n + h)), np.zeros((nv, n))
     for k in range(out.shape[0] - 1, -1, -1):
         dt = time[k + 1] - time[k]
         if dt > 0.0:
-            step = unpack_step(steps[k], filter_)
+            step = step_in(steps[k], latest)
             smooth(step, adjoint, N, smoothing)
             report(step, dt, out[k])
             back_through_update(step, adjoint, N, K, work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, inner
-from aerobat_pin.observers.kernels.memory import Store
+from aerobat_pin.observers.kernels.memory import ObserverMemory
 
 FIRST_ORDER, SECOND_ORDER, SUPER_TWISTING = 0, 1, 2
 # A critically damped second-order low-pass has risen to 1 - 1/e at rate x time = RISE: (1 + x) exp(-x) = exp(-1).
@@ -22,14 +22,14 @@ def rotate(basis: Array, value: Array, out: Array, back: bool) -> None:
 
 
 @inner
-def low_pass(store: Store, dt: float, value: Array) -> None:
+def low_pass(observer: ObserverMemory, dt: float, value: Array) -> None:
     """Filter a value (size,) in place, held over an interval dt [s]; exact for the linear kinds."""
-    first, second, kind, slope = store.filtered[0], store.filtered[1], store.flags[3], store.flags[4]
+    first, second, kind = observer.filtered[0], observer.filtered[1], observer.sizes.filter
     decay = 0.0
     for i in range(value.shape[0]):
-        gain = store.gain[i]
+        gain = observer.gain[i]
         if kind == FIRST_ORDER:
-            if i == 0 or gain != store.gain[i - 1]:
+            if i == 0 or gain != observer.gain[i - 1]:
                 decay = np.exp(-gain * dt)
             first[i] = value[i] + decay * (first[i] - value[i])
         elif kind == SECOND_ORDER:
@@ -40,7 +40,7 @@ def low_pass(store: Store, dt: float, value: Array) -> None:
             first[i] = value[i] + (gap + drive * dt) * decay
             second[i] = (second[i] - rate * drive * dt) * decay
         else:
-            super_twist(RISE * gain, slope, dt, value[i], store.filtered[:, i])
+            super_twist(RISE * gain, observer.slope[0], dt, value[i], observer.filtered[:, i])
         value[i] = first[i]
 
 

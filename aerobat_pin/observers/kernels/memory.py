@@ -1,33 +1,56 @@
-"""What an observer keeps between calls, as one flat array for its kernels."""
+"""What an observer keeps between calls: the memory of its kernels."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from aerobat_pin.numerics import DOUBLE, Array, Integers, array_at, kernel
+from aerobat_pin.numerics import Array, Integers, layout, next_size, rewind, take, take_integers
 
 
-class Store(NamedTuple):
-    """What an observer keeps between calls. The kernels get it as one flat array, since each array costs a call time.
+class ObserverSizes(NamedTuple):
+    """The integers at the head of an observer's memory, in their order."""
 
-    `flags` (5,): which of the two memories is the newer, whether to project first, which rows to project, the kind of
-    filter, and its slope [unit of the filtered/s]. `gain` (size,) of the filtered quantities, in the coordinates of
-    `basis` (size, size), whose columns they are; empty for their own. `weight` (nv,) of the rows; `metric` (nv, nv)
-    of tied rows, else empty. `components` (c, 11) and `support` (c, nv) as in `applications`. `memory` (2, 3 + c, nv):
-    samples. `filtered` (2, size): the filter. `velocity` (nv,), `value` (size,), `jacobian` (c, nv) and `equations`
-    (c, c): scratch.
+    nv: int
+    joints: int  # of the model, the universe included
+    components: int
+    filtered: int  # quantities that are filtered
+    basis: int  # as many where they are filtered in coordinates of their own, else 0
+    metric: int  # nv where rows are tied, else 0
+    project_first: int  # whether forces are filtered (1) or the residual (0)
+    rows: int  # which rows the projection believes, see `rows.ROWS`
+    filter: int  # which filter, see `filters`
+
+
+class ObserverMemory(NamedTuple):
+    """What an observer keeps between calls; c components, `size` filtered quantities.
+
+    Attributes:
+        sizes: and the choices that go with them.
+        robot: (5,) addresses of Pinocchio's M, C, g, J and oMi.
+        newest: (1,) which of the two samples is the newer.
+        slope: (1,) of a super-twisting filter [unit of the filtered/s].
+        gain: (size,) of the filtered quantities, in the coordinates of `basis`.
+        basis: (size, size) whose columns they are, or empty.
+        weight: (nv,) of the rows.
+        metric: (nv, nv) of tied rows, or empty.
+        components: (c, 11) as in `Applications.table`.
+        support: (c, nv) as in `Applications.support`.
+        samples: (2, 3 + c, nv).
+        filtered: (2, size) the filter's state.
+        velocity: (nv,) scratch, as are value (size,), jacobian (c, nv) and equations (c, c).
     """
 
-    flags: Array
+    sizes: ObserverSizes
+    robot: Integers
+    newest: Integers
+    slope: Array
     gain: Array
     basis: Array
     weight: Array
     metric: Array
     components: Array
     support: Array
-    memory: Array
+    samples: Array
     filtered: Array
     velocity: Array
     value: Array
@@ -35,60 +58,48 @@ class Store(NamedTuple):
     equations: Array
 
 
-def new_store(
-    places: Integers,
-    gain: Array,
-    basis: Array,
-    believed: tuple[Array, Array, int],
-    components: Array,
-    support: Array,
-    *,
-    project_first: bool,
-    kind: int,
-    slope: float,
-) -> Array:
-    """Return a store as its flat array, with an empty memory and the filter at zero.
-
-    It is headed by the six integers of `look`, bit for bit in the place of doubles, and by the sizes. `believed` are
-    the weight and the metric of the rows, and their number.
-    """
-    weight, metric, rows = believed
-    nv, c, size = len(weight), len(components), len(gain)
-    head = (nv, c, size, len(basis), len(metric), 0, project_first, rows, kind, slope)
-    empty = np.zeros(2 * (3 + c) * nv + 2 * size + nv + size + c * nv + c * c)
-    arrays = (gain, basis, weight, metric, components, support, empty)
-    return np.concatenate([places.view(float), np.array(head, float), *(np.ravel(one) for one in arrays)])
-
-
-@kernel
-def unpack(flat: Array) -> Store:
-    """Give the flat store its names and shapes, without copying."""
-    nv, n, size, own, tied = int(flat[6]), int(flat[7]), int(flat[8]), int(flat[9]), int(flat[10])
-    head = flat.ctypes.data
-    a = head + DOUBLE * 16
-    b = a + DOUBLE * size
-    c = b + DOUBLE * own * own
-    d = c + DOUBLE * nv
-    e = d + DOUBLE * tied * tied
-    f = e + DOUBLE * 11 * n
-    g = f + DOUBLE * n * nv
-    h = g + DOUBLE * 2 * (3 + n) * nv
-    i = h + DOUBLE * 2 * size
-    j = i + DOUBLE * nv
-    k = j + DOUBLE * size
-    m = k + DOUBLE * n * nv
-    return Store(
-        array_at(head + DOUBLE * 11, (5,)),
-        array_at(a, (size,)),
-        array_at(b, (own, own)),
-        array_at(c, (nv,)),
-        array_at(d, (tied, tied)),
-        array_at(e, (n, 11)),
-        array_at(f, (n, nv)),
-        array_at(g, (2, 3 + n, nv)),
-        array_at(h, (2, size)),
-        array_at(i, (nv,)),
-        array_at(j, (size,)),
-        array_at(k, (n, nv)),
-        array_at(m, (n, n)),
+@layout
+def observer_sizes(cursor: Integers) -> ObserverSizes:
+    """Read the sizes of an observer's memory."""
+    return ObserverSizes(
+        nv=next_size(cursor),
+        joints=next_size(cursor),
+        components=next_size(cursor),
+        filtered=next_size(cursor),
+        basis=next_size(cursor),
+        metric=next_size(cursor),
+        project_first=next_size(cursor),
+        rows=next_size(cursor),
+        filter=next_size(cursor),
     )
+
+
+@layout
+def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
+    """Lay out an observer's fields behind the sizes."""
+    nv, c, size = sizes.nv, sizes.components, sizes.filtered
+    return ObserverMemory(
+        sizes=sizes,
+        robot=take_integers(cursor, (5,)),
+        newest=take_integers(cursor, (1,)),
+        slope=take(cursor, (1,)),
+        gain=take(cursor, (size,)),
+        basis=take(cursor, (sizes.basis, sizes.basis)),
+        weight=take(cursor, (nv,)),
+        metric=take(cursor, (sizes.metric, sizes.metric)),
+        components=take(cursor, (c, 11)),
+        support=take(cursor, (c, nv)),
+        samples=take(cursor, (2, 3 + c, nv)),
+        filtered=take(cursor, (2, size)),
+        velocity=take(cursor, (nv,)),
+        value=take(cursor, (size,)),
+        jacobian=take(cursor, (c, nv)),
+        equations=take(cursor, (c, c)),
+    )
+
+
+@layout
+def observer_in(memory: Array) -> ObserverMemory:
+    """Lay out an observer's memory."""
+    cursor = rewind(memory)
+    return observer_fields(cursor, observer_sizes(cursor))

@@ -5,36 +5,38 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, eigenvectors, inner, kernel, solve_positive
-from aerobat_pin.observers.kernels.memory import Store
-from aerobat_pin.observers.rows import BASE, ROWS, TIED
+from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
 DAMPING = 1.0e-12  # of the trace of J W J^T
 SUSPECT = 1.0e-6  # of the trace: a pivot below it asks for a closer look
-UNSEEN = 1.0e-10  # of the trace: an eigenvalue below it belongs to components that leave no trace
+UNSEEN_EIGENVALUE = 1.0e-10  # of the trace: an eigenvalue below it belongs to components that leave no trace
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
 
 @inner
-def normal_equations(store: Store, J: Array, velocity: Array, generalized: Array, A: Array, b: Array) -> float:
+def normal_equations(
+    observer: ObserverMemory, J: Array, velocity: Array, generalized: Array, A: Array, b: Array
+) -> float:
     """Write A = J W^2 J^T (lower triangle) and b = J W^2 phi over the rows believed; return the trace of A.
 
     Args:
-        store: rows and weights.
+        observer: rows and weights.
         J: (c, nv) point Jacobians.
         velocity: (nv,) whose joint part is the direction of the power row.
         generalized: (nv,) phi.
         A: (c, c) written.
         b: (c,) written.
     """
-    size, nv, rows = b.shape[0], generalized.shape[0], int(store.flags[2])
+    size, nv, rows = b.shape[0], generalized.shape[0], observer.sizes.rows
     for i in range(size):
         b[i] = 0.0
         for j in range(i + 1):
             A[i, j] = 0.0
     if rows == TIED:
-        tied_equations(store.metric, J, generalized, A, b)
-    for k in range(nv if rows == ALL_ROWS else BASE if rows < TIED else 0):
-        squared = store.weight[k] * store.weight[k]
+        tied_equations(observer.metric, J, generalized, A, b)
+    for k in range(nv if rows == ALL_ROWS else BASE_ROWS if rows < TIED else 0):
+        squared = observer.weight[k] * observer.weight[k]
         for i in range(size):
             row = squared * J[i, k]
             b[i] += row * generalized[k]
@@ -42,18 +44,18 @@ def normal_equations(store: Store, J: Array, velocity: Array, generalized: Array
                 A[i, j] += row * J[j, k]
     if rows == POWER_ROW:  # the power of all joints, per unit of joint velocity
         speed, power = 0.0, 0.0
-        for k in range(BASE, nv):
+        for k in range(BASE_ROWS, nv):
             speed += velocity[k] * velocity[k]
             power += velocity[k] * generalized[k]
-        squared = store.weight[nv - 1] ** 2 / speed if speed > 0.0 else 0.0
+        squared = observer.weight[nv - 1] ** 2 / speed if speed > 0.0 else 0.0
         for i in range(size):
             along = 0.0
-            for k in range(BASE, nv):
+            for k in range(BASE_ROWS, nv):
                 along += J[i, k] * velocity[k]
             b[i] += squared * along * power
             for j in range(i + 1):
                 other = 0.0
-                for k in range(BASE, nv):
+                for k in range(BASE_ROWS, nv):
                     other += J[j, k] * velocity[k]
                 A[i, j] += squared * along * other
     trace = 0.0
@@ -76,11 +78,11 @@ def tied_equations(metric: Array, J: Array, generalized: Array, A: Array, b: Arr
 
 
 @kernel
-def project(store: Store, before: Array, after: Array, generalized: Array, force: Array) -> None:
-    """Write the forces (c,) that explain a generalised force (nv,) best, with the store's mid-interval Jacobian.
+def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> None:
+    """Write the forces (c,) that explain a generalised force (nv,) best, with the observer's mid-interval Jacobian.
 
     Args:
-        store: rows, weights, Jacobian, scratch.
+        observer: rows, weights, Jacobian, scratch.
         before: (3 + c, nv) remembered sample, for the direction of the power row.
         after: (3 + c, nv) the next one.
         generalized: (nv,) to be explained.
@@ -88,32 +90,32 @@ def project(store: Store, before: Array, after: Array, generalized: Array, force
     """
     if force.shape[0] == 0:
         return
-    A, velocity = store.equations, store.velocity
-    if store.flags[2] == POWER_ROW:
-        for k in range(BASE, velocity.shape[0]):
+    A, velocity = observer.equations, observer.velocity
+    if observer.sizes.rows == POWER_ROW:
+        for k in range(BASE_ROWS, velocity.shape[0]):
             velocity[k] = 0.5 * (before[2, k] + after[2, k])
-    trace = normal_equations(store, store.jacobian, velocity, generalized, A, force)
+    trace = normal_equations(observer, observer.jacobian, velocity, generalized, A, force)
     for i in range(force.shape[0]):
         A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # points that nothing moves get no force
     if solve_positive(A, force) < SUSPECT * trace:
-        project_deficient(store, after, generalized, force)
+        project_deficient(observer, after, generalized, force)
 
 
 @inner
-def project_deficient(store: Store, after: Array, generalized: Array, force: Array) -> None:
+def project_deficient(observer: ObserverMemory, after: Array, generalized: Array, force: Array) -> None:
     """As `project`, where some pattern of forces leaves no trace: its part of the answer is zero.
 
     The mean of two Jacobians that have lost rank has not quite lost it, and would blow the unseen part up. Which
     patterns cannot be seen is asked of the interval's end, where the Jacobian is exact.
     """
-    A, size = store.equations, force.shape[0]
+    A, size = observer.equations, force.shape[0]
     seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
-    limit = UNSEEN * normal_equations(store, after[3:], after[2], generalized, seen, unused)
+    limit = UNSEEN_EIGENVALUE * normal_equations(observer, after[3:], after[2], generalized, seen, unused)
     for i in range(size):
         for j in range(i):
             seen[j, i] = seen[i, j]
     eigenvectors(seen, V)
-    trace = normal_equations(store, store.jacobian, store.velocity, generalized, A, force)
+    trace = normal_equations(observer, observer.jacobian, observer.velocity, generalized, A, force)
     for k in range(size):
         if seen[k, k] > limit:
             continue

@@ -1,4 +1,4 @@
-"""What the air does to the robot, and what power flows: figures for whoever knows the truth of a flight."""
+"""The force of the air and the power of motor and air, for flights whose log knows the truth."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.flight import FlightLog
-from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, world_velocity
 from aerobat_pin.visualization import style
 
-FOLD = 98.0  # percentile of the strips' forces at which the colours end
+COLOURED = 98.0  # percentile of the strips' forces at which the colours end
 
 
-def aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
-    """Lift and thrust of the air, and which strip of the wing makes them, over time."""
+def draw_aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
+    """Draw lift and thrust of the air over time, and each strip's share in them."""
     assert log.truth is not None
     figure = Figure(figsize=(7.0, 6.6), layout="constrained")
     figure.suptitle("Force of the air on the robot, added mass included: interval means")
     lift, thrust, strips = figure.subplots(3, 1, sharex=True, height_ratios=(1.0, 1.0, 1.2))
     middle = 0.5 * (log.time[1:] + log.time[:-1])
-    force = 1e3 * _world(log, log.truth["aerodynamic"].values + log.truth["added_mass"].values)
+    generalised = log.truth["aerodynamic"].values + log.truth["added_mass"].values
+    force = 1e3 * world_velocity(log.measured["q"].values[:-1], generalised)  # base rows in world axes
     weight = 1e3 * robot.mass * float(log.measured.attrs["gravity"])
     for axis, values, name in ((lift, force[:, 2], "lift, Z"), (thrust, force[:, 0], "thrust, X")):
         axis.plot(middle, values, color=style.BLUE)
@@ -30,15 +30,13 @@ def aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
         axis.set_ylabel(f"{name} [mN]")
     lift.axhline(weight, color=style.INK, linestyle=":", label=f"weight {weight:.0f} mN")
     for axis in (lift, thrust):
-        axis.legend(ncols=2, loc="upper right")
-        low, high = axis.get_ylim()
-        axis.set_ylim(low, high + 0.2 * (high - low))
+        style.legend_on_top(axis, ncols=2)
     span = log.truth["strip"].values
     line = LiftingLine(robot.wing.span, robot.wing.chord, strips=len(span))
     loading = log.truth["strip_force_z"].values / line.width
-    end = max(float(np.percentile(np.abs(loading), FOLD)), 1e-9)
+    end = max(float(np.percentile(np.abs(loading), COLOURED)), 1e-9)
     drawn = strips.pcolormesh(
-        middle, 1e3 * span, loading.T, cmap=style.FIELD, vmin=-end, vmax=end, shading="nearest", rasterized=True
+        middle, 1e3 * span, loading.T, cmap=style.FIELD_COLOURS, vmin=-end, vmax=end, shading="nearest", rasterized=True
     )
     strips.grid(visible=False)
     strips.set_ylabel("along the span, left positive [mm]")
@@ -47,8 +45,8 @@ def aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
     return figure
 
 
-def power(log: FlightLog) -> Figure:
-    """Power that the motor and the air give to the robot, over time."""
+def draw_power(log: FlightLog) -> Figure:
+    """Draw the power that the motor and the air give to the robot, over time."""
     assert log.truth is not None
     figure = Figure(figsize=(7.0, 2.8), layout="constrained")
     figure.suptitle("Power given to the robot: interval means")
@@ -59,12 +57,5 @@ def power(log: FlightLog) -> Figure:
         axis.plot(middle, values, line, color=colour, label=f"{name}, mean {np.mean(values):.2f} W")
     axis.set_ylabel("power [W]")
     axis.set_xlabel("time [s]")
-    low, high = axis.get_ylim()
-    axis.set_ylim(low, high + 0.15 * (high - low))
-    axis.legend(ncols=2, loc="upper right")
+    style.legend_on_top(axis, ncols=2)
     return figure
-
-
-def _world(log: FlightLog, force: Array) -> Array:
-    """Return the base rows of generalised forces (m, nv) as forces in world axes (m, 3) [N]."""
-    return world_velocity(log.measured["q"].values[:-1], force)

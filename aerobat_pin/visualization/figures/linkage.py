@@ -1,4 +1,4 @@
-"""The linkage on one page: the mechanism drawn and named, its joints over a turn (the paper's Fig. 2), its figures."""
+"""The linkage on one page: the mechanism with its names, and its joints over a turn (the paper's Fig. 2)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from aerobat_pin.linkage import Closure, KineticSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.visualization import style
 
-SHOWN_DEG = 235.0  # crank angle of the pose that is named
-FAINT_DEG = range(-90, 270, 30)  # crank angles of those behind it
-CLOSE_UP = (0.95, 0.78)  # half width and height of what the inset shows, in lengths of the crank
-BARS = {
+SHOWN_DEG = 235.0  # crank angle of the pose with names
+FAINT_DEG = range(-90, 270, 30)  # crank angles of the poses behind it
+INSET_HALF_SIZE = (0.95, 0.78)  # width and height, in lengths of the crank
+BAR_PINS = {
     "L1": ("J1", "J2"),
     "L2": ("J2", "J3", "J4", "J2"),
     "L3": ("J4", "J5", "J6", "J4"),
@@ -26,10 +26,10 @@ BARS = {
     "L6": ("J9", "J10"),
     "L7": ("J6", "J10"),
 }
-GROUND = ("J1", "J5", "J8")
-CHAIN = ("J5", "J6", "J10", "J9", "J8")  # what is seen of the poses behind
-# Where names go, as a way from the pin or from the middle of the bar's last two pins [points].
-NAMES = {
+GROUND_PINS = ("J1", "J5", "J8")
+FAINT_PINS = ("J5", "J6", "J10", "J9", "J8")
+# Places of the names: offsets from the pin or from the middle of the bar's last two pins [points].
+NAME_OFFSETS = {
     "J4": (-4, -12),
     "J5": (3, -13),
     "J6": (-5, 6),
@@ -44,32 +44,32 @@ NAMES = {
     "L6": (6, 2),
     "L7": (55, -68),
 }
-CLOSE_NAMES = {"J1": (9, -3), "J2": (-4, -14), "J3": (-16, -2), "L1": (-5, -4)}
+INSET_NAME_OFFSETS = {"J1": (9, -3), "J2": (-4, -14), "J3": (-16, -2), "L1": (-5, -4)}
 
 
-def draw(linkage: KineticSculpture) -> Figure:
-    """Draw the left wing's linkage at one crank angle, named, over faint poses of a turn, and both joint angles."""
+def draw_linkage(linkage: KineticSculpture) -> Figure:
+    """Draw the left wing's linkage: one pose with names over faint poses of a turn; beside it both joint angles."""
     with mpl.rc_context(style.RC):
         figure = Figure(figsize=(10.0, 5.6), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(1.9, 1.0))
-        _mechanism(left, linkage)
-        _joints(right, linkage)
+        _draw_mechanism(left, linkage)
+        _draw_joints(right, linkage)
     return figure
 
 
-def _mechanism(axis: Axes, linkage: KineticSculpture) -> None:
+def _draw_mechanism(axis: Axes, linkage: KineticSculpture) -> None:
     shown = linkage.solve(np.radians(SHOWN_DEG))
-    turn = 1e3 * np.stack([linkage.solve(np.radians(FAINT_DEG)).pins[name] for name in CHAIN])
+    turn = 1e3 * np.stack([linkage.solve(np.radians(FAINT_DEG)).pins[name] for name in FAINT_PINS])
     axis.plot(turn[..., 0], turn[..., 1], color=style.FAINT, linewidth=0.7, zorder=0.5)
     pins = {name: 1e3 * point for name, point in shown.pins.items()}
-    _angles(axis, pins, shown)
-    _bars(axis, pins)
-    _names(axis, pins, NAMES)
+    _draw_angles(axis, pins, shown)
+    _draw_bars(axis, pins)
+    _write_names(axis, pins, NAME_OFFSETS)
     inset = axis.inset_axes((0.015, 0.03, 0.36, 0.36))
-    _bars(inset, pins)
-    _names(inset, pins, CLOSE_NAMES)
+    _draw_bars(inset, pins)
+    _write_names(inset, pins, INSET_NAME_OFFSETS)
     x, y = np.mean([pins[name] for name in ("J1", "J2", "J3")], axis=0)
-    wide, high = (1e3 * linkage.lengths.L1 * half for half in CLOSE_UP)
+    wide, high = (1e3 * linkage.lengths.L1 * half for half in INSET_HALF_SIZE)
     inset.set(xlim=(x - wide, x + wide), ylim=(y - high, y + high), xticks=[], yticks=[], aspect="equal")
     inset.spines[:].set(visible=True, color=style.MUTED, linewidth=0.8)
     axis.indicate_inset_zoom(inset, edgecolor=style.MUTED)
@@ -79,25 +79,25 @@ def _mechanism(axis: Axes, linkage: KineticSculpture) -> None:
     axis.set_title(f"Left wing, crank at {SHOWN_DEG:g} deg; squares fixed to the body; grey: every 30 deg")
 
 
-def _bars(axis: Axes, pins: Mapping[str, Array]) -> None:
-    for bar, names in BARS.items():
+def _draw_bars(axis: Axes, pins: Mapping[str, Array]) -> None:
+    for bar, names in BAR_PINS.items():
         points = np.array([pins[name] for name in names])
-        axis.plot(points[:, 0], points[:, 1], "-", color=style.BARS[bar], linewidth=2.2, solid_capstyle="round")
+        axis.plot(points[:, 0], points[:, 1], "-", color=style.BAR_COLOURS[bar], linewidth=2.2, solid_capstyle="round")
         if len(names) > 2:
-            axis.fill(points[:, 0], points[:, 1], color=style.BARS[bar], alpha=0.15)
+            axis.fill(points[:, 0], points[:, 1], color=style.BAR_COLOURS[bar], alpha=0.15)
     for name, point in pins.items():
-        ground = name in GROUND
+        ground = name in GROUND_PINS
         axis.plot(*point, "s" if ground else "o", ms=6 if ground else 4.5, mfc="white", mec=style.INK, zorder=5)
 
 
-def _names(axis: Axes, pins: Mapping[str, Array], names: Mapping[str, tuple[float, float]]) -> None:
-    for name, way in names.items():
+def _write_names(axis: Axes, pins: Mapping[str, Array], offsets: Mapping[str, tuple[float, float]]) -> None:
+    for name, offset in offsets.items():
         pin = name in pins
-        x, y = pins[name] if pin else np.mean([pins[end] for end in BARS[name][-2:]], axis=0)
+        x, y = pins[name] if pin else np.mean([pins[end] for end in BAR_PINS[name][-2:]], axis=0)
         axis.annotate(
             name,
             (x, y),
-            xytext=way,
+            xytext=offset,
             textcoords="offset points",
             color=style.INK,
             fontsize=8 if pin else 9,
@@ -107,28 +107,29 @@ def _names(axis: Axes, pins: Mapping[str, Array], names: Mapping[str, tuple[floa
         )
 
 
-def _angles(axis: Axes, pins: Mapping[str, Array], shown: Closure) -> None:
+def _draw_angles(axis: Axes, pins: Mapping[str, Array], shown: Closure) -> None:
     """Draw the distal wing as far as L7a, and both joint angles.
 
-    theta_s lies between the horizontal and the proximal frame's y axis, theta_e between that axis and the distal one's.
+    theta_s is the angle from the horizontal to the proximal frame's y axis, theta_e from there to the distal frame's.
     """
     radius, length = 0.4e3 * shown.lengths.L3a, 1e3 * shown.lengths.L7a
     theta_s, theta_e = float(shown.theta_s), float(shown.theta_e)
-    for pivot, start, turn, name in (("J5", 0.0, theta_s, "s"), ("J6", theta_s, theta_e, "e")):
-        here = pins[pivot]
-        for way, line in ((start, ":"), (start + turn, "-" if pivot == "J6" else ":")):
+    for name, pivot, start, angle in (("s", pins["J5"], 0.0, theta_s), ("e", pins["J6"], theta_s, theta_e)):
+        for direction, line in ((start, ":"), (start + angle, "-" if name == "e" else ":")):
             reach = length if line == "-" else 1.35 * radius
-            end = here + reach * np.array([np.cos(way), np.sin(way)])
+            end = pivot + reach * np.array([np.cos(direction), np.sin(direction)])
             colour, width = (style.INK, 2.2) if line == "-" else (style.MUTED, 1.0)
-            axis.plot(*zip(here, end, strict=True), line, color=colour, linewidth=width)
-        sweep = start + turn * np.linspace(0.0, 1.0, 40)
+            axis.plot(*zip(pivot, end, strict=True), line, color=colour, linewidth=width)
+        sweep = start + angle * np.linspace(0.0, 1.0, 40)
         arc = np.stack([np.cos(sweep), np.sin(sweep)])
-        axis.plot(*(here[:, None] + radius * arc), color=style.AXES[0], linewidth=1.2)
-        middle = here + 1.15 * radius * arc[:, 20]
-        axis.annotate(rf"$\theta_{name}$", (middle[0], middle[1]), color=style.AXES[0], fontsize=11, va="center")
+        axis.plot(*(pivot[:, None] + radius * arc), color=style.AXIS_COLOURS[0], linewidth=1.2)
+        middle = pivot + 1.15 * radius * arc[:, 20]
+        axis.annotate(
+            rf"$\theta_{name}$", (middle[0], middle[1]), color=style.AXIS_COLOURS[0], fontsize=11, va="center"
+        )
 
 
-def _joints(axis: Axes, linkage: KineticSculpture) -> None:
+def _draw_joints(axis: Axes, linkage: KineticSculpture) -> None:
     crank = np.linspace(-90.0, 270.0, 721)
     cycle = linkage.solve(np.radians(crank))
     axis.plot(crank, np.degrees(cycle.theta_s), color=style.LEFT, label=r"shoulder $\theta_s$")
@@ -143,8 +144,8 @@ def _joints(axis: Axes, linkage: KineticSculpture) -> None:
     axis.legend()
 
 
-def table(linkage: KineticSculpture) -> str:
-    """Return in words how far joints and transmission angles go in a turn, and at which crank angles."""
+def range_table(linkage: KineticSculpture) -> str:
+    """Return as text the ranges of joint and transmission angles in a turn, and the crank angles of their ends."""
     crank = np.arange(0.0, 360.0, 0.1)
     turn = linkage.solve(np.radians(crank))
     rows = {"shoulder theta_s": turn.theta_s, "elbow theta_e": turn.theta_e}

@@ -1,4 +1,4 @@
-"""A flight to look at: the robot with moving bars, true and estimated forces as arrows, its way, and its shed wake."""
+"""Replay a flight: the robot with moving bars, true and estimated forces as arrows, its path, and its shed wake."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.recording import Recording
+from aerobat_pin.visualization.replay.recording import Recording, Sheet
 
-SLOW_MOTION = 0.1  # of real time: a flap is too fast to be watched
-WAKE_LASTS = 0.5  # [s], of each part of it
-GROUND_BELOW = 0.35  # [m], of the lowest point of the way
-PALEST = 0.97  # a wake without circulation
+SLOW_MOTION = 0.1  # speed of a flight's replay, of real time: a flap is too fast to be watched
+WAKE_LASTS = 0.5  # [s]: each part of it is shown for so long
+GROUND_BELOW = 0.35  # [m]: the ground lies so far below the lowest point of the path
+PALEST = 0.97  # red, green and blue of a wake without circulation
 
 
 def replay_flight(
@@ -29,64 +29,61 @@ def replay_flight(
     Args:
         robot: the robot that flew.
         log: its flight, simulated or recorded.
-        air: that it flew in; the lifting line's wake is shown where the log knows the circulation.
+        air: that it flew in; the wake of a lifting line is shown where the log knows the circulation.
         estimates: as `estimate_dataset` makes them; the first observer's forces are shown.
-        note: a line about the flight, shown on the page.
+        note: a line about the flight, for the title.
 
     Raises:
-        LogError: how the wings moved is not in the log.
+        LogError: the log does not say how the wings moved.
     """
-    moved = motion(log, robot, air)
-    crank = None if moved.crank is None else moved.crank[0]
+    flown = motion(log, robot, air)
+    crank = None if flown.crank is None else flown.crank[0]
 
-    def turn(picture: pin.GeometryModel, row: int) -> None:
+    def move_bars(visual_model: pin.GeometryModel, row: int) -> None:
         assert crank is not None
-        place_bars(robot, picture, float(crank[row]))
+        place_bars(robot, visual_model, float(crank[row]))
 
-    visible = robot.visual_model if crank is None else visual_model_with_bars(robot)
     recording = Recording(
         robot.model,
-        visible,
-        moved.time,
-        moved.q,
+        robot.visual_model if crank is None else visual_model_with_bars(robot),
+        flown.time,
+        flown.q,
         title=f"{log.measured.attrs.get('scenario', 'flight')}: {note}",
-        floor=float(moved.q[:, 2].min()) - GROUND_BELOW,
-        move=None if crank is None else turn,
+        floor=float(flown.q[:, 2].min()) - GROUND_BELOW,
+        move=None if crank is None else move_bars,
     )
     if estimates is not None:
         name = str(estimates["observer"].values[0])
         force = estimates["force_W"].sel(observer=name)
-        believed = {str(frame): force.sel(point=frame).values for frame in force["point"].values}
-        recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], believed)
+        estimated = {str(frame): force.sel(point=frame).values for frame in force["point"].values}
+        recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], estimated)
     if log.truth is not None:
-        points = [str(name) for name in log.truth["point"].values]
-        pushed = {name: true_force(log, name)[0] for name in points}
-        recording.add_forces("true force", style.TRUTH, pushed, inner=True)
+        true = {str(frame): true_force(log, str(frame))[0] for frame in log.truth["point"].values}
+        recording.add_forces("true force", style.TRUTH, true, inner=True)
         for event in true_events(log):
-            where = ", ".join(point_label(frame) for frame in event.frames)
-            recording.add_zone(event.start, event.end, f"{event.name} at {where}", style.STEP_ZONE)
+            points = ", ".join(point_label(frame) for frame in event.frames)
+            recording.add_zone(event.start, event.end, f"{event.name} at {points}", style.EVENT_ZONE)
         if air.model == "lifting_line" and log.truth.sizes["strip"] == air.strips:
             _add_wake(recording, wake_of(_keyframes(log, recording.index), robot, air))
     return recording
 
 
 def _keyframes(log: FlightLog, index: Array) -> FlightLog:
-    """Return the log at some of its samples."""
+    """Return the log at some of its samples (m,)."""
     assert log.truth is not None
     rows = {"time": index, "interval": index[:-1]}
-    truth = log.truth.isel({name: at for name, at in rows.items() if name in log.truth.dims})
+    truth = log.truth.isel({dim: kept for dim, kept in rows.items() if dim in log.truth.dims})
     return FlightLog(log.measured.isel(rows), truth)
 
 
 def _add_wake(recording: Recording, wake: Wake) -> None:
-    """Show the wake, coloured by the bound circulation that the wing had when it left it."""
-    along = drift(wake.air, wake.time)
-    points, bound = wake.position - along[:, None], wake.bound
-    moved = drift(wake.air, recording.time)
-    if len(points) < len(moved):  # the last sample begins no interval
-        points, bound = (np.concatenate([one, one[-1:]]) for one in (points, bound))
+    """Show the wake, coloured by the wing's bound circulation as it was shed."""
+    points, bound = wake.position - drift(wake.air, wake.time)[:, None], wake.bound
+    drifted = drift(wake.air, recording.time)
+    if len(points) < len(drifted):  # the last sample begins no interval
+        points, bound = (np.concatenate([rows, rows[-1:]]) for rows in (points, bound))
     share = np.clip(bound / max(float(np.percentile(np.abs(bound), 98.0)), 1e-12), -1.0, 1.0)[..., None]
-    lift, push = (np.array(style.rgb(colour)) for colour in style.CIRCULATION)
-    colours = PALEST + np.abs(share) * (np.where(share > 0.0, lift, push) - PALEST)
+    lift, downforce = (np.array(style.rgb(colour)) for colour in style.WAKE_COLOURS)
+    colours = PALEST + np.abs(share) * (np.where(share > 0.0, lift, downforce) - PALEST)
     label = "shed wake, blue: of lift, orange: of downforce"
-    recording.add_sheet(label, style.CIRCULATION[0], points, colours, moved, WAKE_LASTS)
+    recording.sheet = Sheet(label, style.WAKE_COLOURS[0], points, colours, drifted, WAKE_LASTS)

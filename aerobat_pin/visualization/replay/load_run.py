@@ -1,4 +1,4 @@
-"""What `aerobat play` shows: the folder of a run, or a recorded flight with what an observer makes of it."""
+"""What `aerobat play` shows: the folder of a run, or a recorded flight with the forces that an observer estimates."""
 
 from __future__ import annotations
 
@@ -15,31 +15,33 @@ from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization.replay.flight_replay import replay_flight
 from aerobat_pin.visualization.replay.recording import Recording
 
-PARTS = ("scenario.toml", "flight.nc", "estimate.nc")
+
+def replay_run(folder: Path) -> Recording:
+    """Record the flight in a run's folder. Raises LogError for any other folder, and what its files raise."""
+    names = ("scenario.toml", "flight.nc", "estimate.nc")
+    missing = [name for name in names if not (folder / name).is_file()]
+    if missing:
+        raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
+    scenario = load_scenario(str(folder / "scenario.toml"))
+    robot = load_robot(scenario)
+    log = FlightLog.load(folder / "flight.nc")
+    estimates = xr.load_dataset(folder / "estimate.nc", engine="h5netcdf")
+    return replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot))
 
 
-def flight_of(source: Path, morphology: str | None = None) -> Recording:
-    """Record a run's folder, or a flight (`.nc`, `.csv`) with what an observer finds in it.
+def replay_log(file: Path, morphology: str | None = None) -> Recording:
+    """Record a flight log with the forces that an observer estimates from it.
 
     Args:
-        source: folder or file.
-        morphology: of the robot that is believed to have flown a file, shipped name or TOML file; what the log notes,
-            else the default robot, when omitted.
+        file: `.nc` or `.csv`.
+        morphology: of the robot that is believed to have flown: shipped name or TOML file; when omitted what the log
+            notes, else the default robot.
 
     Raises:
-        AerobatError: it is neither.
+        AerobatError: the log or the morphology cannot be read.
     """
-    if source.is_dir():
-        missing = [name for name in PARTS if not (source / name).is_file()]
-        if missing:
-            raise LogError(f"{source} is not the folder of a run: it has no {', '.join(missing)}")
-        scenario = load_scenario(str(source / "scenario.toml"))
-        robot = load_robot(scenario)
-        log = FlightLog.load(source / "flight.nc")
-        estimates = xr.load_dataset(source / "estimate.nc", engine="h5netcdf")
-        return replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot))
-    log = read_log(source)
-    belief = belief_about(log, source.stem, morphology, [], [])
+    log = read_log(file)
+    belief = belief_about(log, file.stem, morphology, [], [])
     robot = believed_robot(belief)
-    _, found = estimate_log(log, robot, belief)
-    return replay_flight(robot, log, belief.believed_air, estimate_dataset(found), recorded_note(log, robot))
+    _, estimates = estimate_log(log, robot, belief)
+    return replay_flight(robot, log, belief.believed_air, estimate_dataset(estimates), recorded_note(log, robot))

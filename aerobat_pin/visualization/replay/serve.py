@@ -1,4 +1,4 @@
-"""Serve one page to browsers on this machine until somebody stops it."""
+"""Serve one page to browsers on this machine until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-HERE = "127.0.0.1"
+LOCALHOST = "127.0.0.1"
 
 
 def serve(page: str, announce: Callable[[str], None]) -> None:
-    """Serve a page in this process, at a free port of this machine alone, until Ctrl-C.
+    """Serve a page at a free port, to this machine alone, until Ctrl-C.
 
     Args:
         page: HTML.
@@ -23,20 +23,20 @@ def serve(page: str, announce: Callable[[str], None]) -> None:
             if self.path not in ("/", "/favicon.ico"):
                 self.send_error(404)
                 return
-            found = content if self.path == "/" else b""
-            self.send_response(200 if found else 204)
+            body = content if self.path == "/" else b""
+            self.send_response(200 if body else 204)
             self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(found)))
+            self.send_header("Content-Length", str(len(body)))
             self.send_header("Cache-Control", "no-store")
             self.end_headers()
-            self.wfile.write(found)
+            self.wfile.write(body)
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Say nothing."""
+            """Print nothing."""
 
-    with ThreadingHTTPServer((HERE, 0), Handler) as server:
+    with ThreadingHTTPServer((LOCALHOST, 0), Handler) as server:
         server.daemon_threads, server.block_on_close = True, False
-        announce(f"http://{HERE}:{server.server_address[1]}/")
+        announce(f"http://{LOCALHOST}:{server.server_address[1]}/")
         try:
             server.serve_forever()
         except KeyboardInterrupt:

@@ -22,7 +22,7 @@ def shed() -> Rung:
     left = 0.5 * (arc[1:] + arc[:-1])
     figure = Figure(figsize=(6.4, 4.6), layout="constrained")
     trails, sheet = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
-    lift, push = style.CIRCULATION
+    lift, push = style.WAKE_COLOURS
     colours = np.where(mean > 0.0, lift, push)
     trails.vlines(1e3 * left, 0.0, mean, colors=colours, linewidth=5.0, label="trailing vortices")
     bound = np.concatenate([[0.0], wake.bound.mean(axis=0), [0.0]])

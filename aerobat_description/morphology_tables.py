@@ -10,7 +10,7 @@ from aerobat_description.reading import positive, require
 
 Vector = tuple[float, ...]
 Pair = tuple[float, float]
-Triple = tuple[float, float, float]
+Vector3 = tuple[float, float, float]
 MEETING = 1e-6  # [m] between ends that meet
 
 
@@ -20,7 +20,7 @@ class Body:
 
     mass: float
     inertia: tuple[float, float, float, float, float, float]
-    com: Triple = (0.0, 0.0, 0.0)
+    com: Vector3 = (0.0, 0.0, 0.0)
 
     def check(self, where: str) -> None:
         """Raise unless the mass is positive and the principal moments obey the strict triangle inequality."""
@@ -97,7 +97,7 @@ class WingShape:
     distal_leading_edge: Vector
     distal_trailing_edge: Vector
     minimum_chord: float
-    force_point: Triple | None = None
+    force_point: Vector3 | None = None
 
     def check(self, where: str) -> None:
         """Raise unless stations increase and the leading edge stays ahead of the trailing edge, and the parts meet."""
@@ -170,7 +170,7 @@ class Surface:
 
     span: float
     chord: float
-    position: Triple
+    position: Vector3
     incidence: float = 0.0
 
     def check(self, where: str) -> None:
@@ -185,7 +185,7 @@ class Fin:
 
     area: float
     lift_slope: float
-    position: Triple
+    position: Vector3
 
     def check(self, where: str) -> None:
         """Raise unless area and lift slope are positive and the surface is centred."""
@@ -232,8 +232,8 @@ class Thruster:
     """
 
     name: str
-    position: Triple
-    direction: Triple
+    position: Vector3
+    direction: Vector3
     thrust: float
     torque: float = 0.0
 
@@ -245,5 +245,24 @@ class Thruster:
         positive(self, where, "thrust")
 
 
-def _centred(position: Triple, where: str) -> None:
+@dataclass(frozen=True)
+class Scale:
+    """Factors on a morphology, 1 by default; `[scale]` of a file or of changes.
+
+    `span` stretches the arc from tip to tip. The linkage sets the length of the proximal panel, so the distal panel
+    takes all of it, with the mass in it. `chord` stretches both panels and their masses along x, about the wing
+    frame's y axis. `wing_mass` and `body_mass` multiply mass and inertia of the four wing links, and of the body.
+    """
+
+    span: float = 1.0
+    chord: float = 1.0
+    wing_mass: float = 1.0
+    body_mass: float = 1.0
+
+    def check(self, where: str) -> None:
+        """Raise unless every factor is positive."""
+        positive(self, where, "span", "chord", "wing_mass", "body_mass")
+
+
+def _centred(position: Vector3, where: str) -> None:
     require(position[1] == 0.0, where, position, "left and right mirror each other: y must be 0")

@@ -1,8 +1,8 @@
 """Close the Kinetic Sculpture at one crank angle, with the standard library's complex numbers alone.
 
-Positions, for poses, pictures and the check that the crank can turn; `aerobat_pin.linkage` has rates and arrays. A
-point of the left wing's plane is outboard + i up. Three dyads close one after the other, at J4, J7 and J10, each left
-of the ray between the pins that its bars start from.
+It gives positions for poses, pictures and the check that the crank can turn; `aerobat_pin.linkage` has rates and
+arrays. A point of the left wing's plane is outboard + i up. Three dyads close one after the other, at J4, J7 and J10,
+each left of the ray between the pins that its bars start from.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from aerobat_description.sections import LinkageLengths
+from aerobat_description.morphology_tables import LinkageLengths
 
-TURN = tuple(math.radians(0.5 * i) for i in range(720))
-EDGE = 1e-8  # [m] between a length that turns and one that does not, where the search for one ends
-# What one may change where a dyad cannot close: the robot's adjustable lengths, then the dyad's own bars.
+CRANK_ANGLES = tuple(math.radians(0.5 * i) for i in range(720))
+EDGE = 1e-8  # [m]: the search for a length ends this close to one that does not turn
+# What may be changed where a dyad cannot close: the robot's adjustable lengths, then the dyad's own bars.
 ADJUSTABLE = ("L3b", "L5a", "L5b")
 BARS_OF = {"J4": ("L1", "L2a"), "J7": ("L4",), "J10": ("L6", "L7b")}
 
@@ -27,7 +27,7 @@ class ClosureError(ValueError):
     """A dyad cannot close: `dyad` names its pin, `crank_angle` is in rad, `span` and `reaches` are in m."""
 
     def __init__(self, dyad: str, crank_angle: float, span: float, reaches: tuple[float, float]) -> None:
-        """Say what does not reach what."""
+        """Make the message from the bars and the distance."""
         first, second = (1e3 * reach for reach in reaches)
         super().__init__(
             f"the linkage cannot close at {dyad} for a crank angle of {math.degrees(crank_angle):.1f} deg: its bars "
@@ -55,7 +55,7 @@ class Pose:
         return math.remainder(self.angles["L7"] - self.angles["L3"], 2.0 * math.pi)
 
 
-def close(bars: LinkageLengths, crank_angle: float) -> Pose:
+def close_linkage(bars: LinkageLengths, crank_angle: float) -> Pose:
     """Close the linkage at an absolute crank angle t1 [rad]. Raises ClosureError where it cannot."""
 
     def dyad(name: str, a: complex, reach_a: float, b: complex, reach_b: float) -> complex:
@@ -99,8 +99,8 @@ def elbow(bars: LinkageLengths) -> complex:
 
 @lru_cache(maxsize=64)
 def turn(bars: LinkageLengths) -> tuple[Pose, ...]:
-    """Close the linkage at `TURN`, half a degree apart. Raises ClosureError where the crank cannot turn through."""
-    return tuple(close(bars, angle) for angle in TURN)
+    """Close the linkage every half degree of a turn. Raises ClosureError where the crank cannot turn through."""
+    return tuple(close_linkage(bars, angle) for angle in CRANK_ANGLES)
 
 
 def reach(bars: LinkageLengths) -> dict[str, tuple[float, float]]:
@@ -122,9 +122,9 @@ def can_turn(bars: LinkageLengths) -> bool:
 
 def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
     """Return a crank angle [rad] at which the linkage cannot close, or None; `first` is tried before the others."""
-    for angle in (first, *TURN):
+    for angle in (first, *CRANK_ANGLES):
         try:
-            close(bars, angle)
+            close_linkage(bars, angle)
         except ClosureError:
             return angle
     return None

@@ -1,0 +1,44 @@
+"""What really pushed on a simulated robot: forces as interval means, and the events among them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.flight import FlightLog
+from aerobat_pin.numerics import Array
+
+
+def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
+    """Return the true force and its noise-free part (m, 3) [N] in world axes at a frame; zero where nothing pushed."""
+    assert log.truth is not None
+    points = [str(name) for name in log.truth["point"].values]
+    if frame not in points:
+        zero = np.zeros((log.truth.sizes["interval"], 3))
+        return zero, zero
+    at = points.index(frame)
+    return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
+
+
+@dataclass(frozen=True)
+class TrueEvent:
+    """What came and went: its name, the frames at which it pushed, from when to when [s], infinity where it stayed."""
+
+    name: str
+    frames: tuple[str, ...]
+    start: float
+    end: float
+
+
+def true_events(log: FlightLog) -> list[TrueEvent]:
+    """Return what came and went of the true forces, in order of time; what did so at several frames at once is one."""
+    if log.truth is None or "event" not in log.truth.dims:
+        return []
+    names, frames, starts, ends = (
+        log.truth[name].values for name in ("event", "event_point", "event_start", "event_end")
+    )
+    found: dict[tuple[float, float, str], list[str]] = {}
+    for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
+        found.setdefault((float(start), float(end), str(name)), []).append(str(frame))
+    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(found.items())]

@@ -1,0 +1,74 @@
+"""The front door: what `aerobat_pin` itself gives, without the cost of what it is not asked for."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import aerobat_pin
+from aerobat_pin import load_scenario, run
+
+README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+NAMES = ("load_aerobat", "Aerobat", "load_scenario", "Scenario", "simulate", "run", "FlightLog")
+DOORS = ("aerobat_pin", "aerobat_pin.visualization")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_of_the_front_door_is_its_rooms_own(name: str) -> None:
+    """Listed, and the same object as behind the door of its room."""
+    assert name in dir(aerobat_pin)
+    room = next(room for room, names in aerobat_pin._ROOMS.items() if name in names)
+    assert getattr(aerobat_pin, name) is getattr(importlib.import_module(f"aerobat_pin.{room}"), name)
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_every_name_of_a_lazy_door_is_there_and_no_other(door: str) -> None:
+    """What is listed can be imported; anything else is the usual error."""
+    module = importlib.import_module(door)
+    for name in module.__all__:
+        assert getattr(module, name) is not None, name
+    with pytest.raises(AttributeError, match=f"module '{door}' has no attribute 'nonsense'"):
+        module.nonsense  # noqa: B018
+
+
+@pytest.mark.parametrize("door", [*DOORS, "aerobat_pin.cli"])
+def test_a_door_alone_imports_nothing_heavy(door: str) -> None:
+    """In a fresh process: no library but the command line's own."""
+    heavy = "{'numpy', 'pinocchio', 'matplotlib', 'xarray', 'scipy', 'jinja2', 'rich', 'pydantic'}"
+    code = f"import sys, {door}; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_run_gives_scenario_robot_log_estimates_and_metrics() -> None:
+    """The names that scripts use."""
+    experiment = run(load_scenario("paper", ["simulation.duration=0.1"]))
+    assert experiment.scenario.name == experiment.metrics["scenario"] == "paper"
+    assert experiment.robot.model.nv == 10
+    assert len(experiment.log.time) == 101
+    assert set(experiment.estimates) == set(experiment.metrics["observers"]) == {"momentum", "force_level"}
+
+
+def test_the_first_script_of_the_readme_does_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    """It prints the table and the score that stands beside it; the force has the shape that it names."""
+    names: dict[str, Any] = {}
+    exec(compile(re.findall(r"```python\n(.*?)```", README, re.DOTALL)[0], "README.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert "79 % thruster-borne" in printed
+    score = float(re.findall(r"r2\) *# ([0-9.]+)", README)[0])
+    assert names["left"]["Fy"].r2 == pytest.approx(score, abs=1e-4)
+    assert names["force"].shape == (2000, 2, 3)
+    assert np.isfinite(names["force"]).all()
+
+
+def test_the_package_is_the_command_line() -> None:
+    """`python -m aerobat_pin` is `aerobat`."""
+    done = subprocess.run([sys.executable, "-m", "aerobat_pin", "list"], capture_output=True, text=True, check=True)
+    assert "aerobat_guard" in done.stdout
