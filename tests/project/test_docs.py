@@ -165,7 +165,7 @@ def test_a_page_says_what_its_script_finds(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "page", "old", "new", "part"),
     [
-        ("observer_study.py", "docs/observer_results.md", "leaves\nno trace", "leaves a trace", "prose"),
+        ("observer_study.py", "docs/observer_results.md", "leaves no trace", "leaves a trace", "prose"),
         ("results.py", "README.md", "seed 1; attitude", "seed 2; attitude", "results"),
     ],
 )

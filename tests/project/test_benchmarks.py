@@ -1,0 +1,53 @@
+"""The benchmarks start, and the comparison of two checkouts marks what got worse; they measure nothing here."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COMPARE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from against import lines
+
+def runs(**values):
+    units = {"wait": "ms"}
+    names = {name: name.replace("_", " ") for name in values}
+    return [{names[name]: {"value": series[k], "unit": units.get(name, "x")} for name, series in values.items()}
+            for k in range(3)]
+
+print("\\n".join(lines(
+    runs(step=[2.0, 2.0, 9.0], update=[1.0] * 3, two_processes_faster_by=[1.8] * 3, wait=[10.0] * 3, gone=[1.0] * 3),
+    runs(step=[2.1, 2.1, 2.1], update=[1.02] * 3, two_processes_faster_by=[1.7] * 3, wait=[20.0] * 3, new=[1.0] * 3),
+)))
+"""
+
+
+def python(*words: str) -> str:
+    """Run Python on this checkout's packages and return what it prints."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("name", ["bench.py", "same_numbers.py"])
+def test_a_benchmark_starts(name: str) -> None:
+    """All that it imports is there."""
+    assert "usage" in python(str(ROOT / "benchmarks" / name), "--help")
+
+
+def test_a_ratio_that_got_worse_by_more_than_three_percent_is_marked() -> None:
+    """By the medians; a gain is worse where it falls; times belong to the machine; what one side lacks is a dash."""
+    _, *rows = python("-c", COMPARE, str(ROOT / "benchmarks")).splitlines()
+    assert [" ".join(row.split()) for row in rows] == [
+        "step 2.00 2.10 x +5.0 % WORSE",
+        "update 1.00 1.02 x +2.0 %",
+        "two processes faster by 1.80 1.70 x -5.6 % WORSE",
+        "wait 10.00 20.00 ms +100.0 %",
+        "gone 1.00 - x",
+        "new - 1.00 x",
+    ]
