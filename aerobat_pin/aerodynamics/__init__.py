@@ -5,7 +5,7 @@ from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, f
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine, StateSpace
 from aerobat_pin.aerodynamics.robot_air import RobotAir, StripLoads, air_loads, strips_of
 from aerobat_pin.aerodynamics.strips import CIRCULATION, FORCE_X, FORCE_Z, LEAD, LOADS, AirArrays
-from aerobat_pin.aerodynamics.wind import drift, wind_field
+from aerobat_pin.aerodynamics.wind import Gust, Wind
 
 __all__ = [
     "CIRCULATION",
@@ -14,6 +14,7 @@ __all__ = [
     "LEAD",
     "LOADS",
     "AirArrays",
+    "Gust",
     "Halves",
     "LiftingLine",
     "LineFlight",
@@ -21,11 +22,10 @@ __all__ = [
     "StateSpace",
     "StripLoads",
     "Stroke",
+    "Wind",
     "add_mass",
     "air_loads",
-    "drift",
     "factored",
     "fly",
     "strips_of",
-    "wind_field",
 ]

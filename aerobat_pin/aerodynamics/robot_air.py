@@ -23,7 +23,6 @@ from aerobat_pin.aerodynamics.strips import LOADS, AirArrays, strip_loads
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, kernel, shaped
 from aerobat_pin.robot import LINKS, Wing
-from aerobat_pin.scenario import AirSection
 
 Model = Literal["lifting_line", "quasi_steady"]
 MODELS: tuple[Model, ...] = ("lifting_line", "quasi_steady")
@@ -145,18 +144,6 @@ class RobotAir:
             downwash=np.vstack([line.downwash, line.centre_downwash]),
             numbers=np.array(numbers),
             tail=np.array([*place, np.cos(tilt), np.sin(tilt), *blade]),
-        )
-
-    @classmethod
-    def of(cls, wing: Wing, air: AirSection) -> RobotAir:
-        """Return the air that a scenario says, on a wing. Raises ShapeError."""
-        return cls(
-            wing,
-            strips=air.strips,
-            air_density=air.density,
-            model=air.model,
-            lift_limit=air.lift_limit,
-            added_mass=air.added_mass,
         )
 
     @property

@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.believed_air_kernels import END, MIDDLE, START, blow
 from aerobat_pin.estimation.motion import Motion
-from aerobat_pin.flight import layout, warmed_up
+from aerobat_pin.flight import layout, robot_air, warmed_up
 from aerobat_pin.numerics import Array, Integers
 from aerobat_pin.robot import BASE, Aerobat, held, joint_table, link_twists, rotations
 from aerobat_pin.scenario import AirSection
@@ -63,7 +62,7 @@ class _Believed:
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
         self.robot, self.section = robot, air
         self.model, self.data = robot.model, robot.model.createData()
-        self.air = RobotAir.of(robot.wing, air)
+        self.air = robot_air(robot.wing, air)
         self.constants, self.places, self._arrays = layout(self.model, self.data, self.air)
         modes = np.linalg.eigvals(self.air.line.state_space(1.0).A) if self.air.state_size else np.zeros(1)
         self.fastest = float(np.max(np.abs(modes)))  # [1/m]: rate of a mode per airspeed

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import wind_field
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.flight import FlightLog, wind_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE, JOINTS, Aerobat, rotations
 from aerobat_pin.scenario import AirSection
@@ -108,7 +107,7 @@ def _wind(log: FlightLog, q: Array, v: Array, air: AirSection) -> tuple[Array, s
     if "wind_W" in measured:
         velocity, source = np.asarray(measured["wind_W"].values, float), "measured"
     elif any(air.wind) or air.gust is not None or "airspeed" not in measured:
-        return wind_field(air, time), "believed"
+        return wind_of(air).field(time), "believed"
     else:
         along = v[:, 0] - np.asarray(measured["airspeed"].values, float)
         velocity, source = along[:, None] * rotations(q)[:, :, 0], "reconstructed"

@@ -1,5 +1,6 @@
 """From a scenario to a flight log: plant, crank, sensors; the log is the only door to estimating."""
 
+from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel
@@ -31,6 +32,7 @@ __all__ = [
     "held_parts",
     "layout",
     "read_csv",
+    "robot_air",
     "simulate",
     "trim",
     "unpack",
@@ -38,5 +40,6 @@ __all__ = [
     "unpack_work",
     "wake_of",
     "warmed_up",
+    "wind_of",
     "write_csv",
 ]

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.references import LATTICE_FLAP, FlapLoads, jones_harmonic, plunge, theodorsen
 
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly
-from aerobat_pin.aerodynamics.references import LATTICE_FLAP, FlapLoads, jones_harmonic, plunge, theodorsen
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.robot.aerobat import load_aerobat
 

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.references import (
+from support.references import (
     LATTICE_START,
     elliptic,
     jones,
@@ -22,6 +20,8 @@ from aerobat_pin.aerodynamics.references import (
     theodorsen,
     wagner,
 )
+
+from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.robot.aerobat import load_aerobat
 
 ENDLESS = 1e9  # [m]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from on_the_robot import HALVES, arrays_of, plate, plate_drag, rectangle_loads
 from support.gliding import BARE, gliding, settled
+from support.references import LATTICE_FLAP
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.references import LATTICE_FLAP
 from aerobat_pin.aerodynamics.robot_air import air_loads
 from aerobat_pin.aerodynamics.strips import FORCE_X, FORCE_Z, LOADS
 from aerobat_pin.robot.wing import LINKS

@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LOADS, RobotAir, wind_field
+from aerobat_pin.aerodynamics import LOADS
 from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, crank_drive, turned
 from aerobat_pin.flight.plant.kernels import advance, evaluate
@@ -103,7 +104,7 @@ class Plant:
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
         self.data = model.createData()
-        self.air = RobotAir.of(robot.wing, scenario.air)
+        self.air = robot_air(robot.wing, scenario.air)
         self.drive = crank_drive(robot, scenario) if drive is None else drive
         self.forces = point_forces(model, scenario)
         self.points = tuple(dict.fromkeys(force.frame for force in self.forces))
@@ -264,7 +265,7 @@ class Plant:
 
     def wind(self, time: Array) -> Array:
         """Return velocity of the air and its rate (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
-        return wind_field(self.scenario.air, time)
+        return wind_of(self.scenario.air).field(time)
 
     def _warmed_up(self, rotation: Array) -> State:
         """Return the start, the air warmed up over whole cycles with the body held at its attitude and velocity.

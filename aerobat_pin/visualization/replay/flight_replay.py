@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerodynamics import drift
 from aerobat_pin.estimation import motion, point_label, true_events, true_force
 from aerobat_pin.flight import FlightLog, Wake, wake_of
 from aerobat_pin.numerics import Array
@@ -80,9 +79,9 @@ def _keyframes(log: FlightLog, index: Array) -> FlightLog:
 
 def _add_wake(recording: Recording, wake: Wake) -> None:
     """Show the wake, coloured by the bound circulation that the wing had when it left it."""
-    along = drift(wake.air, wake.time)
+    along = wake.wind.drift(wake.time)
     points, bound = wake.position - along[:, None], wake.bound
-    moved = drift(wake.air, recording.time)
+    moved = wake.wind.drift(recording.time)
     if len(points) < len(moved):  # the last sample begins no interval
         points, bound = (np.concatenate([one, one[-1:]]) for one in (points, bound))
     share = np.clip(bound / max(float(np.percentile(np.abs(bound), 98.0)), 1e-12), -1.0, 1.0)[..., None]

@@ -9,11 +9,10 @@ import numpy as np
 import pinocchio as pin
 from on_the_robot import fly_strips
 
-from aerobat_pin.aerodynamics import CIRCULATION, FORCE_X, FORCE_Z, LEAD, RobotAir
+from aerobat_pin.aerodynamics import CIRCULATION, FORCE_X, FORCE_Z, LEAD, RobotAir, Wind
 from aerobat_pin.flight import Wake
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import LINKS, load_aerobat
-from aerobat_pin.scenario import AirSection
 
 AIRSPEED, PITCH, FREQUENCY = 4.5, np.radians(8.0), 4.75  # [m/s, rad, Hz]
 STEPS, FLAPS = 8400, 4  # a flap at its finest, which 160 strips need; the fourth no longer changes
@@ -69,4 +68,4 @@ def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
     force = np.einsum("tnij,tnj->ti", rotation, local)
     aft = air.mid_chord - np.sign(loads[:, LEAD])[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
     position = place + np.einsum("tnij,tnj->tni", rotation, aft)
-    return force, Wake(motion.time[:: 2 * stride], position, loads[:, CIRCULATION], AirSection(strips=strips))
+    return force, Wake(motion.time[:: 2 * stride], position, loads[:, CIRCULATION], Wind())

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from support import references
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly, references
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 from aerobat_pin.visualization import style
 
 ENDLESS = 1e9  # [m], a span that leaves no downwash

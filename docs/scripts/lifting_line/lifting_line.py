@@ -32,7 +32,7 @@ or one strip at rest, is no exception. The last two parts put it on the robot.
 | a wing that plunges, flaps, or moves as you say | `fly(line, Stroke(airspeed, frequency=..., flap=...), time)` in `aerobat_pin.aerodynamics.flapping_wing` |
 
 [examples/04_lifting_line.py](../examples/04_lifting_line.py) does all of it. The closed forms below are in
-`aerobat_pin.aerodynamics.references`, the tests in `tests/test_lifting_line_ladder.py` and `tests/test_stroke.py`.
+`tests/support/references.py`, the tests in `tests/test_lifting_line_ladder.py` and `tests/test_stroke.py`.
 
 ## What it is held to
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 from ladder import ENDLESS, OURS, THEORY, Rung
 from matplotlib.figure import Figure
+from support import references
 
-from aerobat_pin.aerodynamics import FORCE_X, FORCE_Z, LOADS, AirArrays, LiftingLine, Stroke, air_loads, fly, references
+from aerobat_pin.aerodynamics import FORCE_X, FORCE_Z, LOADS, AirArrays, LiftingLine, Stroke, air_loads, fly
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import LINKS
 from aerobat_pin.visualization import style

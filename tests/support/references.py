@@ -1,7 +1,6 @@
 """What a lifting line answers to: closed forms of the classics, and numbers of an unsteady vortex lattice.
 
-Small angles, lift slope 2 pi. s is the distance flown in semichords, k = w b/U the reduced frequency. Nothing else in
-the package needs this module: tests and documents do.
+Small angles, lift slope 2 pi. s is the distance flown in semichords, k = w b/U the reduced frequency.
 """
 
 from __future__ import annotations
