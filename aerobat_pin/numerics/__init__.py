@@ -5,6 +5,7 @@ from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock
 from aerobat_pin.numerics.lie_runge_kutta import next_stage, step
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
+from aerobat_pin.numerics.memory import new_memory, next_size, rewind, take, take_integers
 from aerobat_pin.numerics.pinocchio_views import (
     DOUBLE,
     addresses,
@@ -41,9 +42,14 @@ __all__ = [
     "lock",
     "mirror",
     "motions",
+    "new_memory",
+    "next_size",
     "next_stage",
     "placements",
+    "rewind",
     "shaped",
     "solve_positive",
     "step",
+    "take",
+    "take_integers",
 ]

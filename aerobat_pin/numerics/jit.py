@@ -33,6 +33,7 @@ KERNEL_SOURCES = (
     "numerics/jit.py",
     "numerics/lie_runge_kutta.py",
     "numerics/matrix_products.py",
+    "numerics/memory.py",
     "numerics/pinocchio_views.py",
     "numerics/small_matrices.py",
     "observers/kalman/kernels.py",

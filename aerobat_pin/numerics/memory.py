@@ -1,0 +1,77 @@
+"""Memory of compiled kernels: one flat array whose fields one function names, each once and with its shape.
+
+A compiled call pays for every array it is handed, so a kernel gets a single one, and finds its parts by address. How
+they lie there is said by a layout: a kernel that reads the sizes, then takes the fields one after the other from a
+cursor, an address that moves on by what is taken. A view costs nothing to make, and no shape is part of a type.
+
+    class Filter(NamedTuple):
+        gain: Array
+        state: Array
+
+    @kernel
+    def filter_in(memory: Array) -> Filter:
+        cursor = rewind(memory)
+        n = next_size(cursor)
+        return Filter(gain=take(cursor, (n,)), state=take(cursor, (2, n)))
+
+    memory = new_memory(filter_in, 3)  # runs the layout once to learn how much it takes
+    filter_in(memory).gain[:] = 1000.0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.numerics.arrays import Array
+from aerobat_pin.numerics.jit import Integers, inner
+from aerobat_pin.numerics.pinocchio_views import DOUBLE, array_at, integers_at
+
+
+@inner
+def rewind(memory: Array) -> Integers:
+    """Return the cursor (1,) of a memory, at its first size. It lies in the memory's first cell."""
+    start = memory.ctypes.data
+    cursor: Integers = integers_at(start, (1,))
+    cursor[0] = start + DOUBLE
+    return cursor
+
+
+@inner
+def next_size(cursor: Integers) -> int:
+    """Return the size at the cursor and move on. A layout reads all sizes before it takes the first field."""
+    cursor[0] += DOUBLE
+    return int(integers_at(cursor[0] - DOUBLE, (1,))[0])
+
+
+@inner
+def take(cursor: Integers, shape: tuple[int, ...]) -> Any:
+    """View the doubles at the cursor, by rows, and move on behind them."""
+    view = array_at(cursor[0], shape)
+    cursor[0] += DOUBLE * view.size
+    return view
+
+
+@inner
+def take_integers(cursor: Integers, shape: tuple[int, ...]) -> Any:
+    """View the integers at the cursor, by rows, and move on behind them; addresses of other arrays too lie so."""
+    view = integers_at(cursor[0], shape)
+    cursor[0] += DOUBLE * view.size  # an integer is as long as a double
+    return view
+
+
+def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:
+    """Return memory for the fields of a layout, all of them zero.
+
+    Args:
+        layout: a kernel that names the fields of a memory, of these and of no other sizes.
+        sizes: in the order in which the layout reads them.
+    """
+    head = np.zeros(1 + len(sizes))
+    head[1:].view(np.intp)[:] = sizes
+    layout(head)  # its views lie behind the end, where nobody reads them: what counts is how far the cursor went
+    memory = np.zeros((int(head.view(np.intp)[0]) - head.ctypes.data) // DOUBLE)
+    memory[: len(head)] = head
+    return memory
