@@ -194,12 +194,12 @@ def _model() -> Iterator[Finding]:
 
 def _kernels() -> Iterator[Finding]:
     """Tell where numba keeps the compiled kernels."""
-    from aerobat_pin.flight import advance
+    from aerobat_pin.flight import advance_stage
     from aerobat_pin.numerics import is_compiled
 
-    folder = getattr(getattr(advance, "stats", None), "cache_path", None)
+    folder = getattr(getattr(advance_stage, "stats", None), "cache_path", None)
     detail = "nowhere to write: every start compiles for about 20 s"
     if folder:
-        state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
+        state = "compiled" if is_compiled(advance_stage) else "not compiled yet: the first run takes some 20 s more"
         detail = f"{folder}, {state}"
     yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")

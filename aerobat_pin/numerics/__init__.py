@@ -3,7 +3,7 @@
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock
-from aerobat_pin.numerics.lie_runge_kutta import next_stage, step
+from aerobat_pin.numerics.lie_runge_kutta import DEPARTURES, HALF_STEPS, add_stage, lie_step, next_state, next_tangent
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
 from aerobat_pin.numerics.memory import new_memory, next_size, rewind, take, take_integers
 from aerobat_pin.numerics.pinocchio_views import (
@@ -19,11 +19,14 @@ from aerobat_pin.numerics.pinocchio_views import (
 from aerobat_pin.numerics.small_matrices import copy_values, dot, eigenvectors, solve_positive
 
 __all__ = [
+    "DEPARTURES",
     "DOUBLE",
+    "HALF_STEPS",
     "Array",
     "Integers",
     "add_product",
     "add_row_product",
+    "add_stage",
     "addresses",
     "announce_compilation",
     "array_at",
@@ -39,17 +42,18 @@ __all__ = [
     "integers_at",
     "is_compiled",
     "kernel",
+    "lie_step",
     "lock",
     "mirror",
     "motions",
     "new_memory",
     "next_size",
-    "next_stage",
+    "next_state",
+    "next_tangent",
     "placements",
     "rewind",
     "shaped",
     "solve_positive",
-    "step",
     "take",
     "take_integers",
 ]

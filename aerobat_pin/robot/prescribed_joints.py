@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
 
 BASE = 6  # velocities of a free-flyer base
@@ -36,3 +37,15 @@ def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_accelera
     torque = np.zeros_like(nle)
     torque[BASE:] = M[BASE:] @ acceleration + nle[BASE:] - force[BASE:]
     return acceleration, torque
+
+
+def joint_table(closure: Closure) -> Array:
+    """Stack angle, rate and acceleration of shoulder and elbow as (n, 3, 2)."""
+    return np.stack(
+        [
+            np.stack([closure.theta_s, closure.theta_e], axis=-1),
+            np.stack([closure.theta_s_dot, closure.theta_e_dot], axis=-1),
+            np.stack([closure.theta_s_ddot, closure.theta_e_ddot], axis=-1),
+        ],
+        axis=1,
+    )
