@@ -63,13 +63,16 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
         H: (nv, nv) inertia, added to.
         h: (nv,) bias, added to.
     """
-    rows = links.normals
-    for link in range(tree.joint.shape[0]):
-        mass = added.masses[link]
+    rows, rotation, origin, twists = links.normals, links.rotation, links.origin, links.twists
+    gravity, wind, wind_rate = links.gravity_B, links.wind_B, links.wind_rate_B
+    masses, centre_x, centre_y, skews = added.masses, added.x, added.y, added.skew
+    joint_of, parent_of, row_of, axes, liMi, a_gf = tree.joint, tree.parent, tree.row, tree.axis, found.liMi, found.a_gf
+    for link in range(joint_of.shape[0]):
+        mass = masses[link]
         if mass[0] == 0.0:
             continue
-        x, y, skew = added.x[link], added.y[link], added.skew[link]
-        R, p = links.rotation[link], links.origin[link]
+        x, y, skew = centre_x[link], centre_y[link], skews[link]
+        R, p = rotation[link], origin[link]
         qx = p[0] + R[0, 0] * x + R[0, 1] * y
         qy = p[1] + R[1, 0] * x + R[1, 1] * y
         qz = p[2] + R[2, 0] * x + R[2, 1] * y
@@ -78,16 +81,16 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
         rows[0, 3], rows[0, 4], rows[0, 5] = qy * zz - qz * zy, qz * zx - qx * zz, qx * zy - qy * zx
         for i in range(3):
             rows[1, 3 + i], rows[2, 3 + i] = R[i, 0] + skew * R[i, 1], R[i, 1]
-        joint, parent, own, above = tree.joint[link], tree.parent[link], tree.row[link], 0
+        joint, parent, own, above = joint_of[link], parent_of[link], row_of[link], 0
         size = 6
         if link > 0:
-            turn = tree.axis[link]
+            turn = axes[link]
             rows[0, 6] = turn[0] * y - turn[1] * x
             rows[1, 6], rows[2, 6] = turn[0] + skew * turn[1], turn[1]
             size = 7
         if parent > 0:
-            P, a = found.liMi[joint], tree.axis[parent]
-            above = tree.row[parent]
+            P, a = liMi[joint], axes[parent]
+            above = row_of[parent]
             wx, wy = P[0] * a[0] + P[1] * a[1] + P[2] * a[2], P[3] * a[0] + P[4] * a[1] + P[5] * a[2]
             lift = (
                 P[6] * (a[1] * P[11] - a[2] * P[10])
@@ -97,12 +100,12 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
             rows[0, 7], rows[1, 7], rows[2, 7] = lift + wx * y - wy * x, wx + skew * wy, wy
             size = 8
         # Accelerations that v alone brings about, against the air.
-        twist, bias, wind = links.twists[link], found.a_gf[joint], links.wind_B
+        twist, bias = twists[link], a_gf[joint]
         along = R[0, 0] * wind[0] + R[1, 0] * wind[1] + R[2, 0] * wind[2]
         across = R[0, 1] * wind[0] + R[1, 1] * wind[1] + R[2, 1] * wind[2]
         rise = bias[2] + twist[3] * across - twist[4] * along
         for i in range(3):
-            rise -= R[i, 2] * (links.gravity_B[i] + links.wind_rate_B[i])
+            rise -= R[i, 2] * (gravity[i] + wind_rate[i])
         spin, tilt = bias[3], bias[4]
         rise, spin = mass[0] * (rise + y * spin - x * tilt), mass[1] * (spin + skew * tilt)
         tilt *= mass[2]

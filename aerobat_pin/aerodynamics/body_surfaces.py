@@ -24,23 +24,25 @@ def add_surfaces(surfaces: Surfaces, density: float, base: Array, centre_downwas
         centre_downwash: of the wing, on its centre line [m/s].
         body: (6,) wrench on the body, added to.
     """
+    tail, fin, drag_area = surfaces.tail, surfaces.fin, surfaces.drag_area[()]
+    cosine, sine, tail_lift = surfaces.tail_cosine[()], surfaces.tail_sine[()], surfaces.tail_lift[()]
+    factor, fin_lift = surfaces.downwash_factor[()], surfaces.fin_lift[()]
     speed = np.sqrt(base[0] ** 2 + base[1] ** 2 + base[2] ** 2)
     for k in range(3):
-        body[k] -= 0.5 * density * surfaces.drag_area[()] * speed * base[k]
-    x, y, z = surfaces.tail[0], surfaces.tail[1], surfaces.tail[2]
-    cosine, sine = surfaces.tail_cosine[()], surfaces.tail_sine[()]
+        body[k] -= 0.5 * density * drag_area * speed * base[k]
+    x, y, z = tail[0], tail[1], tail[2]
     u = base[0] + base[4] * z - base[5] * y
-    w = -(base[2] + base[3] * y - base[4] * x) - surfaces.downwash_factor[()] * centre_downwash
-    force = density * surfaces.tail_lift[()] * abs(u * cosine - w * sine) * (u * sine + w * cosine)
+    w = -(base[2] + base[3] * y - base[4] * x) - factor * centre_downwash
+    force = density * tail_lift * abs(u * cosine - w * sine) * (u * sine + w * cosine)
     fx, fz = -force * sine, force * cosine
     body[0] += fx
     body[2] += fz
     body[3] += y * fz
     body[4] += z * fx - x * fz
     body[5] -= y * fx
-    x, y, z = surfaces.fin[0], surfaces.fin[1], surfaces.fin[2]
+    x, y, z = fin[0], fin[1], fin[2]
     u = base[0] + base[4] * z - base[5] * y
-    fy = -density * surfaces.fin_lift[()] * abs(u) * (base[1] + base[5] * x - base[3] * z)
+    fy = -density * fin_lift * abs(u) * (base[1] + base[5] * x - base[3] * z)
     body[1] += fy
     body[3] -= z * fy
     body[5] += x * fy

@@ -52,14 +52,16 @@ def place_links(tree: Tree, found: PinocchioResults, gravity: Array, wind: Array
         links: written, but for `wrenches` and `normals`.
     """
     chain(tree, found.liMi, links.rotation, links.origin)
-    body, wind_B = found.liMi[tree.joint[0]], links.wind_B
+    joint, v, rotation, twists = tree.joint, found.v, links.rotation, links.twists
+    gravity_B, wind_B, wind_rate_B = links.gravity_B, links.wind_B, links.wind_rate_B
+    body = found.liMi[joint[0]]
     for i in range(3):
         x, y, z = body[3 * i], body[3 * i + 1], body[3 * i + 2]
-        links.gravity_B[i] = gravity[()] * z
+        gravity_B[i] = gravity[()] * z
         wind_B[i] = x * wind[0, 0] + y * wind[0, 1] + z * wind[0, 2]
-        links.wind_rate_B[i] = x * wind[1, 0] + y * wind[1, 1] + z * wind[1, 2]
-    for link in range(tree.joint.shape[0]):
-        R, twist = links.rotation[link], links.twists[link]
-        copy_values(found.v[tree.joint[link]], twist)
+        wind_rate_B[i] = x * wind[1, 0] + y * wind[1, 1] + z * wind[1, 2]
+    for link in range(joint.shape[0]):
+        R, twist = rotation[link], twists[link]
+        copy_values(v[joint[link]], twist)
         for i in range(3):
             twist[i] -= R[0, i] * wind_B[0] + R[1, i] * wind_B[1] + R[2, i] * wind_B[2]

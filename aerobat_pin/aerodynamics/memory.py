@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from aerobat_pin.aerodynamics.added_mass import AddedMass
 from aerobat_pin.aerodynamics.links import Links, PinocchioResults
 from aerobat_pin.aerodynamics.strips import STRIP_ROWS, AirConstants, Strips, Surfaces
-from aerobat_pin.numerics import Array, array_at, kernel, next_size, rewind, take, take_integers
+from aerobat_pin.numerics import Array, array_at, merged, next_size, rewind, take, take_integers
 from aerobat_pin.robot import LINKS, Tree
 
 LINK_COUNT = len(LINKS)
@@ -34,7 +34,7 @@ class RobotMemory(NamedTuple):
     state: Array
 
 
-@kernel
+@merged
 def air_in(memory: Array) -> AirConstants:
     """Lay out the air's constants; size: number of strips."""
     cursor = rewind(memory)
@@ -69,7 +69,7 @@ def air_in(memory: Array) -> AirConstants:
     )
 
 
-@kernel
+@merged
 def robot_in(memory: Array) -> RobotMemory:
     """Lay out a robot in its air.
 

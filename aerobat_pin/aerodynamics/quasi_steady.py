@@ -35,13 +35,16 @@ def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: Str
     `circulation` is the bound one of the lift, U c CL / 2, and `effective_velocity` the normal velocity w.
     """
     sections(strips, twists, rows)
-    for i in range(strips.link.shape[0]):
-        u, w, speed = rows.u[i], rows.w[i], rows.speed[i]
+    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.speed
+    downwash, circulation, effective = rows.downwash, rows.circulation, rows.effective_velocity
+    force_x, force_z = rows.force_x, rows.force_z
+    for i in range(factor.shape[0]):
+        u, w, speed = us[i], ws[i], speeds[i]
         lift, drag = coefficients(np.arctan2(abs(w), abs(u)) / DEGREE)
-        push = strips.force_factor[i] * speed
-        rows.downwash[i], rows.effective_velocity[i] = 0.0, w
-        rows.circulation[i] = np.sign(w) * lift * speed / strips.per_semichord[i]
-        rows.force_x[i] = push * (np.sign(u) * lift * abs(w) - drag * u)
-        rows.force_z[i] = push * (np.sign(w) * lift * abs(u) + drag * w)
+        push = factor[i] * speed
+        downwash[i], effective[i] = 0.0, w
+        circulation[i] = np.sign(w) * lift * speed / per_semichord[i]
+        force_x[i] = push * (np.sign(u) * lift * abs(w) - drag * u)
+        force_z[i] = push * (np.sign(w) * lift * abs(u) + drag * w)
     gather(strips, rows, wrenches)
     return 0.0

@@ -32,7 +32,7 @@ from aerobat_pin.aerodynamics.strips import (
     strip_rows,
 )
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, inner, kernel, new_memory, shaped
+from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory, shaped
 from aerobat_pin.robot import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
@@ -216,7 +216,7 @@ def air_memory(
         line.centre_downwash,
         surfaces,
     )
-    fill(air_in(memory), values)
+    fill(fields_of(air_in, memory), values)
     return memory
 
 

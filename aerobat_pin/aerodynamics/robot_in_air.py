@@ -14,6 +14,7 @@ from aerobat_pin.numerics import (
     addresses,
     check_views,
     copy_values,
+    fields_of,
     kernel,
     motions,
     new_memory,
@@ -27,12 +28,13 @@ from aerobat_pin.robot import Aerobat, tree_of
 def warm_up(memory: Array, twists: Array, dt: float) -> None:
     """Integrate the air's state in memory under link twists against the air (2 n + 1, 5, 6), given every half step."""
     robot = robot_in(memory)
+    air, wrenches, loads = robot.air, robot.links.wrenches, robot.loads
+    rates, start, state = robot.rates, robot.start, robot.state
     for i in range(twists.shape[0] // 2):
-        copy_values(robot.state, robot.start)
+        copy_values(state, start)
         for stage in range(4):
-            here = twists[2 * i + HALF_STEPS[stage]]
-            air_loads(robot.air, here, robot.state, robot.links.wrenches, robot.rates[stage], robot.loads)
-            next_state(stage, dt, robot.rates, robot.start, robot.state)
+            air_loads(air, twists[2 * i + HALF_STEPS[stage]], state, wrenches, rates[stage], loads)
+            next_state(stage, dt, rates, start, state)
 
 
 class RobotInAir:
@@ -56,7 +58,7 @@ class RobotInAir:
         places = addresses(air.memory, data.M, data.nle, liMi, v, a_gf)
         sizes = (int(model.nv), model.njoints, air.line.strips, air.state_size)
         self.memory = new_memory(robot_in, *places.tolist(), *sizes)
-        self.fields = robot_in(self.memory)
+        self.fields = fields_of(robot_in, self.memory)
         fill(self.fields.added_mass, factored(air.added_mass))
         fill(self.fields.tree, tree_of(model))
         self.fields.gravity[...] = -model.gravity.linear[2]

@@ -116,10 +116,10 @@ def strip_rows(loads: Array) -> StripRows:
 def sections(strips: Strips, twists: Array, rows: StripRows) -> None:
     """Write the flow at each strip: `u`, `w` (at the 3/4 chord), `speed` and `lead`."""
     count = strips.link.shape[0]
-    x, y, z, quarter = strips.x, strips.y, strips.z, strips.quarter_chord
+    link_of, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
     u, w, speed, lead, turn = rows.u, rows.w, rows.speed, rows.lead, rows.force_x
     for i in range(count):
-        link = strips.link[i]
+        link = link_of[i]
         u[i] = twists[link, 0] + twists[link, 4] * z[i] - twists[link, 5] * y[i]
         w[i] = -(twists[link, 2] + twists[link, 3] * y[i] - twists[link, 4] * x[i])
         turn[i] = twists[link, 4] * quarter[i]
@@ -133,15 +133,16 @@ def sections(strips: Strips, twists: Array, rows: StripRows) -> None:
 @inner
 def gather(strips: Strips, rows: StripRows, wrenches: Array) -> None:
     """Write the links' wrenches (5, 6) of the strips' forces at their 1/4 chords."""
+    link, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
+    force_x, force_z, lead = rows.force_x, rows.force_z, rows.lead
     wrenches[:] = 0.0
-    x, y, z, quarter = strips.x, strips.y, strips.z, strips.quarter_chord
-    for i in range(strips.link.shape[0]):
-        wrench = wrenches[strips.link[i]]
-        fx, fz = rows.force_x[i], rows.force_z[i]
+    for i in range(link.shape[0]):
+        wrench = wrenches[link[i]]
+        fx, fz = force_x[i], force_z[i]
         wrench[0] += fx
         wrench[2] += fz
         wrench[3] += y[i] * fz
-        wrench[4] += z[i] * fx - (x[i] + rows.lead[i] * quarter[i]) * fz
+        wrench[4] += z[i] * fx - (x[i] + lead[i] * quarter[i]) * fz
         wrench[5] -= y[i] * fx
 
 
@@ -167,11 +168,12 @@ def strip_loads(
     per_semichord, factor = strips.per_semichord, strips.force_factor
     sections(strips, twists, rows)
     u, w, speed, lead, wash = rows.u, rows.w, rows.speed, rows.lead, rows.downwash
-    w_eff, fx, fz = rows.effective_velocity, rows.force_x, rows.force_z
+    w_eff, bound, fx, fz = rows.effective_velocity, rows.circulation, rows.force_x, rows.force_z
+    downwash, centre_downwash = air.downwash, air.centre_downwash
     for i in range(count):
         total = 0.0
         for j in range(count):
-            total += air.downwash[i, j] * circulation[j]
+            total += downwash[i, j] * circulation[j]
         wash[i] = total
     for i in range(count):
         w_total = (w[i] * abs(u[i]) / speed[i] if speed[i] > 0.0 else 0.0) - wash[i]
@@ -187,11 +189,11 @@ def strip_loads(
         growth[i] = 0.5 * speed[i] * (slope * w_eff[i] - per_semichord[i] * circulation[i])
         drag = factor[i] * cd0 * speed[i]
         lift = factor[i] * slope * w_eff[i]
-        rows.circulation[i] = circulation[i]
+        bound[i] = circulation[i]
         fx[i] = lead[i] * lift * w_eff[i] - drag * u[i]
         fz[i] = lift * speed[i] + drag * w[i]
     gather(strips, rows, wrenches)
     centre = 0.0
     for j in range(count):
-        centre += air.centre_downwash[j] * circulation[j]
+        centre += centre_downwash[j] * circulation[j]
     return centre

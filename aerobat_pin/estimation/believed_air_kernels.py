@@ -21,21 +21,23 @@ def advance_air_stage(memory: Array, wind: Array, acceleration: Array, dt: float
         means: (2, nv) gathers the aerodynamic generalised force and that of the added mass.
     """
     robot = robot_in(memory)
-    tree, found, links, H, h, nv = robot.tree, robot.found, robot.links, robot.H, robot.h, means.shape[1]
+    air, mass, tree, found, links = robot.air, robot.added_mass, robot.tree, robot.found, robot.links
+    H, h, loads, rates, start, state = robot.H, robot.h, robot.loads, robot.rates, robot.start, robot.state
+    liMi, twists, wrenches, nv = found.liMi, links.twists, links.wrenches, means.shape[1]
     place_links(tree, found, robot.gravity, wind, links)
     for stage in range(4):
         if HALF_STEPS[stage] == place:
-            air_loads(robot.air, links.twists, robot.state, links.wrenches, robot.rates[stage], robot.loads)
-            climb(tree, found.liMi, links.wrenches, h)
+            air_loads(air, twists, state, wrenches, rates[stage], loads)
+            climb(tree, liMi, wrenches, h)
             add_stage(stage, h, means[0])
-            next_state(stage, dt, robot.rates, robot.start, robot.state)
+            next_state(stage, dt, rates, start, state)
     if place == 2:
-        copy_values(robot.state, robot.start)
+        copy_values(state, start)
     if place == 1:
         for i in range(nv):
             h[i] = 0.0
             H[i, :] = 0.0
-        add_mass(robot.added_mass, tree, found, links, H, h)
+        add_mass(mass, tree, found, links, H, h)
         for i in range(nv):
             dragged = h[i]
             for j in range(nv):

@@ -80,21 +80,21 @@ def hold_wrench(hold: AttitudeHold, world: Array, twist: Array, error_rotation: 
         error_rotation: (3, 3) written: from the body's attitude to the one to keep.
         wrench: (6,) written.
     """
-    for i in range(3):
-        for j in range(3):
-            error_rotation[i, j] = 0.0
-            for k in range(3):
-                error_rotation[i, j] += world[3 * i + k] * hold.rotation[k, j]
-    rotation_vector(error_rotation, wrench[3:])
-    for i in range(3):
-        torque = hold.attitude_stiffness[i] * wrench[3 + i] - hold.attitude_damping[i] * twist[3 + i]
-        wrench[3 + i] = saturated(torque, hold.torque_limit[i])
+    target, limit = hold.rotation, hold.torque_limit
+    stiffness, damping = hold.attitude_stiffness, hold.attitude_damping
     vx = world[0] * twist[0] + world[3] * twist[1] + world[6] * twist[2]
     vz = world[2] * twist[0] + world[5] * twist[1] + world[8] * twist[2]
     thrust = saturated(hold.speed_gain[()] * (hold.forward_speed[()] - vx), hold.thrust_limit[()])
     push = hold.height_stiffness[()] * (hold.height[()] - world[11]) - hold.height_damping[()] * vz
     rise = hold.lift[()] + saturated(push, hold.lift_limit[()])
     for i in range(3):
+        for j in range(3):
+            error_rotation[i, j] = 0.0
+            for k in range(3):
+                error_rotation[i, j] += world[3 * i + k] * target[k, j]
+    rotation_vector(error_rotation, wrench[3:])
+    for i in range(3):
+        wrench[3 + i] = saturated(stiffness[i] * wrench[3 + i] - damping[i] * twist[3 + i], limit[i])
         wrench[i] = world[3 * i] * thrust + world[3 * i + 2] * rise
 
 

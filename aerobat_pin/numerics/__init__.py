@@ -2,10 +2,10 @@
 
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id
-from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock
+from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
 from aerobat_pin.numerics.lie_runge_kutta import DEPARTURES, HALF_STEPS, add_stage, lie_step, next_state, next_tangent
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
-from aerobat_pin.numerics.memory import new_memory, next_size, rewind, take, take_integers
+from aerobat_pin.numerics.memory import fields_of, new_memory, next_size, rewind, take, take_integers
 from aerobat_pin.numerics.pinocchio_views import (
     DOUBLE,
     addresses,
@@ -37,6 +37,7 @@ __all__ = [
     "doubles_at",
     "eigenvectors",
     "factorise",
+    "fields_of",
     "frame_id",
     "inner",
     "integers_at",
@@ -44,6 +45,7 @@ __all__ = [
     "kernel",
     "lie_step",
     "lock",
+    "merged",
     "mirror",
     "motions",
     "new_memory",

@@ -61,7 +61,15 @@ def inner(function: Function) -> Function:
     return _compiled(function, no_cpython_wrapper=True)
 
 
-def _compiled(function: Function, **more: bool) -> Function:
+def merged(function: Function) -> Function:
+    """Make a kernel that becomes part of the kernels that call it: a name in it that nobody uses costs nothing there.
+
+    So are the layouts of a memory; Python reads them by `memory.fields_of`, which waits for no compiler.
+    """
+    return _compiled(function, inline="always", no_cpython_wrapper=True)
+
+
+def _compiled(function: Function, **more: Any) -> Function:
     options: dict[str, Any] = {
         "error_model": "numpy",  # and no fastmath: see design note 4 on the same numbers everywhere
         "no_cfunc_wrapper": True,  # nobody calls a kernel from C
@@ -74,6 +82,8 @@ def _compiled(function: Function, **more: bool) -> Function:
     with suppress(AttributeError):  # a numba that keeps its stamp elsewhere
         # numba looks for changes in a kernel's own file only, but the kernels that it calls are compiled into it.
         compiled._cache._cache_file._source_stamp = sources_stamp()
+        # What is outdated is not even unpickled: the classes in its signatures may be gone.
+        compiled._cache._cache_file._version = f"{numba.__version__} {sources_stamp()}"
     return cast(Function, compiled)
 
 

@@ -9,11 +9,12 @@ from aerobat_pin.robot.link_tree import Tree
 @kernel
 def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
     """Carry link wrenches (5, 6) up the tree (in place) and write the generalised force sum J^T f (nv,)."""
-    for link in range(tree.joint.shape[0] - 1, 0, -1):
-        joint, parent, row = tree.joint[link], tree.parent[link], tree.row[link]
+    joint_of, parent_of, row_of, axis = tree.joint, tree.parent, tree.row, tree.axis
+    for link in range(joint_of.shape[0] - 1, 0, -1):
+        joint, parent, row = joint_of[link], parent_of[link], row_of[link]
         own = wrenches[link]
         fx, fy, fz, mx, my, mz = own[0], own[1], own[2], own[3], own[4], own[5]
-        force[row] = tree.axis[link, 0] * mx + tree.axis[link, 1] * my + tree.axis[link, 2] * mz
+        force[row] = axis[link, 0] * mx + axis[link, 1] * my + axis[link, 2] * mz
         P = liMi[joint]
         gx = P[0] * fx + P[3] * fy + P[6] * fz
         gy = P[1] * fx + P[4] * fy + P[7] * fz
@@ -25,19 +26,20 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
         up[3] += P[0] * mx + P[3] * my + P[6] * mz + P[10] * gz - P[11] * gy
         up[4] += P[1] * mx + P[4] * my + P[7] * mz + P[11] * gx - P[9] * gz
         up[5] += P[2] * mx + P[5] * my + P[8] * mz + P[9] * gy - P[10] * gx
-    base = tree.row[0]
+    base = row_of[0]
     copy_values(wrenches[0], force[base : base + 6])
 
 
 @kernel
 def chain(tree: Tree, liMi: Array, rotation: Array, origin: Array) -> None:
     """Write rotations (5, 3, 3) of the links to body axes and their origins (5, 3) in the body's frame."""
+    joint_of, parent_of = tree.joint, tree.parent
     for i in range(3):
         origin[0, i] = 0.0
         for j in range(3):
             rotation[0, i, j] = 1.0 if i == j else 0.0
-    for link in range(1, tree.joint.shape[0]):
-        P, parent = liMi[tree.joint[link]], tree.parent[link]
+    for link in range(1, joint_of.shape[0]):
+        P, parent = liMi[joint_of[link]], parent_of[link]
         for i in range(3):
             a, b, c = rotation[parent, i, 0], rotation[parent, i, 1], rotation[parent, i, 2]
             origin[link, i] = origin[parent, i] + a * P[9] + b * P[10] + c * P[11]

@@ -6,7 +6,7 @@ import numpy as np
 
 from aerobat_pin.aerodynamics import add_mass, air_loads, place_links
 from aerobat_pin.flight.attitude_hold import hold_wrench
-from aerobat_pin.flight.plant.memory import UnknownForces, plant_in
+from aerobat_pin.flight.plant.memory import PlantMemory, UnknownForces, plant_in
 from aerobat_pin.numerics import (
     DEPARTURES,
     HALF_STEPS,
@@ -15,6 +15,7 @@ from aerobat_pin.numerics import (
     array_at,
     copy_values,
     kernel,
+    merged,
     next_state,
     next_tangent,
     solve_positive,
@@ -47,30 +48,33 @@ def push(
         noisy: (p, 3) written, world axes [N].
         clean: (p, 3) written, world axes [N].
     """
+    table, place = unknown.direction, unknown.point_place
+    point_of, link_of, axes_of, amplitude = unknown.point, unknown.link, unknown.axes, unknown.elbow_amplitude
+    carrier = unknown.point_link
     wrenches[:] = 0.0
     noisy[:] = 0.0
     clean[:] = 0.0
-    for i in range(unknown.point.shape[0]):
-        point, axes = unknown.point[i], unknown.axes[i]
-        signal = unknown.elbow_amplitude[i] * np.sin(elbow) + held[1, i, k]
+    for i in range(point_of.shape[0]):
+        point, axes = point_of[i], axes_of[i]
+        signal = amplitude[i] * np.sin(elbow) + held[1, i, k]
         with_noise = signal + held[0, i, k]
-        x, y, z = unknown.direction[i, 0], unknown.direction[i, 1], unknown.direction[i, 2]
+        x, y, z = table[i, 0], table[i, 1], table[i, 2]
         if axes == 0:
-            R = rotation[unknown.link[i]]
+            R = rotation[link_of[i]]
             x, y, z = (
                 R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
                 R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
                 R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
             )
         for row in range(3):
-            direction = unknown.direction[i, row]
+            direction = table[i, row]
             if axes != 2:
                 direction = world[row] * x + world[3 + row] * y + world[6 + row] * z
             noisy[point, row] += with_noise * direction
             clean[point, row] += signal * direction
-    for point in range(unknown.point_link.shape[0]):
-        link = unknown.point_link[point]
-        x, y, z = unknown.point_place[point, 0], unknown.point_place[point, 1], unknown.point_place[point, 2]
+    for point in range(carrier.shape[0]):
+        link = carrier[point]
+        x, y, z = place[point, 0], place[point, 1], place[point, 2]
         R, f, wrench = rotation[link], noisy[point], wrenches[link]
         bx = world[0] * f[0] + world[1] * f[1] + world[2] * f[2]
         by = world[3] * f[0] + world[4] * f[1] + world[5] * f[2]
@@ -86,12 +90,14 @@ def push(
         wrench[5] += x * fy - y * fx
 
 
-@kernel
-def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array) -> None:
+@merged
+def equations_of_motion(
+    plant: PlantMemory, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array
+) -> None:
     """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
 
     Args:
-        memory: of the plant, see `plant_in`; its `forces` and the robot's `loads` are written.
+        plant: its `forces` and the robot's `loads` are written.
         joints: (3, 2) angle, rate and acceleration of shoulder and elbow.
         wind: (2, 3) velocity of the air and its rate, world axes.
         held: (2, f, intervals) mean noise and mean signal of each unknown force [N].
@@ -99,63 +105,71 @@ def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, sta
         state: (6 + S,) base twist in body axes, then the air.
         rate: (6 + S,) written: base acceleration, then the rate of the air.
     """
-    plant = plant_in(memory)
-    robot, forces = plant.robot, plant.forces
-    tree, found, links, H, h = robot.tree, robot.found, robot.links, robot.H, robot.h
-    M, nle, v, wrenches = found.M, found.nle, found.v, links.wrenches
-    nv, count, base = nle.shape[0], tree.joint.shape[0], tree.row[0]
-    body = tree.joint[0]
+    # Fields are taken out first: a named tuple is loaded whole, in every other block that asks it for a field.
+    robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
+    holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
+    tree, found, links, mass = robot.tree, robot.found, robot.links, robot.added_mass
+    H, h, joint, row_of, angle_of = robot.H, robot.h, tree.joint, tree.row, tree.angle
+    M, nle, liMi, v, wrenches = found.M, found.nle, found.liMi, found.v, links.wrenches
+    aerodynamic, added, thrusters = forces.aerodynamic, forces.added_mass, forces.thrusters
+    motor, pushed, link_wrench = forces.motor, forces.unknown, forces.link_wrench
+    total_motor_power, total_air_power = forces.motor_power, forces.air_power
+    nv, count, base = nle.shape[0], joint.shape[0], row_of[0]
+    body, world, rotation = v[joint[0]], liMi[joint[0]], links.rotation
     place_links(tree, found, robot.gravity, wind, links)
     air_loads(robot.air, links.twists, state[6:], wrenches, rate[6:], robot.loads)
+    push(unknown, joints[0, 1], held, k, world, rotation, pushes, forces.force_W, forces.force_noise_free_W)
+    climb(tree, liMi, pushes, pushed)
     air_power = 0.0
     for link in range(count):
         for i in range(6):
-            forces.link_wrench[link, i] = wrenches[link, i]
-            air_power += wrenches[link, i] * v[tree.joint[link], i]
-    climb(tree, found.liMi, wrenches, forces.aerodynamic)
-    forces.thrusters[:] = 0.0
-    if plant.holds[()] > 0.0:
-        thrust = forces.thrusters[base : base + 6]
-        hold_wrench(plant.hold, found.liMi[body], v[body], plant.error_rotation, thrust)
-    at_points, clean = forces.force_W, forces.force_noise_free_W
-    push(plant.unknown, joints[0, 1], held, k, found.liMi[body], links.rotation, plant.pushes, at_points, clean)
-    climb(tree, found.liMi, plant.pushes, forces.unknown)
+            link_wrench[link, i] = wrenches[link, i]
+            air_power += wrenches[link, i] * v[joint[link], i]
+    climb(tree, liMi, wrenches, aerodynamic)
+    thrusters[:] = 0.0
+    if holds[()] > 0.0:
+        hold_wrench(hold, world, body, error_rotation, thrusters[base : base + 6])
 
     for i in range(nv):
         h[i] = nle[i]
         for j in range(nv):
             H[i, j] = M[i, j]
-    add_mass(robot.added_mass, tree, found, links, H, h)
-    A, b = plant.A, plant.b
+    add_mass(mass, tree, found, links, H, h)
     for i in range(6):
-        b[i] = forces.aerodynamic[i] + forces.thrusters[i] + forces.unknown[i] - h[i]
+        b[i] = aerodynamic[i] + thrusters[i] + pushed[i] - h[i]
         for j in range(6):
             A[i, j] = H[i, j]
         for link in range(1, count):
-            b[i] -= H[i, tree.row[link]] * joints[2, tree.angle[link]]
+            b[i] -= H[i, row_of[link]] * joints[2, angle_of[link]]
     solve_positive(A, b)
     copy_values(b, rate[:6])
     motor_power = 0.0
-    forces.motor[:6] = 0.0
+    motor[:6] = 0.0
     for row in range(nv):
         inertial, dragged = h[row], nle[row] - h[row]
         for j in range(6):
             inertial += H[row, j] * b[j]
             dragged += (M[row, j] - H[row, j]) * b[j]
         for other in range(1, count):
-            column, acceleration = tree.row[other], joints[2, tree.angle[other]]
+            column, acceleration = row_of[other], joints[2, angle_of[other]]
             inertial += H[row, column] * acceleration
             dragged += (M[row, column] - H[row, column]) * acceleration
-        forces.added_mass[row] = dragged
+        added[row] = dragged
         if row > 5:
-            forces.motor[row] = inertial - forces.aerodynamic[row] - forces.thrusters[row] - forces.unknown[row]
+            motor[row] = inertial - aerodynamic[row] - thrusters[row] - pushed[row]
     for i in range(6):
-        air_power += forces.added_mass[i] * v[body, i]
+        air_power += added[i] * body[i]
     for link in range(1, count):
-        row, speed = tree.row[link], joints[1, tree.angle[link]]
-        motor_power += forces.motor[row] * speed
-        air_power += forces.added_mass[row] * speed
-    forces.motor_power[()], forces.air_power[()] = motor_power, air_power
+        row, speed = row_of[link], joints[1, angle_of[link]]
+        motor_power += motor[row] * speed
+        air_power += added[row] * speed
+    total_motor_power[()], total_air_power[()] = motor_power, air_power
+
+
+@kernel
+def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array) -> None:
+    """Evaluate the equations of motion in a plant's memory; arguments as of `equations_of_motion`."""
+    equations_of_motion(plant_in(memory), joints, wind, held, k, state, rate)
 
 
 @kernel
@@ -176,24 +190,25 @@ def advance_stage(
         loads: (n, 9, N) row k takes the strips' loads at the start of the step.
     """
     plant = plant_in(memory)
-    tree, state, tangent = plant.robot.tree, plant.state, plant.tangent
+    tree, state, start, rates, twists = plant.robot.tree, plant.state, plant.start, plant.rates, plant.twists
+    tangent, v, strips, row_of, angle_of = plant.tangent, plant.v, plant.robot.loads, tree.row, tree.angle
+    forces = array_at(plant.forces.aerodynamic.ctypes.data, (means.shape[1],))
     here = 2 * k + HALF_STEPS[stage]
-    evaluate(memory, motion[here], wind[here], held, k, state, plant.rates[stage])
-    add_stage(stage, array_at(plant.forces.aerodynamic.ctypes.data, (means.shape[1],)), means[k])
+    equations_of_motion(plant, motion[here], wind[here], held, k, state, rates[stage])
+    add_stage(stage, forces, means[k])
     if stage == 0:
         for row in range(loads.shape[1]):
-            copy_values(plant.robot.loads[row], loads[k, row])
-    copy_values(state[:6], plant.twists[stage])
-    next_tangent(stage, dt, plant.twists, tangent)
-    next_state(stage, dt, plant.rates, plant.start, state)
+            copy_values(strips[row], loads[k, row])
+    copy_values(state[:6], twists[stage])
+    next_tangent(stage, dt, twists, tangent)
+    next_state(stage, dt, rates, start, state)
     if stage == 3:
-        copy_values(state, plant.start)
+        copy_values(state, start)
     # The joints follow the closed linkage: their part of the tangent leads from where it departs to where it ends.
     begin, end = 2 * k + DEPARTURES[stage], 2 * k + (HALF_STEPS[stage + 1] if stage < 3 else 2)
-    base = tree.row[0]
-    copy_values(state[:6], plant.v[base : base + 6])
-    for link in range(1, tree.joint.shape[0]):
-        row, angle = tree.row[link], tree.angle[link]
-        plant.v[row] = motion[end, 1, angle]
+    copy_values(state[:6], v[row_of[0] : row_of[0] + 6])
+    for link in range(1, row_of.shape[0]):
+        row, angle = row_of[link], angle_of[link]
+        v[row] = motion[end, 1, angle]
         tangent[:, row] = 0.0
         tangent[1 if stage == 3 else 0, row] = motion[end, 0, angle] - motion[begin, 0, angle]

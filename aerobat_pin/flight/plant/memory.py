@@ -10,7 +10,7 @@ import pinocchio as pin
 from aerobat_pin.aerodynamics import LINK_COUNT, RobotMemory, robot_in
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics import Array, Integers, array_at, frame_id, kernel, next_size, rewind, take, take_integers
+from aerobat_pin.numerics import Array, Integers, array_at, frame_id, merged, next_size, rewind, take, take_integers
 from aerobat_pin.robot import LINKS
 
 FORCE_AXES = ("link", "body", "world")
@@ -79,7 +79,7 @@ class PlantMemory(NamedTuple):
     forces: Forces
 
 
-@kernel
+@merged
 def plant_in(memory: Array) -> PlantMemory:
     """Lay out a plant. Sizes: address of the robot's memory, nv, states of the air, forces, points."""
     cursor = rewind(memory)

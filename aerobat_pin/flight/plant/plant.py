@@ -30,7 +30,7 @@ from aerobat_pin.flight.plant.kernels import advance_stage, evaluate
 from aerobat_pin.flight.plant.memory import Forces, plant_in, split_forces, unknown_forces
 from aerobat_pin.flight.point_forces import point_forces
 from aerobat_pin.linkage import Closure
-from aerobat_pin.numerics import Array, lie_step, new_memory, shaped
+from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
 from aerobat_pin.robot import BASE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
@@ -92,7 +92,7 @@ class Plant:
         self.air, self.data = self.in_air.air, self.in_air.data
         sizes = (model.nv, self.air.state_size, len(self.forces), len(self.points))
         self.memory = new_memory(plant_in, self.in_air.memory.ctypes.data, *sizes)
-        self.fields = plant_in(self.memory)
+        self.fields = fields_of(plant_in, self.memory)
         fill(self.fields.unknown, unknown_forces(model, self.forces, self.points))
         if self.hold is not None:
             fill(self.fields.hold, self.hold)
