@@ -4,7 +4,7 @@ from aerobat_pin.aerodynamics.added_mass import add_mass
 from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine, StateSpace
 from aerobat_pin.aerodynamics.links import place_links
-from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, fill, robot_in
+from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, air_in, fill, robot_in
 from aerobat_pin.aerodynamics.robot_air import RobotAir, StripLoads, air_loads, air_loads_in, air_memory, strips_of
 from aerobat_pin.aerodynamics.robot_in_air import RobotInAir
 from aerobat_pin.aerodynamics.strips import STRIP_ROWS
@@ -25,6 +25,7 @@ __all__ = [
     "Stroke",
     "Wind",
     "add_mass",
+    "air_in",
     "air_loads",
     "air_loads_in",
     "air_memory",

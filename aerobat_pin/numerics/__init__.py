@@ -3,7 +3,15 @@
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
-from aerobat_pin.numerics.lie_runge_kutta import DEPARTURES, HALF_STEPS, add_stage, lie_step, next_state, next_tangent
+from aerobat_pin.numerics.lie_runge_kutta import (
+    DEPARTURES,
+    HALF_STEPS,
+    add_stage,
+    lie_step,
+    next_state,
+    next_tangent,
+    step,
+)
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
 from aerobat_pin.numerics.memory import fields_of, new_memory, next_size, rewind, take, take_integers
 from aerobat_pin.numerics.pinocchio_views import (
@@ -56,6 +64,7 @@ __all__ = [
     "rewind",
     "shaped",
     "solve_positive",
+    "step",
     "take",
     "take_integers",
 ]

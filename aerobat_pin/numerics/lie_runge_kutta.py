@@ -7,18 +7,24 @@ point q on the manifold it carries a vector y, for which it is the classical Run
     q2 = q exp(h/2 k1)        q4 = q2 exp(h k3 - h/2 k1)
     q3 = q exp(h/2 k2)        q' = q exp(h (k1/4 + k2/6 + k3/6 - k4/12)) exp(h (-k1/12 + k2/6 + k3/6 + k4/4))
 
-Stages are counted from 0. `lie_step` walks from stage to stage on the manifold; whoever evaluates a stage calls
-`next_tangent` for q, `next_state` for y, and `add_stage` for whatever is to be averaged over the step.
+Stages are counted from 0. `lie_step` goes from stage to stage on the manifold; whoever evaluates a stage calls
+`next_tangent` for q, `next_state` for y, and `add_stage` for whatever is to be averaged over the step. `step` does all
+that for equations written as a Python function.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
 
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import kernel
 
-Evaluation = Callable[[int, Array], None]
+Output = TypeVar("Output")
+Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
+Evaluation = Callable[[int, Array], tuple[Array, Array]]
 Retraction = Callable[[Array, Array], Array]
 
 HALF_STEPS = (0, 1, 1, 2)  # where the stages lie, in half steps from the start
@@ -33,7 +39,7 @@ def next_tangent(stage: int, dt: float, k: Array, tangent: Array) -> None:
     Args:
         stage: just evaluated.
         dt: step.
-        k: (4, m) velocities of q at the stages.
+        k: (4, m) velocities of q at the stages; those after this one are not read.
         tangent: (2, m or more) first m entries written: the tangent to the next stage in row 0; after the last stage
             the tangents to the next step, one after the other.
     """
@@ -75,22 +81,51 @@ def add_stage(stage: int, values: Array, mean: Array) -> None:
         mean[i] += WEIGHTS[stage] * values[i]
 
 
-def lie_step(evaluate: Evaluation, retract: Retraction, q: Array, tangent: Array) -> Array:
+def lie_step(evaluate: Evaluation, retract: Retraction, q: Array) -> Array:
     """Advance one step on the manifold.
 
     Args:
-        evaluate: (stage, q) evaluates a stage there, and then writes the tangents that lead on from it.
+        evaluate: (stage, q) evaluates a stage there and returns the two tangents that lead on from it.
         retract: (q, tangent) -> q.
         q: point on the manifold.
-        tangent: (2, m) where `evaluate` writes.
 
     Returns:
         q at the next step.
     """
-    first, second = tangent
-    evaluate(0, q)
-    q2 = retract(q, first)
-    evaluate(1, q2)
-    evaluate(2, retract(q, first))
-    evaluate(3, retract(q2, first))
+    q2 = retract(q, evaluate(0, q)[0])
+    q3 = retract(q, evaluate(1, q2)[0])
+    q4 = retract(q2, evaluate(2, q3)[0])
+    first, second = evaluate(3, q4)
     return retract(retract(q, first), second)
+
+
+def step(
+    rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
+) -> tuple[Array, Array, tuple[Output, ...]]:
+    """Advance any equations by one step.
+
+    Args:
+        rates: (t, q, y) -> velocity of q in its tangent space, rate of y, and any output worth keeping.
+        retract: (q, tangent) -> q.
+        t: start time [s].
+        q: point on the manifold.
+        y: vector state.
+        dt: step [s].
+
+    Returns:
+        q and y at t + dt, and the outputs of the four stages.
+    """
+    start, state, slopes = np.array(y, float), np.array(y, float), np.zeros((4, len(y)))
+    velocities: list[Array] = []
+    outputs: list[Output] = []
+
+    def evaluate(stage: int, here: Array) -> tuple[Array, Array]:
+        velocity, slopes[stage], output = rates(t + 0.5 * HALF_STEPS[stage] * dt, here, state.copy())
+        velocities.append(np.array(velocity, float))
+        outputs.append(output)
+        tangent = np.zeros((2, len(velocity)))
+        next_tangent(stage, dt, np.array(velocities), tangent)
+        next_state(stage, dt, slopes, start, state)
+        return tangent[0], tangent[1]
+
+    return lie_step(evaluate, retract, q), state, tuple(outputs)

@@ -18,8 +18,8 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.trim import trim
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.robot.aerobat import Aerobat
-from aerobat_pin.robot.link_motion import joint_table
 from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
 from aerobat_pin.scenario.toml import scenario_toml
 

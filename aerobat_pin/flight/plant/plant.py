@@ -187,15 +187,16 @@ class Plant:
         placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
-        every = max(1, count // 100)
+        tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
 
-        def stage(number: int, here: Array) -> None:
+        def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
             nle(model, data, here, v)
             advance_stage(memory, motion, wind, held, dt, k, number, means, loads)
+            return tangents
 
         for k in range(count):
-            q = lie_step(stage, retract, q, fields.tangent)
+            q = lie_step(evaluate_stage, retract, q)
             placement[k + 1], states[k + 1] = q[:7], fields.start
             if k % every == 0:
                 if not np.all(np.isfinite(fields.start)):
