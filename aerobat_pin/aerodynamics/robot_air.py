@@ -146,6 +146,10 @@ class RobotAir:
             surfaces=_surfaces(shape, line.lift_slope),
         )
 
+    def __repr__(self) -> str:
+        """Say the model and its size."""
+        return f"RobotAir({self.model}, {self.line!r}, {self.state_size} states, lift limit {self.lift_limit})"
+
     @property
     def state_size(self) -> int:
         """Number of aerodynamic states: 3N, or none in the quasi-steady model."""

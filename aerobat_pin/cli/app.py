@@ -87,7 +87,7 @@ def trim(
     or not, are first guesses: what is found differs from them.
     """
     from aerobat_pin.experiments import check_file, write_text
-    from aerobat_pin.flight import trim as find_trim
+    from aerobat_pin.flight import find_trim
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
     if out is not None:

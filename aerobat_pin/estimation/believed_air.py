@@ -17,7 +17,7 @@ from aerobat_pin.estimation.believed_air_kernels import advance_air_stage
 from aerobat_pin.estimation.motion import Motion
 from aerobat_pin.flight import robot_air
 from aerobat_pin.numerics import Array, Integers
-from aerobat_pin.robot import BASE, Aerobat, joint_table, rotations
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table, rotations
 from aerobat_pin.scenario import AirSection
 
 LONGEST_STEP = 1.5e-3  # [s]: longer ones miss a thousandth of the lift at 5 m/s and 6.7 Hz
@@ -103,7 +103,7 @@ class AirAlongMotion:
             return np.zeros(self.air.state_size)
         assert moved.crank is not None
         R = pin.Quaternion(moved.q[0, 3:7]).matrix()
-        body = moved.q[0, :7], moved.v[0, :BASE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
+        body = moved.q[0, :7], moved.v[0, :BASE_SIZE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
         angle, turning = moved.crank[:2, 0]
         turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, WARM_UP_ANGLES), turning))
         duration = min(cycles * 2.0 * np.pi / rate, WARM_UP_LIMIT)

@@ -21,7 +21,7 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight import FlightLog, wind_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE, JOINTS, Aerobat, rotations
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, rotations
 from aerobat_pin.scenario import AirSection
 
 
@@ -92,12 +92,12 @@ def _velocity(log: FlightLog, robot: Aerobat, q: Array, crank: Array | None) -> 
     source = "measured" if "twist" in measured else "reconstructed"
     v = _differences(robot.model, time, q)
     if "twist" in measured:
-        v[:, :BASE] = measured["twist"].values
+        v[:, :BASE_SIZE] = measured["twist"].values
     if "joint_rate" in measured:
         v[:, list(robot.idx_v)] = measured["joint_rate"].sel(joint=list(JOINTS)).values
     elif crank is not None:
         closure = robot.linkage.solve(crank[0], crank[1])
-        v = robot.velocity(v[:, :BASE], closure.theta_s_dot, closure.theta_e_dot)
+        v = robot.velocity(v[:, :BASE_SIZE], closure.theta_s_dot, closure.theta_e_dot)
         source = "reconstructed"
     return v, source
 

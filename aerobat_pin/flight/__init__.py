@@ -8,7 +8,7 @@ from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.flight.trim import Trim, trim
+from aerobat_pin.flight.trim import Trim, find_trim
 from aerobat_pin.flight.wake import Wake, wake_of
 
 __all__ = [
@@ -24,11 +24,11 @@ __all__ = [
     "WingInertia",
     "advance_stage",
     "channel",
+    "find_trim",
     "interval_means",
     "read_csv",
     "robot_air",
     "simulate",
-    "trim",
     "wake_of",
     "wind_of",
     "write_csv",

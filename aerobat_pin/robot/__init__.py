@@ -6,11 +6,11 @@ from aerobat_pin.robot.frames import euler_angles, external_forces, joint_wrench
 from aerobat_pin.robot.link_kernels import chain, climb
 from aerobat_pin.robot.link_tree import Tree, tree_of
 from aerobat_pin.robot.load import believed_robot, load_robot
-from aerobat_pin.robot.prescribed_joints import BASE, joint_table, prescribed_joint_dynamics
+from aerobat_pin.robot.prescribed_joints import BASE_SIZE, joint_table, prescribed_joint_dynamics
 from aerobat_pin.robot.wing import LINKS, Wing
 
 __all__ = [
-    "BASE",
+    "BASE_SIZE",
     "FORCE_POINTS",
     "JOINTS",
     "LINKS",

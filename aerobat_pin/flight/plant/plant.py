@@ -31,7 +31,7 @@ from aerobat_pin.flight.plant.memory import Forces, plant_in, split_forces, unkn
 from aerobat_pin.flight.point_forces import point_forces
 from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
-from aerobat_pin.robot import BASE, Aerobat, joint_table
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 
@@ -99,6 +99,15 @@ class Plant:
             self.fields.holds[...] = 1.0
         self.start = self._warmed_up(rotation)
 
+    def __repr__(self) -> str:
+        """Say who flies what."""
+        held = "held" if self.hold is not None else "free"
+        return (
+            f"Plant({self.scenario.name!r}, {self.robot!r},\n"
+            f"      {self.air!r},\n"
+            f"      {type(self.drive).__name__}, {held}, unknown forces at {list(self.points)})"
+        )
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh plant: the views of Pinocchio's results cannot travel."""
         return type(self), (self.robot, self.scenario, self.drive)
@@ -129,10 +138,10 @@ class Plant:
         q, v = shaped(q, (self.model.nq,), "q"), shaped(v, (self.model.nv,), "v")
         joints, air = shaped(joints, (3, 2), "joints"), shaped(air, (self.air.state_size,), "air")
         held = shaped(held, (2, len(self.forces)), "held")[:, :, None]
-        state = np.concatenate([v[:BASE], air])
+        state = np.concatenate([v[:BASE_SIZE], air])
         rate = np.empty_like(state)
         self.evaluate(q, v, joints, self.wind(np.array([time]))[0], held, state, rate)
-        return rate[:BASE], rate[BASE:], Forces(*(part[None].copy() for part in self.fields.forces))
+        return rate[:BASE_SIZE], rate[BASE_SIZE:], Forces(*(part[None].copy() for part in self.fields.forces))
 
     def evaluate(self, q: Array, v: Array, joints: Array, wind: Array, held: Array, state: Array, rate: Array) -> None:
         """Evaluate the equations of motion into the caller's array and `fields.forces`, without allocating.
@@ -178,7 +187,7 @@ class Plant:
         model, data, memory, fields = self.model, self.data, self.memory, self.fields
         halves = np.arange(2 * count + 1) * 0.5 * dt
         closed = self.closure(halves)
-        motion, wind, size = joint_table(closed), self.wind(halves), BASE + self.air.state_size
+        motion, wind, size = joint_table(closed), self.wind(halves), BASE_SIZE + self.air.state_size
         fields.start[:] = fields.state[:] = shaped(np.concatenate([start.twist, start.air]), (size,), "start")
         q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
         v[:] = self.robot.velocity(start.twist, *motion[0, 1])
@@ -209,8 +218,8 @@ class Plant:
         return Flown(
             crank_angle=closed.crank_angle[::2],
             q=self.robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
-            v=self.robot.velocity(states[:, :BASE], joints[:, 1, 0], joints[:, 1, 1]),
-            air=states[:, BASE:],
+            v=self.robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
+            air=states[:, BASE_SIZE:],
             forces=split_forces(fields.forces, means),
             loads=loads,
         )
