@@ -37,7 +37,7 @@ from sweeping import sweep_figures
 
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.estimation import known_inputs
-from aerobat_pin.flight import Plant, held_parts, simulate
+from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.observers import ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
 from aerobat_pin.robot import Aerobat, joint_table, load_aerobat
 from aerobat_pin.scenario import Scenario, load_scenario
@@ -63,7 +63,7 @@ def right_hand_side(robot: Aerobat, scenario: Scenario) -> tuple[Plant, Call, Ca
     """Fly a scenario, and return calls of `Plant.evaluate` and of bare crba and nle along that flight."""
     plant = Plant(robot, scenario)
     edges = np.arange(STEPS + 1) * DT
-    held = held_parts(plant.forces, edges, scenario.simulation.seed)
+    held = interval_means(plant.forces, edges, scenario.simulation.seed)
     flown = plant.fly(STEPS, DT, held)
     model, data = plant.model, plant.data
     states = list(zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True))
@@ -71,7 +71,7 @@ def right_hand_side(robot: Aerobat, scenario: Scenario) -> tuple[Plant, Call, Ca
     noise = [np.ascontiguousarray(held[:, :, k : k + 1]) for k in range(STEPS)]
     bodies = np.concatenate([flown.v[:-1, :6], flown.air[:-1]], axis=1)
     evaluated = [(q, v, *rest) for (q, v), *rest in zip(states, joints, wind, noise, list(bodies), strict=True)]
-    rate, forces = np.empty(bodies.shape[1]), np.empty(plant.force_size)
+    rate = np.empty(bodies.shape[1])
     crba, nle, evaluate = pin.crba, pin.nonLinearEffects, plant.evaluate
 
     def bare_pair() -> None:
@@ -81,7 +81,7 @@ def right_hand_side(robot: Aerobat, scenario: Scenario) -> tuple[Plant, Call, Ca
 
     def one_by_one() -> None:
         for arguments in evaluated:
-            evaluate(*arguments, rate, forces)
+            evaluate(*arguments, rate)
 
     return plant, one_by_one, bare_pair
 
@@ -91,7 +91,7 @@ def flight_figures(rounds: int) -> Iterator[Figure]:
     scenario = load_scenario("paper")
     robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
     plant, evaluate, pair = right_hand_side(robot, scenario)
-    held = held_parts(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
+    held = interval_means(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
     flown = plant.fly(STEPS, DT, held)
     model, integrate = plant.model, pin.integrate
     tangents = [(q, v * DT) for q, v in zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True)]

@@ -9,9 +9,8 @@ import numpy as np
 from measure import Figure, figure, interleaved
 
 from aerobat_pin.estimation import estimate_log
-from aerobat_pin.experiments.sweep.executors import in_this_process, on_this_machine
-from aerobat_pin.experiments.sweep.one_run import outcome_of
-from aerobat_pin.flight import Plant, held_parts, simulate
+from aerobat_pin.experiments import in_this_process, on_this_machine, outcome_of
+from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import load_scenario
 
@@ -25,7 +24,7 @@ def sweep_figures(rounds: int) -> Iterator[Figure]:
 
     def fly() -> None:
         plant = Plant(robot, scenario)
-        held = held_parts(plant.forces, edges, scenario.simulation.seed)
+        held = interval_means(plant.forces, edges, scenario.simulation.seed)
         plant.fly(scenario.simulation.count, scenario.simulation.dt, held)
 
     times = interleaved(

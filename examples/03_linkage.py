@@ -13,7 +13,7 @@ for pin, opening in closure.transmission.items():
     print(f"transmission at {pin:<4} {np.degrees(opening.min()):6.1f} .. {np.degrees(opening.max()):6.1f} deg")
 torque = closure.crank_torque(shoulder_torque=0.01, elbow_torque=0.0)
 print(f"10 mN m at the shoulder ask the crank for {1e3 * torque.min():.2f} .. {1e3 * torque.max():.2f} mN m")
-speed = np.linalg.norm(closure.pins_dot["J10"], axis=-1)
+speed = np.abs(closure.rate(closure.points["J10"]))
 print(f"J10 moves at {speed.min():.2f} .. {speed.max():.2f} m/s")
 for bar, by in linkage.sensitivity(crank).items():
     joints = ", ".join(

@@ -1,31 +1,37 @@
 """Sigma_Aero: the unsteady lifting line on any planform, and the air on the robot: strips, added mass, wind."""
 
-from aerobat_pin.aerodynamics.added_mass import add_mass, factored
+from aerobat_pin.aerodynamics.added_mass import add_mass
 from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine, StateSpace
-from aerobat_pin.aerodynamics.robot_air import RobotAir, StripLoads, air_loads, strips_of
-from aerobat_pin.aerodynamics.strips import CIRCULATION, FORCE_X, FORCE_Z, LEAD, LOADS, AirArrays
-from aerobat_pin.aerodynamics.wind import drift, wind_field
+from aerobat_pin.aerodynamics.links import place_links
+from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, air_in, fill, robot_in
+from aerobat_pin.aerodynamics.robot_air import RobotAir, StripLoads, air_loads, air_loads_in, air_memory, strips_of
+from aerobat_pin.aerodynamics.robot_in_air import RobotInAir
+from aerobat_pin.aerodynamics.strips import STRIP_ROWS
+from aerobat_pin.aerodynamics.wind import Gust, Wind
 
 __all__ = [
-    "CIRCULATION",
-    "FORCE_X",
-    "FORCE_Z",
-    "LEAD",
-    "LOADS",
-    "AirArrays",
+    "LINK_COUNT",
+    "STRIP_ROWS",
+    "Gust",
     "Halves",
     "LiftingLine",
     "LineFlight",
     "RobotAir",
+    "RobotInAir",
+    "RobotMemory",
     "StateSpace",
     "StripLoads",
     "Stroke",
+    "Wind",
     "add_mass",
+    "air_in",
     "air_loads",
-    "drift",
-    "factored",
+    "air_loads_in",
+    "air_memory",
+    "fill",
     "fly",
+    "place_links",
+    "robot_in",
     "strips_of",
-    "wind_field",
 ]

@@ -14,64 +14,64 @@ v x (G v) by which the two differ do no work, and circulation holds them already
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from aerobat_pin.numerics import Array, Integers, inner
+from aerobat_pin.aerodynamics.links import Links, PinocchioResults
+from aerobat_pin.numerics import Array, inner
+from aerobat_pin.robot import Tree
 
 
-def factored(G: Array) -> Array:
-    """Factor the links' added masses (n, 3, 3) as (n, 6): three masses [kg, kg m2, kg m2], centre x and y [m], skew.
+class AddedMass(NamedTuple):
+    """The added masses of the links, factored.
 
-    The rows that the masses belong to: v_z + y omega_x - x omega_y, omega_x + skew omega_y, omega_y.
+    `masses` (5, 3) [kg, kg m2, kg m2] belong to the rows v_z + y omega_x - x omega_y, omega_x + skew omega_y, omega_y,
+    with `x`, `y` (5,) [m] the centre of the added mass and `skew` (5,).
     """
-    out = np.zeros((len(G), 6))
-    for row, g in zip(out, G, strict=True):
+
+    masses: Array
+    x: Array
+    y: Array
+    skew: Array
+
+
+def factored(G: Array) -> AddedMass:
+    """Factor the links' added masses G (n, 3, 3)."""
+    found = AddedMass(np.zeros((len(G), 3)), *np.zeros((3, len(G))))
+    for link, g in enumerate(G):
         if g[0, 0] == 0.0:
             continue
         turning = g[1:, 1:] - np.outer(g[1:, 0], g[1:, 0]) / g[0, 0]
         # One strip alone turns freely; what rounding leaves of its inertia is not one.
         turning[np.abs(turning) < 1e-12 * np.max(np.abs(g[1:, 1:]))] = 0.0
         skew = turning[0, 1] / turning[0, 0] if turning[0, 0] > 0.0 else 0.0
-        row[:3] = g[0, 0], turning[0, 0], turning[1, 1] - skew * turning[0, 1]
-        row[3:] = -g[0, 2] / g[0, 0], g[0, 1] / g[0, 0], skew
-    return out
+        found.masses[link] = g[0, 0], turning[0, 0], turning[1, 1] - skew * turning[0, 1]
+        found.x[link], found.y[link], found.skew[link] = -g[0, 2] / g[0, 0], g[0, 1] / g[0, 0], skew
+    return found
 
 
 @inner
-def add_mass(
-    mass: Array,
-    table: Integers,
-    axis: Array,
-    liMi: Array,
-    rotation: Array,
-    origin: Array,
-    twists: Array,
-    bias: Array,
-    field: Array,
-    rows: Array,
-    H: Array,
-    h: Array,
-) -> None:
+def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links, H: Array, h: Array) -> None:
     """Add M_a to H and C_a v, less what the air's own motion takes away, to h.
 
     Args:
-        mass: (5, 6) of the links, see `factored`.
-        table: (5, 4) of the tree: joint, parent link, first velocity, 0 shoulder or 1 elbow.
-        axis: (5, 3) of the joints, in their links' frames.
-        liMi: (njoints, 12) placements in the parents.
-        rotation: (5, 3, 3) links to body.
-        origin: (5, 3) of the links in the body's frame.
-        twists: (5, 6) of the links against the air, at and in their own frames.
-        bias: (njoints, 6) accelerations of the links under v alone, less gravity's: `data.a_gf` after the bias.
-        field: (3, 3) rows in body axes: gravity's acceleration upward, velocity of the air, its rate.
-        rows: (3, 8) scratch: n of the base, of the parent's joint and of the link's own.
+        added: masses of the links.
+        tree: of the links.
+        found: Pinocchio's results after the bias.
+        links: placed by `place_links`; its `normals` are scratch.
         H: (nv, nv) inertia, added to.
         h: (nv,) bias, added to.
     """
-    for link in range(table.shape[0]):
-        if mass[link, 0] == 0.0:
+    rows, rotation, origin, twists = links.normals, links.rotation, links.origin, links.twists
+    gravity, wind, wind_rate = links.gravity_B, links.wind_B, links.wind_rate_B
+    masses, centre_x, centre_y, skews = added.masses, added.x, added.y, added.skew
+    joint_of, parent_of, row_of, axes, liMi, a_gf = tree.joint, tree.parent, tree.row, tree.axis, found.liMi, found.a_gf
+    for link in range(joint_of.shape[0]):
+        mass = masses[link]
+        if mass[0] == 0.0:
             continue
-        x, y, skew = mass[link, 3], mass[link, 4], mass[link, 5]
+        x, y, skew = centre_x[link], centre_y[link], skews[link]
         R, p = rotation[link], origin[link]
         qx = p[0] + R[0, 0] * x + R[0, 1] * y
         qy = p[1] + R[1, 0] * x + R[1, 1] * y
@@ -81,15 +81,16 @@ def add_mass(
         rows[0, 3], rows[0, 4], rows[0, 5] = qy * zz - qz * zy, qz * zx - qx * zz, qx * zy - qy * zx
         for i in range(3):
             rows[1, 3 + i], rows[2, 3 + i] = R[i, 0] + skew * R[i, 1], R[i, 1]
-        joint, parent, own, above = table[link, 0], table[link, 1], table[link, 2], 0
+        joint, parent, own, above = joint_of[link], parent_of[link], row_of[link], 0
         size = 6
         if link > 0:
-            rows[0, 6] = axis[link, 0] * y - axis[link, 1] * x
-            rows[1, 6], rows[2, 6] = axis[link, 0] + skew * axis[link, 1], axis[link, 1]
+            turn = axes[link]
+            rows[0, 6] = turn[0] * y - turn[1] * x
+            rows[1, 6], rows[2, 6] = turn[0] + skew * turn[1], turn[1]
             size = 7
         if parent > 0:
-            P, a = liMi[joint], axis[parent]
-            above = table[parent, 2]
+            P, a = liMi[joint], axes[parent]
+            above = row_of[parent]
             wx, wy = P[0] * a[0] + P[1] * a[1] + P[2] * a[2], P[3] * a[0] + P[4] * a[1] + P[5] * a[2]
             lift = (
                 P[6] * (a[1] * P[11] - a[2] * P[10])
@@ -99,21 +100,21 @@ def add_mass(
             rows[0, 7], rows[1, 7], rows[2, 7] = lift + wx * y - wy * x, wx + skew * wy, wy
             size = 8
         # Accelerations that v alone brings about, against the air.
-        turning = twists[link]
-        along = R[0, 0] * field[1, 0] + R[1, 0] * field[1, 1] + R[2, 0] * field[1, 2]
-        across = R[0, 1] * field[1, 0] + R[1, 1] * field[1, 1] + R[2, 1] * field[1, 2]
-        rise = bias[joint, 2] + turning[3] * across - turning[4] * along
+        twist, bias = twists[link], a_gf[joint]
+        along = R[0, 0] * wind[0] + R[1, 0] * wind[1] + R[2, 0] * wind[2]
+        across = R[0, 1] * wind[0] + R[1, 1] * wind[1] + R[2, 1] * wind[2]
+        rise = bias[2] + twist[3] * across - twist[4] * along
         for i in range(3):
-            rise -= R[i, 2] * (field[0, i] + field[2, i])
-        spin, tilt = bias[joint, 3], bias[joint, 4]
-        rise, spin = mass[link, 0] * (rise + y * spin - x * tilt), mass[link, 1] * (spin + skew * tilt)
-        tilt *= mass[link, 2]
+            rise -= R[i, 2] * (gravity[i] + wind_rate[i])
+        spin, tilt = bias[3], bias[4]
+        rise, spin = mass[0] * (rise + y * spin - x * tilt), mass[1] * (spin + skew * tilt)
+        tilt *= mass[2]
         for i in range(size):
             column = i if i < 6 else (own if i == 6 else above)
-            first, second, third = mass[link, 0] * rows[0, i], 0.0, 0.0
+            first, second, third = mass[0] * rows[0, i], 0.0, 0.0
             h[column] += rise * rows[0, i]
             if i > 2:
-                second, third = mass[link, 1] * rows[1, i], mass[link, 2] * rows[2, i]
+                second, third = mass[1] * rows[1, i], mass[2] * rows[2, i]
                 h[column] += spin * rows[1, i] + tilt * rows[2, i]
             for j in range(i + 1):
                 value = first * rows[0, j]

@@ -9,38 +9,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.strips import AirArrays
+from aerobat_pin.aerodynamics.strips import Surfaces
 from aerobat_pin.numerics import Array, inner
 
 
 @inner
-def add_surfaces(air: AirArrays, base: Array, centre_downwash: float, body: Array) -> None:
+def add_surfaces(surfaces: Surfaces, density: float, base: Array, centre_downwash: float, body: Array) -> None:
     """Add the wrench of body drag, tail and fin.
 
     Args:
-        air: constants.
+        surfaces: constants.
+        density: of the air [kg/m3].
         base: (6,) twist of the body against the air, in its axes.
         centre_downwash: of the wing, on its centre line [m/s].
         body: (6,) wrench on the body, added to.
     """
-    density = air.numbers[0]
+    tail, fin, drag_area = surfaces.tail, surfaces.fin, surfaces.drag_area[()]
+    cosine, sine, tail_lift = surfaces.tail_cosine[()], surfaces.tail_sine[()], surfaces.tail_lift[()]
+    factor, fin_lift = surfaces.downwash_factor[()], surfaces.fin_lift[()]
     speed = np.sqrt(base[0] ** 2 + base[1] ** 2 + base[2] ** 2)
     for k in range(3):
-        body[k] -= 0.5 * density * air.numbers[3] * speed * base[k]
-    tail = air.tail
-    x, y, z, cosine, sine = tail[0], tail[1], tail[2], tail[3], tail[4]
+        body[k] -= 0.5 * density * drag_area * speed * base[k]
+    x, y, z = tail[0], tail[1], tail[2]
     u = base[0] + base[4] * z - base[5] * y
-    w = -(base[2] + base[3] * y - base[4] * x) - air.numbers[4] * centre_downwash
-    force = density * air.numbers[5] * abs(u * cosine - w * sine) * (u * sine + w * cosine)
+    w = -(base[2] + base[3] * y - base[4] * x) - factor * centre_downwash
+    force = density * tail_lift * abs(u * cosine - w * sine) * (u * sine + w * cosine)
     fx, fz = -force * sine, force * cosine
     body[0] += fx
     body[2] += fz
     body[3] += y * fz
     body[4] += z * fx - x * fz
     body[5] -= y * fx
-    x, y, z, lift = tail[5], tail[6], tail[7], tail[8]
+    x, y, z = fin[0], fin[1], fin[2]
     u = base[0] + base[4] * z - base[5] * y
-    fy = -density * lift * abs(u) * (base[1] + base[5] * x - base[3] * z)
+    fy = -density * fin_lift * abs(u) * (base[1] + base[5] * x - base[3] * z)
     body[1] += fy
     body[3] -= z * fy
     body[5] += x * fy

@@ -121,6 +121,10 @@ class LiftingLine:
         self.downwash = (sines / np.sin(self.theta)[:, None] * n / (2.0 * span)) @ to_modes
         self.centre_downwash = (np.sin(n * np.pi / 2.0) * n / (2.0 * span)) @ to_modes
 
+    def __repr__(self) -> str:
+        """Say the planform and the number of strips."""
+        return f"LiftingLine(span {self.span:g} m, area {self.area:.4g} m2, {self.strips} strips)"
+
     def split(self, state: Array) -> tuple[Array, Array, Array]:
         """Return zeta_1, zeta_2 and circulation, each (N,), of a state (3N,)."""
         n = self.strips

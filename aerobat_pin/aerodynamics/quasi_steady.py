@@ -13,19 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.strips import (
-    CIRCULATION,
-    DOWNWASH,
-    EFFECTIVE,
-    FORCE_X,
-    FORCE_Z,
-    SPEED,
-    AirArrays,
-    U,
-    W,
-    gather,
-    sections,
-)
+from aerobat_pin.aerodynamics.strips import StripRows, Strips, gather, sections
 from aerobat_pin.numerics import Array, inner
 
 DEGREE = np.pi / 180.0
@@ -41,19 +29,22 @@ def coefficients(incidence: float) -> tuple[float, float]:
 
 
 @inner
-def quasi_steady_loads(air: AirArrays, twists: Array, wrenches: Array, loads: Array) -> float:
-    """Compute the strips' loads; arguments as of `strips.strip_loads`. Returns the downwash on the centre line: none.
+def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripRows) -> float:
+    """Compute the strips' loads; arguments as of `strips.strip_loads`. Return the downwash on the centre line: none.
 
-    CIRCULATION is the bound one of the lift, U c CL / 2, and EFFECTIVE the normal velocity w.
+    `circulation` is the bound one of the lift, U c CL / 2, and `effective_velocity` the normal velocity w.
     """
-    sections(air, twists, loads)
-    for i in range(air.link.shape[0]):
-        u, w, speed = loads[U, i], loads[W, i], loads[SPEED, i]
+    sections(strips, twists, rows)
+    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.speed
+    downwash, circulation, effective = rows.downwash, rows.circulation, rows.effective_velocity
+    force_x, force_z = rows.force_x, rows.force_z
+    for i in range(factor.shape[0]):
+        u, w, speed = us[i], ws[i], speeds[i]
         lift, drag = coefficients(np.arctan2(abs(w), abs(u)) / DEGREE)
-        push = air.strips[5, i] * speed
-        loads[DOWNWASH, i], loads[EFFECTIVE, i] = 0.0, w
-        loads[CIRCULATION, i] = np.sign(w) * lift * speed / air.strips[4, i]
-        loads[FORCE_X, i] = push * (np.sign(u) * lift * abs(w) - drag * u)
-        loads[FORCE_Z, i] = push * (np.sign(w) * lift * abs(u) + drag * w)
-    gather(air, loads, wrenches)
+        push = factor[i] * speed
+        downwash[i], effective[i] = 0.0, w
+        circulation[i] = np.sign(w) * lift * speed / per_semichord[i]
+        force_x[i] = push * (np.sign(u) * lift * abs(w) - drag * u)
+        force_z[i] = push * (np.sign(w) * lift * abs(u) + drag * w)
+    gather(strips, rows, wrenches)
     return 0.0

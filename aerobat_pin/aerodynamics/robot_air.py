@@ -1,7 +1,7 @@
 """The air on Aerobat: strips that ride on the links, a quasi-steady tail and fin, the body's drag, and added mass.
 
 Everything answers to the links' twists *against the air*: the twists themselves in still air, less the wind in each
-link's axes otherwise. `strips` and `quasi_steady` are the two models of the wing, `surfaces` is the rest.
+link's axes otherwise. `strips` and `quasi_steady` are the two models of the wing, `body_surfaces` is the rest.
 
 Added mass: each strip drags factor pi rho b^2 of air per span along its normal, at mid-chord. On one link the normals
 are all its z axis, so with (v_z, omega_x, omega_y) of the link all its strips make one constant matrix (3, 3),
@@ -15,17 +15,28 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics.body_surfaces import add_surfaces
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine
+from aerobat_pin.aerodynamics.memory import air_in, fill
 from aerobat_pin.aerodynamics.quasi_steady import quasi_steady_loads
-from aerobat_pin.aerodynamics.strips import LOADS, AirArrays, strip_loads
+from aerobat_pin.aerodynamics.strips import (
+    STRIP_ROWS,
+    AirConstants,
+    StripRows,
+    Strips,
+    Surfaces,
+    strip_loads,
+    strip_rows,
+)
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, kernel, shaped
+from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory, shaped
 from aerobat_pin.robot import LINKS, Wing
-from aerobat_pin.scenario import AirSection
 
 Model = Literal["lifting_line", "quasi_steady"]
+NO_SURFACES = Surfaces(0.0, 0.0, np.zeros(3), 1.0, 0.0, 0.0, np.zeros(3), 0.0)
 MODELS: tuple[Model, ...] = ("lifting_line", "quasi_steady")
 
 
@@ -50,32 +61,35 @@ class StripLoads:
 
 def strips_of(loads: Array) -> StripLoads:
     """Name the kernel's rows of strip loads (..., 9, N)."""
-    u, w, speed, lead, downwash, circulation, w_eff, force_x, force_z = np.moveaxis(loads, -2, 0)
-    incidence = np.arctan2(w + 0.0, u + 0.0)  # 0 at rest, whatever the sign of the zeros
-    return StripLoads(speed, lead, incidence, downwash, circulation, w_eff, force_x, force_z)
+    rows = StripRows(*np.moveaxis(loads, -2, 0))
+    incidence = np.arctan2(rows.w + 0.0, rows.u + 0.0)  # 0 at rest, whatever the sign of the zeros
+    return StripLoads(rows.speed, rows.lead, incidence, *rows[4:])
 
 
-@kernel
-def air_loads(
-    air: AirArrays, steady: bool | None, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array
-) -> None:
+@inner
+def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
     """Compute the loads on the links and the rates of the air's state.
 
     Args:
         air: constants.
-        steady: True for the quasi-steady model; None, and not False, for the lifting line: of an argument that is None
-            numba drops the other branch before it compiles, so nobody waits for a model that he does not fly.
         twists: (5, 6) of the links against the air, at and in their own frames.
         state: (3N,) zeta_1, zeta_2, circulation; empty in the quasi-steady model.
         wrenches: (5, 6) written: on the links, at and in their own frames, force first.
         rates: like `state`, written: its rates.
-        loads: (9, N) written, see `strips`.
+        loads: (9, N) written, see `StripRows`.
     """
-    if steady is None:
-        centre = strip_loads(air, twists, state, wrenches, rates, loads)
+    rows = strip_rows(loads)
+    if air.quasi_steady[()] > 0.0:
+        centre = quasi_steady_loads(air.strips, twists, wrenches, rows)
     else:
-        centre = quasi_steady_loads(air, twists, wrenches, loads)
-    add_surfaces(air, twists[0], centre, wrenches[0])
+        centre = strip_loads(air, twists, state, wrenches, rates, rows)
+    add_surfaces(air.surfaces, air.density[()], twists[0], centre, wrenches[0])
+
+
+@kernel
+def air_loads_in(memory: Array, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
+    """Compute what `air_loads` does, with the constants of `RobotAir.memory`."""
+    air_loads(air_in(memory), twists, state, wrenches, rates, loads)
 
 
 class RobotAir:
@@ -122,47 +136,19 @@ class RobotAir:
         self.added_mass = np.array(
             [(rows[self.link == i].T * mass[self.link == i]) @ rows[self.link == i] for i in range(len(LINKS))]
         )  # (5, 3, 3): G of each link [kg, kg m, kg m2]
-        tail, drag, fin = shape.tail, shape.aerodynamics, shape.fin
-        lift = (
-            0.0 if tail is None else 0.5 * tail.span * tail.chord * line.lift_slope / (1 + 2 * tail.chord / tail.span)
-        )
-        place = (0.0, 0.0, 0.0) if tail is None else tail.position
-        tilt = 0.0 if tail is None else tail.incidence
-        blade = (0.0, 0.0, 0.0, 0.0) if fin is None else (*fin.position, 0.5 * fin.area * fin.lift_slope)
-        numbers = (
-            air_density,
-            line.lift_slope,
-            drag.profile_drag,
-            drag.body_drag_area,
-            drag.tail_downwash_factor,
-            lift,
-            0.0 if lift_limit is None else line.lift_slope / lift_limit,
-        )
-        pressure = 0.5 * air_density * line.chord * line.width
-        self.arrays = AirArrays(
-            strips=np.vstack([middle.T, 0.25 * line.chord, 1.0 / line.semichord, pressure]),
-            link=self.link,
-            downwash=np.vstack([line.downwash, line.centre_downwash]),
-            numbers=np.array(numbers),
-            tail=np.array([*place, np.cos(tilt), np.sin(tilt), *blade]),
+        self.memory = air_memory(
+            line,
+            self.link,
+            middle,
+            quasi_steady=float(model == "quasi_steady"),
+            profile_drag=shape.aerodynamics.profile_drag,
+            slope_over_limit=0.0 if lift_limit is None else line.lift_slope / lift_limit,
+            surfaces=_surfaces(shape, line.lift_slope),
         )
 
-    @classmethod
-    def of(cls, wing: Wing, air: AirSection) -> RobotAir:
-        """Return the air that a scenario says, on a wing. Raises ShapeError."""
-        return cls(
-            wing,
-            strips=air.strips,
-            air_density=air.density,
-            model=air.model,
-            lift_limit=air.lift_limit,
-            added_mass=air.added_mass,
-        )
-
-    @property
-    def steady(self) -> bool | None:
-        """True for the quasi-steady model, None for the lifting line: what `air_loads` asks for."""
-        return None if self.model == "lifting_line" else True
+    def __repr__(self) -> str:
+        """Say the model and its size."""
+        return f"RobotAir({self.model}, {self.line!r}, {self.state_size} states, lift limit {self.lift_limit})"
 
     @property
     def state_size(self) -> int:
@@ -194,6 +180,61 @@ class RobotAir:
             if not np.all(np.isfinite(values)):
                 raise ShapeError(f"{name} holds NaN or infinity: finite numbers were expected")
         wrenches, rates = np.empty((len(LINKS), 6)), np.empty(self.state_size)
-        loads = np.empty((LOADS, self.line.strips))
-        air_loads(self.arrays, self.steady, twists, state, wrenches, rates, loads)
+        loads = np.empty((STRIP_ROWS, self.line.strips))
+        air_loads_in(self.memory, twists, state, wrenches, rates, loads)
         return wrenches, rates, strips_of(loads)
+
+
+def air_memory(
+    line: LiftingLine,
+    link: NDArray[np.intp],
+    middle: Array,
+    *,
+    quasi_steady: float = 0.0,
+    profile_drag: float = 0.0,
+    slope_over_limit: float = 0.0,
+    surfaces: Surfaces = NO_SURFACES,
+) -> Array:
+    """Return the memory of a lifting line that rides on links.
+
+    Args:
+        line: the lifting line.
+        link: (N,) of the strips, index into `LINKS`.
+        middle: (N, 3) their mid-chord points in the links' frames [m].
+        quasi_steady: 1 for that model in place of the lifting line.
+        profile_drag: coefficient.
+        slope_over_limit: lift slope over the limit of the lift coefficient; 0 for no limit.
+        surfaces: body, tail and fin; none of them where omitted.
+    """
+    memory = new_memory(air_in, line.strips)
+    x, y, z = middle.T
+    force_factor = 0.5 * line.air_density * line.chord * line.width
+    values = AirConstants(
+        quasi_steady,
+        line.air_density,
+        line.lift_slope,
+        profile_drag,
+        slope_over_limit,
+        Strips(link, x, y, z, 0.25 * line.chord, 1.0 / line.semichord, force_factor),
+        line.downwash,
+        line.centre_downwash,
+        surfaces,
+    )
+    fill(fields_of(air_in, memory), values)
+    return memory
+
+
+def _surfaces(shape: Morphology, lift_slope: float) -> Surfaces:
+    """Return what a morphology has of body, tail and fin."""
+    tail, drag, fin = shape.tail, shape.aerodynamics, shape.fin
+    surfaces = NO_SURFACES._replace(drag_area=drag.body_drag_area, downwash_factor=drag.tail_downwash_factor)
+    if tail is not None:
+        surfaces = surfaces._replace(
+            tail=np.array(tail.position),
+            tail_cosine=np.cos(tail.incidence),
+            tail_sine=np.sin(tail.incidence),
+            tail_lift=0.5 * tail.span * tail.chord * lift_slope / (1 + 2 * tail.chord / tail.span),
+        )
+    if fin is not None:
+        surfaces = surfaces._replace(fin=np.array(fin.position), fin_lift=0.5 * fin.area * fin.lift_slope)
+    return surfaces

@@ -1,4 +1,4 @@
-"""The unsteady strips on the links, compiled: from the links' twists to their wrenches and the air's rates.
+"""Unsteady strips on the links, compiled: from the links' twists to their wrenches and the rates of the air's state.
 
 A strip lives in its link's frame: chord along x, normal along z. Spanwise flow is ignored. With the mid-chord point's
 velocity against the air, u forward and w_m upward relative to the section, U = hypot(u, w_m) and the flow's cosine
@@ -13,10 +13,10 @@ and scales the suction. So nothing jumps in broadside flow, and flow from behind
     f_x = lead suction - rho/2 c cd0 U u             per span
     f_z = lift + rho/2 c cd0 U w
 
-This is not the law of `stroke.fly`, which drives the line with w itself, as potential flow has it. With w |u| / U the
-steady normal force a0 rho b |u| w is the attached plate's at any incidence, in both; but suction here falls with lead
-c^2, so that a plate drags. The two agree up to incidence^2; beyond, this law lies between attached and stalled flow,
-for tips that pass 40 to 60 degrees (docs/design/0006-added-mass.md, docs/lifting_line.md).
+This is not the law of `flapping_wing.fly`, which drives the line with w itself, as potential flow has it. With
+w |u| / U the steady normal force a0 rho b |u| w is the attached plate's at any incidence, in both; but suction here
+falls with lead c^2, so that a plate drags. The two agree up to incidence^2; beyond, this law lies between attached and
+stalled flow, for tips that pass 40 to 60 degrees (docs/design/0006-added-mass.md, docs/lifting_line.md).
 
 A limit of the lift coefficient, where one is set, bends w_eff before anything uses it: with r = a0 w_eff / (U limit),
 w_eff / (1 + r^4)^(1/4) is 1.5 % less at half the limit and never passes it.
@@ -24,46 +24,102 @@ w_eff / (1 + r^4)^(1/4) is 1.5 % less at half the limit and never passes it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.numerics import Array, inner
+from aerobat_pin.numerics import Array, Integers, inner
 
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
-U, W, SPEED, LEAD, DOWNWASH, CIRCULATION, EFFECTIVE, FORCE_X, FORCE_Z = range(9)  # rows of the strips' loads
-LOADS = 9
+
+Scalar = Any  # an array without axes where it lies in a kernel's memory, a number where it is filled in
 
 
-class AirArrays(NamedTuple):
-    """Constants of the air for the kernels.
+class Strips(NamedTuple):
+    """The strips on the links, each field (N,).
 
-    `strips` (6, N): mid-chord x, y, z in the link's frame [m], quarter of the chord [m], one over the semichord [1/m],
-    half of density, chord and width [kg/m]. `link` (N,): index into `LINKS`. `downwash` (N + 1, N): the operator D, and
-    the centre line's row below it [1/m]. `numbers` (7,): density, lift slope, cd0, body drag area, tail's downwash
-    factor, tail's lift per rho |u| w [m2], lift slope over the limit of the lift coefficient, or 0 for no limit.
-    `tail` (9,): the tail's centre x, y, z, cosine and sine of its incidence, the fin's centre, its lift per rho |u| v
-    [m2].
+    `link` is the index into `LINKS`; `x`, `y`, `z` the mid-chord point in the link's frame [m]; `quarter_chord` a
+    quarter of the chord [m]; `per_semichord` [1/m]; `force_factor` half of density, chord and width [kg/m].
     """
 
-    strips: Array
-    link: NDArray[np.intp]
-    downwash: Array
-    numbers: Array
+    link: Integers
+    x: Array
+    y: Array
+    z: Array
+    quarter_chord: Array
+    per_semichord: Array
+    force_factor: Array
+
+
+class Surfaces(NamedTuple):
+    """Body, tail and fin: numbers () and points (3,) of the body [m].
+
+    `drag_area` of the body [m2]; `downwash_factor` of the wing's downwash at the tail; `tail` its centre, cosine and
+    sine of its incidence, `tail_lift` per rho |u| w [m2]; `fin` its centre, `fin_lift` per rho |u| v [m2].
+    """
+
+    drag_area: Scalar
+    downwash_factor: Scalar
     tail: Array
+    tail_cosine: Scalar
+    tail_sine: Scalar
+    tail_lift: Scalar
+    fin: Array
+    fin_lift: Scalar
+
+
+class AirConstants(NamedTuple):
+    """What does not change of the air on a robot.
+
+    Numbers (): `quasi_steady` 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
+    `lift_slope` [1/rad], `profile_drag` coefficient, `slope_over_limit` of the lift coefficient, 0 for no limit.
+    `downwash` (N, N) is the operator D [1/m], `centre_downwash` (N,) its row on the centre line.
+    """
+
+    quasi_steady: Scalar
+    density: Scalar
+    lift_slope: Scalar
+    profile_drag: Scalar
+    slope_over_limit: Scalar
+    strips: Strips
+    downwash: Array
+    centre_downwash: Array
+    surfaces: Surfaces
+
+
+class StripRows(NamedTuple):
+    """The rows of the strips' loads (9, N); `w` and `effective_velocity` at the 3/4 chord, see `StripLoads`."""
+
+    u: Array
+    w: Array
+    speed: Array
+    lead: Array
+    downwash: Array
+    circulation: Array
+    effective_velocity: Array
+    force_x: Array
+    force_z: Array
+
+
+STRIP_ROWS = len(StripRows._fields)
 
 
 @inner
-def sections(air: AirArrays, twists: Array, loads: Array) -> None:
-    """Write the flow at each strip: the rows U, W (at the 3/4 chord), SPEED and LEAD of `loads`."""
-    count = air.link.shape[0]
-    x, y, z, quarter = air.strips[0], air.strips[1], air.strips[2], air.strips[3]
-    u, w, speed, lead, turn = loads[U], loads[W], loads[SPEED], loads[LEAD], loads[FORCE_X]
+def strip_rows(loads: Array) -> StripRows:
+    """Name the rows of strip loads (9, N)."""
+    return StripRows(loads[0], loads[1], loads[2], loads[3], loads[4], loads[5], loads[6], loads[7], loads[8])
+
+
+@inner
+def sections(strips: Strips, twists: Array, rows: StripRows) -> None:
+    """Write the flow at each strip: `u`, `w` (at the 3/4 chord), `speed` and `lead`."""
+    count = strips.link.shape[0]
+    link_of, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
+    u, w, speed, lead, turn = rows.u, rows.w, rows.speed, rows.lead, rows.force_x
     for i in range(count):
-        link = air.link[i]
+        link = link_of[i]
         u[i] = twists[link, 0] + twists[link, 4] * z[i] - twists[link, 5] * y[i]
         w[i] = -(twists[link, 2] + twists[link, 3] * y[i] - twists[link, 4] * x[i])
         turn[i] = twists[link, 4] * quarter[i]
@@ -75,23 +131,26 @@ def sections(air: AirArrays, twists: Array, loads: Array) -> None:
 
 
 @inner
-def gather(air: AirArrays, loads: Array, wrenches: Array) -> None:
+def gather(strips: Strips, rows: StripRows, wrenches: Array) -> None:
     """Write the links' wrenches (5, 6) of the strips' forces at their 1/4 chords."""
+    link, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
+    force_x, force_z, lead = rows.force_x, rows.force_z, rows.lead
     wrenches[:] = 0.0
-    x, y, z, quarter = air.strips[0], air.strips[1], air.strips[2], air.strips[3]
-    for i in range(air.link.shape[0]):
-        wrench = wrenches[air.link[i]]
-        fx, fz = loads[FORCE_X, i], loads[FORCE_Z, i]
+    for i in range(link.shape[0]):
+        wrench = wrenches[link[i]]
+        fx, fz = force_x[i], force_z[i]
         wrench[0] += fx
         wrench[2] += fz
         wrench[3] += y[i] * fz
-        wrench[4] += z[i] * fx - (x[i] + loads[LEAD, i] * quarter[i]) * fz
+        wrench[4] += z[i] * fx - (x[i] + lead[i] * quarter[i]) * fz
         wrench[5] -= y[i] * fx
 
 
 @inner
-def strip_loads(air: AirArrays, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> float:
-    """Compute the strips' loads and the rates of the air's state; returns the downwash on the centre line [m/s].
+def strip_loads(
+    air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripRows
+) -> float:
+    """Compute the strips' loads and the rates of the air's state; return the downwash on the centre line [m/s].
 
     Args:
         air: constants.
@@ -99,20 +158,22 @@ def strip_loads(air: AirArrays, twists: Array, state: Array, wrenches: Array, ra
         state: (3N,) zeta_1, zeta_2, circulation.
         wrenches: (5, 6) written: on the links, at and in their own frames, force first.
         rates: (3N,) written: of the state.
-        loads: (9, N) written: in the rows U, W, SPEED, LEAD, DOWNWASH, CIRCULATION, EFFECTIVE, FORCE_X, FORCE_Z.
+        rows: written: the strips' loads.
     """
-    count = air.link.shape[0]
-    slope, cd0, limit = air.numbers[1], air.numbers[2], air.numbers[6]
+    strips = air.strips
+    count = strips.link.shape[0]
+    slope, cd0, limit = air.lift_slope[()], air.profile_drag[()], air.slope_over_limit[()]
     zeta1, zeta2, circulation = state[:count], state[count : 2 * count], state[2 * count :]
     rate1, rate2, growth = rates[:count], rates[count : 2 * count], rates[2 * count :]
-    per_semichord, pressure = air.strips[4], air.strips[5]
-    sections(air, twists, loads)
-    u, w, speed, lead, wash = loads[U], loads[W], loads[SPEED], loads[LEAD], loads[DOWNWASH]
-    w_eff, fx, fz = loads[EFFECTIVE], loads[FORCE_X], loads[FORCE_Z]
+    per_semichord, factor = strips.per_semichord, strips.force_factor
+    sections(strips, twists, rows)
+    u, w, speed, lead, wash = rows.u, rows.w, rows.speed, rows.lead, rows.downwash
+    w_eff, bound, fx, fz = rows.effective_velocity, rows.circulation, rows.force_x, rows.force_z
+    downwash, centre_downwash = air.downwash, air.centre_downwash
     for i in range(count):
         total = 0.0
         for j in range(count):
-            total += air.downwash[i, j] * circulation[j]
+            total += downwash[i, j] * circulation[j]
         wash[i] = total
     for i in range(count):
         w_total = (w[i] * abs(u[i]) / speed[i] if speed[i] > 0.0 else 0.0) - wash[i]
@@ -126,13 +187,13 @@ def strip_loads(air: AirArrays, twists: Array, state: Array, wrenches: Array, ra
             w_eff[i] /= np.sqrt(np.sqrt(1.0 + ratio * ratio * ratio * ratio))
     for i in range(count):
         growth[i] = 0.5 * speed[i] * (slope * w_eff[i] - per_semichord[i] * circulation[i])
-        drag = pressure[i] * cd0 * speed[i]
-        lift = pressure[i] * slope * w_eff[i]
-        loads[CIRCULATION, i] = circulation[i]
+        drag = factor[i] * cd0 * speed[i]
+        lift = factor[i] * slope * w_eff[i]
+        bound[i] = circulation[i]
         fx[i] = lead[i] * lift * w_eff[i] - drag * u[i]
         fz[i] = lift * speed[i] + drag * w[i]
-    gather(air, loads, wrenches)
+    gather(strips, rows, wrenches)
     centre = 0.0
     for j in range(count):
-        centre += air.downwash[count, j] * circulation[j]
+        centre += centre_downwash[j] * circulation[j]
     return centre

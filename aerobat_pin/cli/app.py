@@ -79,13 +79,13 @@ def trim_command(
     or without --set, are first guesses: what is found differs from them.
     """
     from aerobat_pin.experiments import check_file, write_text
-    from aerobat_pin.flight import trim
+    from aerobat_pin.flight import find_trim
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
     if out is not None:
         check_file(out, force=force)
     guess = load_scenario(scenario, settings or [])
-    trimmed = trim(guess)
+    trimmed = find_trim(guess)
     flight, crank = trimmed.scenario.flight, trimmed.scenario.crank
     offset, doubling = trimmed.scenario.robot.changes["wing"]["offset_x"], trimmed.time_to_double
     typer.echo(

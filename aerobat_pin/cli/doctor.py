@@ -182,10 +182,10 @@ def _urdf() -> Iterator[Finding]:
 
 def _kernels() -> Iterator[Finding]:
     """Tell where numba keeps the compiled kernels."""
-    from aerobat_pin.flight import advance
+    from aerobat_pin.flight import advance_stage
     from aerobat_pin.numerics import is_compiled
 
-    folder = getattr(getattr(advance, "stats", None), "cache_path", None)
-    state = "compiled" if is_compiled(advance) else "not compiled yet: the first run takes some 20 s more"
+    folder = getattr(getattr(advance_stage, "stats", None), "cache_path", None)
+    state = "compiled" if is_compiled(advance_stage) else "not compiled yet: the first run takes some 20 s more"
     detail = f"{folder}, {state}" if folder else "nowhere to write: every start compiles for about 20 s"
     yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")

@@ -11,21 +11,21 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.aerodynamics import RobotInAir
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.believed_air_kernels import END, MIDDLE, START, blow
+from aerobat_pin.estimation.believed_air_kernels import advance_air_stage
 from aerobat_pin.estimation.motion import Motion
-from aerobat_pin.flight import layout, warmed_up
+from aerobat_pin.flight import robot_air
 from aerobat_pin.numerics import Array, Integers
-from aerobat_pin.robot import BASE, Aerobat, held, joint_table, link_twists, rotations
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table, rotations
 from aerobat_pin.scenario import AirSection
 
 LONGEST_STEP = 1.5e-3  # [s]: longer ones miss a thousandth of the lift at 5 m/s and 6.7 Hz
-BORNE = 1.4  # rate of the fastest mode times a step: half of 2.785, where Runge-Kutta's fourth order turns unstable
-FASTEST = 100.0  # [m/s]: no wing meets faster air, but a log in millimetres does
-TURN = 60  # crank angles of a turn at which the warm-up's airspeeds are looked at
-LONGEST_WARM_UP = 3.0  # [s]: of a crank that hardly turns; the air remembers some ten chords of way
-LONGEST_GAP = 0.5  # [s]: nobody knows what the wings did meanwhile
+LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times a step; the method is unstable from 2.785 on
+LARGEST_AIRSPEED = 100.0  # [m/s]: no wing meets faster air, but a log in millimetres does
+WARM_UP_ANGLES = 60  # crank angles of a turn at which the warm-up's airspeeds are computed
+WARM_UP_LIMIT = 3.0  # [s]: for a crank that hardly turns; the air remembers some ten chords of way
+LONGEST_GAP = 0.5  # [s]: what the wings did in a longer one is unknown
 
 
 def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[str, Array]:
@@ -50,40 +50,44 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
             f"flight log: {dt[at]:.3g} s without a sample after t = {moved.time[at]:g} s: the air's past is lost; cut "
             "the log there"
         )
-    aerodynamic, added = _Believed(robot, air).fly(moved)
+    aerodynamic, added = AirAlongMotion(robot, air).fly(moved)
     made = {"aerodynamic": aerodynamic}
     if air.added_mass > 0.0:
         made["added_mass"] = added
     return made
 
 
-class _Believed:
-    """A robot in its air, nothing else pushing."""
+class AirAlongMotion:
+    """The air on a robot along a recorded motion.
+
+    Args:
+        robot: the believed robot.
+        air: the believed air.
+    """
 
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
+        """Lay the robot out in its air."""
         self.robot, self.section = robot, air
-        self.model, self.data = robot.model, robot.model.createData()
-        self.air = RobotAir.of(robot.wing, air)
-        self.constants, self.places, self._arrays = layout(self.model, self.data, self.air)
+        self.in_air = RobotInAir(robot, robot_air(robot.wing, air))
+        self.air = self.in_air.air
         modes = np.linalg.eigvals(self.air.line.state_space(1.0).A) if self.air.state_size else np.zeros(1)
         self.fastest = float(np.max(np.abs(modes)))  # [1/m]: rate of a mode per airspeed
 
-    def airspeed(self, q: Array, v: Array) -> Array:
-        """Return the fastest strip's (n,) [m/s] at configurations (n, nq) and velocities against the air (n, nv)."""
-        twists = link_twists(self.model, self.data, self.constants.tree, q, v)
+    def airspeed(self, twists: Array) -> Array:
+        """Return the fastest strip's (n,) [m/s] at the links' twists against the air (n, 5, 6)."""
         return np.asarray(np.max(self.air.airspeed(twists), axis=1))
 
     def longest_step(self, airspeed: Array) -> Array:
         """Return how long a step (n,) [s] may be, by the fastest strip's airspeed (n,) [m/s]."""
-        return np.asarray(1.0 / np.maximum(1.0 / LONGEST_STEP, self.fastest * airspeed / BORNE))
+        return np.asarray(1.0 / np.maximum(1.0 / LONGEST_STEP, self.fastest * airspeed / LARGEST_MODE_STEP))
 
     def steps(self, moved: Motion) -> Integers:
         """Return in how many steps each interval (m,) is flown."""
         v = moved.v.copy()
         v[:, :3] -= np.einsum("nji,nj->ni", rotations(moved.q), moved.wind[:, 0])
-        airspeed = self.airspeed(moved.q, v)
+        airspeed = self.airspeed(self.in_air.link_twists(moved.q, v))
         at = int(np.argmax(airspeed))
-        if airspeed[at] > FASTEST:
+        if airspeed[at] > LARGEST_AIRSPEED:
             raise LogError(
                 f"flight log: the wings meet air at {airspeed[at]:.0f} m/s at t = {moved.time[at]:g} s: metres, "
                 "seconds and a motion that is less noisy were expected"
@@ -99,40 +103,36 @@ class _Believed:
             return np.zeros(self.air.state_size)
         assert moved.crank is not None
         R = pin.Quaternion(moved.q[0, 3:7]).matrix()
-        body = moved.q[0, :7], moved.v[0, :BASE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
+        body = moved.q[0, :7], moved.v[0, :BASE_SIZE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
         angle, turning = moved.crank[:2, 0]
-        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, TURN), turning))
-        duration = min(cycles * 2.0 * np.pi / rate, LONGEST_WARM_UP)
-        longest = np.min(self.longest_step(self.airspeed(*held(self.robot, *body, turn))))
+        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, WARM_UP_ANGLES), turning))
+        duration = min(cycles * 2.0 * np.pi / rate, WARM_UP_LIMIT)
+        longest = np.min(self.longest_step(self.airspeed(self.in_air.flapping_twists(*body, turn))))
         count = int(np.ceil(duration / longest))
         back = (np.arange(2 * count + 1) * 0.5 / count - 1.0) * duration
         motion = joint_table(self.robot.linkage.solve(angle + turning * back, turning))
-        state: Array = np.zeros(self.air.state_size)
-        warmed_up(self.robot, self.data, (self.places, self.constants.tree), *body, motion, duration / count, state)
-        return state
+        return self.in_air.warmed_up(*body, motion, duration / count)
 
     def fly(self, moved: Motion) -> tuple[Array, Array]:
         """Fly along; return the means (m, nv) of aerodynamic force and added mass over the intervals."""
-        model, data, places, steady = self.model, self.data, self.places, self.air.steady
+        model, data, memory, fields = self.robot.model, self.in_air.data, self.in_air.memory, self.in_air.fields
         nle, steps = pin.nonLinearEffects, self.steps(moved)
         q, v, a, wind = _half_steps(moved, self.robot, steps)
-        stages, none = np.zeros((6, self.air.state_size)), np.zeros((4, 0))
-        stages[4] = stages[5] = self.start(moved)
+        fields.start[:] = fields.state[:] = self.start(moved)
         means = np.zeros((len(steps), 2, model.nv))
         dt = np.diff(moved.time) / steps
         nle(model, data, q[0], v[0])
         half = 0
         for k, count in enumerate(steps.tolist()):
             if dt[k] > 0.0:
-                step, mean = dt[k], means[k]
                 for i in range(half, half + 2 * count, 2):
                     # Pinocchio's results are those of the start: the step before has ended here.
-                    blow(places, steady, wind[i], a[i + 1], step, START, stages, none, mean)
+                    advance_air_stage(memory, wind[i], a[i + 1], dt[k], 0, means[k])
                     nle(model, data, q[i + 1], v[i + 1])
-                    blow(places, steady, wind[i + 1], a[i + 1], step, MIDDLE, stages, none, mean)
+                    advance_air_stage(memory, wind[i + 1], a[i + 1], dt[k], 1, means[k])
                     nle(model, data, q[i + 2], v[i + 2])
-                    blow(places, steady, wind[i + 2], a[i + 1], step, END, stages, none, mean)
-                mean /= count
+                    advance_air_stage(memory, wind[i + 2], a[i + 1], dt[k], 2, means[k])
+                means[k] /= count
             half += 2 * count
         return means[:, 0], means[:, 1]
 
@@ -146,7 +146,7 @@ def _half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, 
     share = np.append(np.concatenate([np.arange(2 * n) / (2.0 * n) for n in steps]), 1.0)[:, None]
     dt = np.diff(moved.time)
     q = moved.q[k] + share * (moved.q[k + 1] - moved.q[k])
-    q[:, 3:7] = _turned(moved.q[k, 3:7], moved.q[k + 1, 3:7], share)
+    q[:, 3:7] = _slerp(moved.q[k, 3:7], moved.q[k + 1, 3:7], share)
     v = moved.v[k] + share * (moved.v[k + 1] - moved.v[k])
     slope = np.divide(np.diff(moved.v, axis=0), dt[:, None], out=np.zeros_like(moved.v[1:]), where=dt[:, None] > 0.0)
     a = slope[k]
@@ -158,7 +158,7 @@ def _half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, 
     return q, v, a, wind
 
 
-def _turned(start: Array, end: Array, share: Array) -> Array:
+def _slerp(start: Array, end: Array, share: Array) -> Array:
     """Turn evenly from unit quaternions start to end (n, 4), the shorter way."""
     cosine = np.sum(start * end, axis=1, keepdims=True)
     end, cosine = np.where(cosine < 0.0, -end, end), np.minimum(np.abs(cosine), 1.0)

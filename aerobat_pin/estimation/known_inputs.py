@@ -25,7 +25,7 @@ from aerobat_pin.estimation.motion import Motion, motion
 from aerobat_pin.flight import KNOWN, FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-from aerobat_pin.robot import BASE, JOINTS, Aerobat, prescribed_joint_dynamics
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, prescribed_joint_dynamics
 from aerobat_pin.scenario import AirSection
 
 Torque = Literal["measured", "modelled", "motor_only", "none"]
@@ -143,7 +143,9 @@ def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
     """
     model, data = robot.model, robot.model.createData()
     closure = robot.linkage.solve(*_crank_halfway(moved))
-    joints = robot.velocity(np.zeros((len(force), BASE)), closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE:]
+    joints = robot.velocity(np.zeros((len(force), BASE_SIZE)), closure.theta_s_ddot, closure.theta_e_ddot)[
+        :, BASE_SIZE:
+    ]
     torque = np.zeros_like(force)
     q, v = moved.q, moved.v
     for k in range(len(force)):
@@ -165,4 +167,4 @@ def spread_crank_torque(robot: Aerobat, moved: Motion, torque: Array) -> Array:
         LogError: the crank is not recorded.
     """
     shoulder, elbow = robot.linkage.solve(_crank_halfway(moved)[0]).joint_torques(0.5 * torque)
-    return robot.velocity(np.zeros((len(torque), BASE)), shoulder, elbow)
+    return robot.velocity(np.zeros((len(torque), BASE_SIZE)), shoulder, elbow)

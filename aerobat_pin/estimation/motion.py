@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import wind_field
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.flight import FlightLog, wind_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE, JOINTS, Aerobat, rotations
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, rotations
 from aerobat_pin.scenario import AirSection
 
 
@@ -93,12 +92,12 @@ def _velocity(log: FlightLog, robot: Aerobat, q: Array, crank: Array | None) -> 
     source = "measured" if "twist" in measured else "reconstructed"
     v = _differences(robot.model, time, q)
     if "twist" in measured:
-        v[:, :BASE] = measured["twist"].values
+        v[:, :BASE_SIZE] = measured["twist"].values
     if "joint_rate" in measured:
         v[:, list(robot.idx_v)] = measured["joint_rate"].sel(joint=list(JOINTS)).values
     elif crank is not None:
         closure = robot.linkage.solve(crank[0], crank[1])
-        v = robot.velocity(v[:, :BASE], closure.theta_s_dot, closure.theta_e_dot)
+        v = robot.velocity(v[:, :BASE_SIZE], closure.theta_s_dot, closure.theta_e_dot)
         source = "reconstructed"
     return v, source
 
@@ -108,7 +107,7 @@ def _wind(log: FlightLog, q: Array, v: Array, air: AirSection) -> tuple[Array, s
     if "wind_W" in measured:
         velocity, source = np.asarray(measured["wind_W"].values, float), "measured"
     elif any(air.wind) or air.gust is not None or "airspeed" not in measured:
-        return wind_field(air, time), "believed"
+        return wind_of(air).field(time), "believed"
     else:
         along = v[:, 0] - np.asarray(measured["airspeed"].values, float)
         velocity, source = along[:, None] * rotations(q)[:, :, 0], "reconstructed"

@@ -1,42 +1,35 @@
 """From a scenario to a flight log: plant, crank, sensors; the log is the only door to estimating."""
 
+from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel
-from aerobat_pin.flight.plant.kernels import advance
-from aerobat_pin.flight.plant.memory import Constants, Found, Work, layout, unpack, unpack_found, unpack_work
+from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.warm_up import warmed_up
-from aerobat_pin.flight.point_forces import held_parts
+from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.flight.trim import Trim, trim
+from aerobat_pin.flight.trim import Trim, find_trim
 from aerobat_pin.flight.wake import Wake, wake_of
 
 __all__ = [
     "KNOWN",
     "ConstantRate",
-    "Constants",
     "CrankDrive",
     "FlightLog",
-    "Found",
     "Plant",
     "RateControlledMotor",
     "SpinUp",
     "Trim",
     "Wake",
     "WingInertia",
-    "Work",
-    "advance",
+    "advance_stage",
     "channel",
-    "held_parts",
-    "layout",
+    "find_trim",
+    "interval_means",
     "read_csv",
+    "robot_air",
     "simulate",
-    "trim",
-    "unpack",
-    "unpack_found",
-    "unpack_work",
     "wake_of",
-    "warmed_up",
+    "wind_of",
     "write_csv",
 ]

@@ -28,7 +28,7 @@ POSE_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 TWIST_AXIS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FlightLog:
     """Channels of one flight.
 
@@ -55,6 +55,29 @@ class FlightLog:
         intervals = self.measured.sizes.get("interval", len(time) - 1)
         if intervals != len(time) - 1:
             raise LogError(f"flight log: {intervals} intervals between {len(time)} samples")
+
+    def __repr__(self) -> str:
+        """Say how long the flight is and which channels it has."""
+        time, truth = self.time, self.truth
+        name = self.measured.attrs.get("scenario", "recorded flight")
+        return (
+            f"FlightLog({str(name)!r}, {len(time)} samples from {time[0]:g} to {time[-1]:g} s\n"
+            f"  measured: {', '.join(map(str, self.measured.data_vars))}\n"
+            f"  truth: {'none' if truth is None else ', '.join(map(str, truth.data_vars))})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the channels with their dimensions, units and meaning."""
+        import pandas as pd  # half a second that flying need not pay
+
+        rows = [
+            (name, side, " x ".join(map(str, values.dims)), values.attrs.get("units"), values.attrs.get("long_name"))
+            for side, data in (("measured", self.measured), ("truth", self.truth))
+            for name, values in ({} if data is None else data.data_vars).items()
+        ]
+        return str(
+            pd.DataFrame(rows, columns=["channel", "side", "dimensions", "unit", "meaning"]).to_html(index=False)
+        )
 
     @property
     def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -43,7 +43,7 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
     return tuple(forces)
 
 
-def held_parts(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
+def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
     """Average noise and signal of every force over intervals, each from a stream of its own, by its place in the list.
 
     Args:

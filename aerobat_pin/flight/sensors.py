@@ -71,26 +71,26 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
 
 def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Return a channel (n, c) as a sensor shows it at times (n,), from its true values (n, c)."""
-    taken = _taken(time, sensor.rate)
+    taken = _sampling_times(time, sensor.rate)
     samples = true[taken] + _errors(time[taken], true.shape[1], sensor, rng)
-    return np.asarray(_rounded(samples, sensor.quantum)[_shown(time, taken, sensor, rng)])
+    return np.asarray(_quantised(samples, sensor.quantum)[_last_arrived(time, taken, sensor, rng)])
 
 
 def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Return quaternions xyzw (n, 4) as a sensor shows them at times (n,), from the true ones (n, 4)."""
-    taken = _taken(time, sensor.rate)
+    taken = _sampling_times(time, sensor.rate)
     errors = _errors(time[taken], 3, sensor, rng)
     samples = np.empty((len(taken), 4))
-    for one, row, error in zip(samples, true[taken], errors, strict=True):
-        turned = pin.Quaternion(row) * pin.Quaternion(pin.exp3(error))
+    for shown, row, error in zip(samples, true[taken], errors, strict=True):
+        attitude = pin.Quaternion(row) * pin.Quaternion(pin.exp3(error))
         if sensor.quantum > 0.0:
-            angles = _rounded(pin.rpy.matrixToRpy(turned.matrix()), sensor.quantum)
-            turned = pin.Quaternion(pin.rpy.rpyToMatrix(angles))
-        one[:] = turned.coeffs() if turned.coeffs() @ row >= 0.0 else -turned.coeffs()
-    return np.asarray(samples[_shown(time, taken, sensor, rng)])
+            angles = _quantised(pin.rpy.matrixToRpy(attitude.matrix()), sensor.quantum)
+            attitude = pin.Quaternion(pin.rpy.rpyToMatrix(angles))
+        shown[:] = attitude.coeffs() if attitude.coeffs() @ row >= 0.0 else -attitude.coeffs()
+    return np.asarray(samples[_last_arrived(time, taken, sensor, rng)])
 
 
-def _taken(time: Array, rate: float | None) -> Indices:
+def _sampling_times(time: Array, rate: float | None) -> Indices:
     """Return at which of the times (n,) a sample is taken: always at the first."""
     if rate is None:
         return np.arange(len(time))
@@ -105,11 +105,11 @@ def _errors(time: Array, axes: int, sensor: SensorSection, rng: np.random.Genera
     return np.asarray(sensor.noise * noise + sensor.walk * np.cumsum(steps, axis=0) + np.array(sensor.bias))
 
 
-def _rounded(values: Array, quantum: float) -> Array:
+def _quantised(values: Array, quantum: float) -> Array:
     return np.asarray(np.round(values / quantum) * quantum) if quantum > 0.0 else values
 
 
-def _shown(time: Array, taken: Indices, sensor: SensorSection, rng: np.random.Generator) -> Indices:
+def _last_arrived(time: Array, taken: Indices, sensor: SensorSection, rng: np.random.Generator) -> Indices:
     """Return which of the samples is shown at each of the times (n,)."""
     kept = np.flatnonzero(rng.random(len(taken)) >= sensor.dropout)
     kept = kept if len(kept) and kept[0] == 0 else np.insert(kept, 0, 0)  # something is there from the start

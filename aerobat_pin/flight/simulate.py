@@ -9,9 +9,9 @@ import numpy as np
 from aerobat_pin.flight.crank import CrankDrive
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.log_channels import flight_log_of
-from aerobat_pin.flight.plant.kernels import advance
+from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.point_forces import held_parts
+from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
 from aerobat_pin.numerics import announce_compilation
 from aerobat_pin.robot import Aerobat, load_robot
@@ -38,10 +38,10 @@ def simulate(
         SimulationError: the flight diverged.
     """
     settings = scenario.simulation
-    announce_compilation(advance)
+    announce_compilation(advance_stage)
     plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
-    flown = plant.fly(count, dt, held_parts(plant.forces, time, settings.seed), progress)
+    flown = plant.fly(count, dt, interval_means(plant.forces, time, settings.seed), progress)
     log = flight_log_of(plant, time, flown)
     return recorded(log, plant.robot, scenario.sensors, settings.seed)

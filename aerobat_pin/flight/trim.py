@@ -24,9 +24,9 @@ from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import Scenario
 
 BODY = 5  # unknowns beside the air: frequency, offset, pitch, vertical speed, pitch rate
-SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
+BODY_SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
 AIR_SCALE = 0.1
-STEP = 1.0e-6  # of the finite differences, in scaled unknowns
+DIFFERENCE_STEP = 1.0e-6  # of the finite differences, in scaled unknowns
 CONVERGED = 1.0e-6  # largest miss of a flap that counts as periodic, in the units of `Trim.residual`
 
 
@@ -53,7 +53,7 @@ class Trim:
         return self.period * float(np.log(2.0) / np.log(growth)) if growth > 1.01 else float("inf")
 
 
-def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Trim:
+def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Trim:
     """Find the periodic flight nearest to a scenario's start.
 
     Args:
@@ -92,9 +92,11 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
 
     def slopes(unknowns: Array) -> Array:
         here = miss(unknowns)
-        return np.column_stack([(miss(unknowns + STEP * one) - here) / STEP for one in np.eye(len(unknowns))])
+        return np.column_stack(
+            [(miss(unknowns + DIFFERENCE_STEP * one) - here) / DIFFERENCE_STEP for one in np.eye(len(unknowns))]
+        )
 
-    solved = root(miss, np.concatenate([body / SCALE, air / AIR_SCALE]), jac=slopes, method="hybr")
+    solved = root(miss, np.concatenate([body / BODY_SCALE, air / AIR_SCALE]), jac=slopes, method="hybr")
     residual = float(np.max(np.abs(miss(solved.x))))
     if not residual < CONVERGED:
         raise TrimError(
@@ -114,21 +116,21 @@ def trim(scenario: Scenario, progress: Callable[[float], None] | None = None) ->
     return Trim(found, residual, _multipliers(plant, start, end), 1.0 / found.crank.frequency)
 
 
-def _heading(scenario: Scenario) -> float:
+def _course(scenario: Scenario) -> float:
     """Return where the robot flies, from x toward y [rad]."""
     return math.atan2(scenario.flight.velocity[1], scenario.flight.velocity[0])
 
 
 def _trimmed(scenario: Scenario, unknowns: Array) -> Scenario:
     """Return the scenario with scaled unknowns put in, nose first."""
-    frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * SCALE)
+    frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * BODY_SCALE)
     if frequency <= 0.0:
         raise TrimError(f"crank.frequency = {frequency}: the search left the flapping flights")
     flight = scenario.flight.model_copy(
         update={
             "velocity": (*scenario.flight.velocity[:2], rise),
             "roll_deg": 0.0,
-            "yaw_deg": math.degrees(_heading(scenario)),
+            "yaw_deg": math.degrees(_course(scenario)),
             "angular_velocity": (0.0, pitch_rate, 0.0),
             "pitch_deg": float(np.degrees(pitch)),
         }
@@ -164,7 +166,7 @@ def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
     """Return by how much one flap misses its start: speed, vertical speed, pitch, pitch rate, height, air."""
     plant, start = _plant(scenario, unknowns)
     end = _flap(plant, start)
-    heading = np.array([math.cos(_heading(scenario)), math.sin(_heading(scenario)), 0.0])
+    heading = np.array([math.cos(_course(scenario)), math.sin(_course(scenario)), 0.0])
     velocity = [pin.Quaternion(state.placement[3:]).matrix() @ state.twist[:3] for state in (start, end)]
     turned = pin.XYZQUATToSE3(start.placement).actInv(pin.XYZQUATToSE3(end.placement))
     body = [

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import RobotAir, drift
+from aerobat_pin.aerodynamics import Wind
 from aerobat_pin.errors import LogError
+from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import LINKS, Aerobat
@@ -31,13 +32,13 @@ class Wake:
         time: (m,) of shedding [s].
         position: (m, N, 3) trailing edges in world axes when they shed [m].
         bound: (m, N) circulation of the strips [m2/s].
-        air: the air it drifts with.
+        wind: that it drifts with.
     """
 
     time: Array
     position: Array
     bound: Array
-    air: AirSection
+    wind: Wind
 
     @property
     def shed(self) -> Array:
@@ -63,7 +64,7 @@ class Wake:
             circulation (k, N) that they left with [m2/s].
         """
         old = int(np.searchsorted(self.time, time, side="right"))
-        moved = drift(self.air, np.array([time])) - drift(self.air, self.time[:old])
+        moved = self.wind.drift(np.array([time])) - self.wind.drift(self.time[:old])
         return self.position[:old] + moved[:, None], self.bound[:old]
 
     def mean_trailing(self, start: float, end: float) -> Array:
@@ -90,7 +91,7 @@ def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
     if log.truth is None:
         raise LogError("the wake needs the bound circulation: this log has no group 'truth', only a simulation has")
     bound, incidence = (np.asarray(log.truth[name].values, float) for name in ("circulation", "incidence"))
-    placed = RobotAir.of(robot.wing, air)
+    placed = robot_air(robot.wing, air)
     if bound.shape[1] != air.strips:
         raise LogError(f"the log has {bound.shape[1]} strips, air.strips = {air.strips}")
     # What trails is the rear edge, or the front one where the flow comes from behind.
@@ -102,4 +103,4 @@ def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
         for i, link in enumerate(placed.link):
             place = data.oMf[joints[link]]
             position[k, i] = place.act(placed.mid_chord[i] + np.array([aft[k, i], 0.0, 0.0]))
-    return Wake(log.time[: len(bound)], position, bound, air)
+    return Wake(log.time[: len(bound)], position, bound, wind_of(air))

@@ -10,7 +10,7 @@ from aerobat_pin.linkage.moving import Angle, Pin, bar_angle, meet, still
 from aerobat_pin.numerics import Array
 
 
-def close(bars: LinkageLengths, crank_angle: Array) -> tuple[dict[str, Angle], dict[str, Pin]]:
+def close_dyads(bars: LinkageLengths, crank_angle: Array) -> tuple[dict[str, Angle], dict[str, Pin]]:
     """Close the dyads at J4, J7 and J10 one after the other.
 
     Args:

@@ -12,13 +12,25 @@ from numpy.typing import ArrayLike
 
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import ANGLES, loops
-from aerobat_pin.linkage.moving import Angle, Complex, Pin, opening, wrapped
+from aerobat_pin.linkage.moving import Angle, Pin, opening, wrapped
 from aerobat_pin.numerics import Array
 
 DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}  # pin: where its two bars come from
 
 
-@dataclass(frozen=True)
+class _JointPart:
+    """A property: an angle of shoulder or elbow, or one of its derivatives by crank angle or by time."""
+
+    def __init__(self, joint: str, part: str, meaning: str) -> None:
+        self.joint, self.part, self.__doc__ = joint, part, meaning
+
+    def __get__(self, closure: Closure, _: type | None = None) -> Array:
+        moving: Angle = getattr(closure, self.joint)
+        found = getattr(moving, self.part) if self.part in Angle._fields else getattr(closure, self.part)(moving)
+        return cast(Array, found)
+
+
+@dataclass(frozen=True, repr=False)
 class Closure:
     """The closed linkage at one or many crank angles.
 
@@ -30,6 +42,8 @@ class Closure:
         crank_angle, crank_velocity, crank_acceleration: t1 [rad] and its derivatives by time.
         bars: the absolute angles t1, t2, t3, t5, t6, t8, t9 with their derivatives by crank angle.
         points: the pins J1..J10 as complex numbers with their derivatives by crank angle.
+        theta_s, theta_e: shoulder angle t5 and elbow angle t6 - t5, the latter in [-pi, pi) [rad], and their
+            derivatives.
     """
 
     lengths: LinkageLengths
@@ -39,110 +53,53 @@ class Closure:
     bars: Mapping[str, Angle]
     points: Mapping[str, Pin]
 
+    theta_s = _JointPart("shoulder", "at", "Shoulder angle t5 [rad].")
+    dtheta_s = _JointPart("shoulder", "d", "Shoulder angle by crank angle.")
+    d2theta_s = _JointPart("shoulder", "d2", "Shoulder angle twice by crank angle.")
+    theta_s_dot = _JointPart("shoulder", "rate", "Shoulder rate [rad/s].")
+    theta_s_ddot = _JointPart("shoulder", "acceleration", "Shoulder acceleration [rad/s2].")
+    theta_e = _JointPart("elbow", "at", "Elbow angle t6 - t5 [rad], in [-pi, pi).")
+    dtheta_e = _JointPart("elbow", "d", "Elbow angle by crank angle.")
+    d2theta_e = _JointPart("elbow", "d2", "Elbow angle twice by crank angle.")
+    theta_e_dot = _JointPart("elbow", "rate", "Elbow rate [rad/s].")
+    theta_e_ddot = _JointPart("elbow", "acceleration", "Elbow acceleration [rad/s2].")
+
+    def __repr__(self) -> str:
+        """Say how many crank angles, and how far the joints go."""
+        if np.size(self.crank_angle) == 0:
+            return "Closure(no crank angle)"
+        ranges = {"t1": self.crank_angle, "theta_s": self.theta_s, "theta_e": self.theta_e}
+        said = (f"{k} {np.degrees(np.min(x)):.1f} .. {np.degrees(np.max(x)):.1f} deg" for k, x in ranges.items())
+        return f"Closure({np.size(self.crank_angle)} crank angles, {', '.join(said)}, residual {self.residual:.1e} m)"
+
     @property
     def angles(self) -> dict[str, Array]:
         """Absolute bar angles [rad]."""
         return {name: bar.at for name, bar in self.bars.items()}
 
     @property
-    def dangles(self) -> dict[str, Array]:
-        """Bar angles by crank angle."""
-        return {name: bar.d for name, bar in self.bars.items()}
-
-    @property
-    def d2angles(self) -> dict[str, Array]:
-        """Bar angles twice by crank angle."""
-        return {name: bar.d2 for name, bar in self.bars.items()}
-
-    @property
-    def angles_dot(self) -> dict[str, Array]:
-        """Rates of the bar angles [rad/s]."""
-        return {name: self._rate(bar) for name, bar in self.bars.items()}
-
-    @property
-    def angles_ddot(self) -> dict[str, Array]:
-        """Accelerations of the bar angles [rad/s2]."""
-        return {name: self._acceleration(bar) for name, bar in self.bars.items()}
-
-    @property
     def pins(self) -> dict[str, Array]:
         """Pin positions [m]."""
-        return {name: _pair(point.at) for name, point in self.points.items()}
+        return {name: np.stack([pin.at.real, pin.at.imag], axis=-1) for name, pin in self.points.items()}
 
     @property
-    def dpins(self) -> dict[str, Array]:
-        """Pin positions by crank angle [m/rad]."""
-        return {name: _pair(point.d) for name, point in self.points.items()}
-
-    @property
-    def d2pins(self) -> dict[str, Array]:
-        """Pin positions twice by crank angle [m/rad2]."""
-        return {name: _pair(point.d2) for name, point in self.points.items()}
-
-    @property
-    def pins_dot(self) -> dict[str, Array]:
-        """Pin velocities [m/s]."""
-        return {name: _pair(self._rate(point)) for name, point in self.points.items()}
-
-    @property
-    def pins_ddot(self) -> dict[str, Array]:
-        """Pin accelerations [m/s2]."""
-        return {name: _pair(self._acceleration(point)) for name, point in self.points.items()}
-
-    @property
-    def theta_s(self) -> Array:
-        """Shoulder angle t5 [rad]."""
-        return self.bars["t5"].at
-
-    @property
-    def dtheta_s(self) -> Array:
-        """Shoulder angle by crank angle."""
-        return self.bars["t5"].d
-
-    @property
-    def d2theta_s(self) -> Array:
-        """Shoulder angle twice by crank angle."""
-        return self.bars["t5"].d2
-
-    @property
-    def theta_s_dot(self) -> Array:
-        """Shoulder rate [rad/s]."""
-        return self._rate(self.bars["t5"])
-
-    @property
-    def theta_s_ddot(self) -> Array:
-        """Shoulder acceleration [rad/s2]."""
-        return self._acceleration(self.bars["t5"])
-
-    @property
-    def theta_e(self) -> Array:
-        """Elbow angle t6 - t5 [rad], in [-pi, pi)."""
-        return self._elbow.at
-
-    @property
-    def dtheta_e(self) -> Array:
-        """Elbow angle by crank angle."""
-        return self._elbow.d
-
-    @property
-    def d2theta_e(self) -> Array:
-        """Elbow angle twice by crank angle."""
-        return self._elbow.d2
-
-    @property
-    def theta_e_dot(self) -> Array:
-        """Elbow rate [rad/s]."""
-        return self._rate(self._elbow)
-
-    @property
-    def theta_e_ddot(self) -> Array:
-        """Elbow acceleration [rad/s2]."""
-        return self._acceleration(self._elbow)
+    def shoulder(self) -> Angle:
+        """Shoulder angle with its derivatives by crank angle."""
+        return self.bars["t5"]
 
     @cached_property
-    def _elbow(self) -> Angle:
-        shoulder, forearm = self.bars["t5"], self.bars["t6"]
-        return Angle(wrapped(forearm.at - shoulder.at), forearm.d - shoulder.d, forearm.d2 - shoulder.d2)
+    def elbow(self) -> Angle:
+        """Elbow angle with its derivatives by crank angle."""
+        upper, fore = self.bars["t5"], self.bars["t6"]
+        return Angle(wrapped(fore.at - upper.at), fore.d - upper.d, fore.d2 - upper.d2)
+
+    def rate(self, moving: Angle | Pin) -> Array:
+        """Return the rate of a bar [rad/s], or the velocity of a pin as a complex number [m/s]."""
+        return cast(Array, moving.d * self.crank_velocity)
+
+    def acceleration(self, moving: Angle | Pin) -> Array:
+        """Return the acceleration of a bar [rad/s2], or of a pin as a complex number [m/s2]."""
+        return cast(Array, moving.d2 * self.crank_velocity**2 + moving.d * self.crank_acceleration)
 
     @cached_property
     def transmission(self) -> dict[str, Array]:
@@ -150,17 +107,11 @@ class Closure:
         at = self.points
         return {name: opening(at[start], at[name], at[end]) for name, (start, end) in DYADS.items()}
 
-    @cached_property
-    def gap(self) -> Array:
-        """What is left open at J4, J7 or J10, the largest [m]."""
-        angles = np.stack([self.bars[name].at for name in ANGLES], axis=-1)
-        largest: Array = np.max(np.abs(loops(self.lengths).at(angles)), axis=-1)
-        return largest
-
     @property
     def residual(self) -> float:
-        """Largest gap over all crank angles [m]."""
-        return float(np.max(self.gap))
+        """What is left open at J4, J7 or J10, the largest over all crank angles [m]."""
+        angles = np.stack([self.bars[name].at for name in ANGLES], axis=-1)
+        return float(np.max(np.abs(loops(self.lengths).at(angles)), initial=0.0))
 
     def crank_torque(self, shoulder_torque: ArrayLike, elbow_torque: ArrayLike) -> Array:
         """Map one wing's joint torques to the crank by virtual work: tau_s dtheta_s + tau_e dtheta_e [N m]."""
@@ -175,13 +126,3 @@ class Closure:
         """
         share = np.asarray(crank_torque, float) / (self.dtheta_s**2 + self.dtheta_e**2)
         return share * self.dtheta_s, share * self.dtheta_e
-
-    def _rate(self, moving: Angle | Pin) -> Array:
-        return cast(Array, moving.d * self.crank_velocity)
-
-    def _acceleration(self, moving: Angle | Pin) -> Array:
-        return cast(Array, moving.d2 * self.crank_velocity**2 + moving.d * self.crank_acceleration)
-
-
-def _pair(point: Complex | Array) -> Array:
-    return np.stack([point.real, point.imag], axis=-1)

@@ -12,7 +12,7 @@ from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_description.position_closure import CRANK_ANGLES, remedies
 from aerobat_pin.errors import LinkageError, NearSingularWarning, ShapeError
 from aerobat_pin.linkage.arms import ANGLES, bent_arms
-from aerobat_pin.linkage.chain import close
+from aerobat_pin.linkage.chain import close_dyads
 from aerobat_pin.linkage.closure import DYADS, Closure
 from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
 
@@ -52,7 +52,7 @@ class KineticSculpture:
         )
         if not (np.all(np.isfinite(t1)) and np.all(np.isfinite(rate)) and np.all(np.isfinite(acceleration))):
             raise ShapeError("crank angle, velocity and acceleration must be finite")
-        closed = Closure(self.lengths, t1[()], rate[()], acceleration[()], *close(self.lengths, t1))
+        closed = Closure(self.lengths, t1[()], rate[()], acceleration[()], *close_dyads(self.lengths, t1))
         for name in DYADS:
             if np.any(np.isnan(closed.points[name].at)):
                 raise self._open(closed, name)

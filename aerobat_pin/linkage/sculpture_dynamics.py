@@ -30,7 +30,7 @@ from aerobat_pin.linkage.arms import ANGLES, loops, real_rows
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.numerics import Array
 
-SIZE = 2 * len(ANGLES)
+STATE_SIZE = 2 * len(ANGLES)
 
 
 class SculptureDynamics:
@@ -48,13 +48,13 @@ class SculptureDynamics:
         self.sculpture = KineticSculpture(lengths)
         self.stabilisation = stabilisation
         self._loops = loops(self.sculpture.lengths)
-        shoulder, elbow = (np.eye(SIZE)[len(ANGLES) + ANGLES.index(name)] for name in ("t5", "t6"))
+        shoulder, elbow = (np.eye(STATE_SIZE)[len(ANGLES) + ANGLES.index(name)] for name in ("t5", "t6"))
         self.C_k = np.array([shoulder, elbow - shoulder])
 
     def state(self, crank_angle: float, crank_velocity: float = 0.0) -> Array:
         """Return the closed state x (14,). Raises LinkageError where the linkage cannot close."""
         closed = self.sculpture.solve(crank_angle, crank_velocity)
-        return np.array([*closed.angles.values(), *closed.angles_dot.values()], float)
+        return np.array([*closed.angles.values(), *map(closed.rate, closed.bars.values())], float)
 
     def f_k(self, x: ArrayLike) -> Array:
         """Return the rate (..., 14) of a state whose crank turns steadily."""

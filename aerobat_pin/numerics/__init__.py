@@ -2,10 +2,18 @@
 
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id
-from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, layout, lock
-from aerobat_pin.numerics.lie_runge_kutta import next_stage, step
+from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
+from aerobat_pin.numerics.lie_runge_kutta import (
+    DEPARTURES,
+    HALF_STEPS,
+    add_stage,
+    lie_step,
+    next_state,
+    next_tangent,
+    step,
+)
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
-from aerobat_pin.numerics.memory import new_memory, next_size, rewind, take, take_integers
+from aerobat_pin.numerics.memory import fields_of, new_memory, next_size, rewind, take, take_integers
 from aerobat_pin.numerics.pinocchio_views import (
     DOUBLE,
     addresses,
@@ -19,11 +27,14 @@ from aerobat_pin.numerics.pinocchio_views import (
 from aerobat_pin.numerics.small_matrices import copy_values, dot, eigenvectors, solve_positive
 
 __all__ = [
+    "DEPARTURES",
     "DOUBLE",
+    "HALF_STEPS",
     "Array",
     "Integers",
     "add_product",
     "add_row_product",
+    "add_stage",
     "addresses",
     "announce_compilation",
     "array_at",
@@ -34,18 +45,21 @@ __all__ = [
     "doubles_at",
     "eigenvectors",
     "factorise",
+    "fields_of",
     "frame_id",
     "inner",
     "integers_at",
     "is_compiled",
     "kernel",
-    "layout",
+    "lie_step",
     "lock",
+    "merged",
     "mirror",
     "motions",
     "new_memory",
     "next_size",
-    "next_stage",
+    "next_state",
+    "next_tangent",
     "placements",
     "rewind",
     "shaped",

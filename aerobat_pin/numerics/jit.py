@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -23,8 +23,11 @@ KERNEL_SOURCES = (
     "aerodynamics/added_mass.py",
     "aerodynamics/body_surfaces.py",
     "aerodynamics/lifting_line.py",
+    "aerodynamics/links.py",
+    "aerodynamics/memory.py",
     "aerodynamics/quasi_steady.py",
     "aerodynamics/robot_air.py",
+    "aerodynamics/robot_in_air.py",
     "aerodynamics/strips.py",
     "estimation/believed_air_kernels.py",
     "flight/attitude_hold.py",
@@ -42,6 +45,7 @@ KERNEL_SOURCES = (
     "observers/kernels/filters.py",
     "observers/kernels/memory.py",
     "observers/kernels/projection.py",
+    "observers/kernels/record.py",
     "observers/kernels/residual.py",
     "robot/link_kernels.py",
 )
@@ -57,15 +61,15 @@ def inner(function: Function) -> Function:
     return _compiled(function, no_cpython_wrapper=True)
 
 
-def layout(function: Function) -> Function:
-    """Make a kernel that is compiled into its callers: what takes views of a memory then costs nothing (see `memory`).
+def merged(function: Function) -> Function:
+    """Make a kernel that becomes part of the kernels that call it: a name in it that nobody uses costs nothing there.
 
-    As a call, the Kalman filter's layout alone would cost a tenth of its update.
+    So are the layouts of a memory; Python reads them by `memory.fields_of`, which waits for no compiler.
     """
-    return _compiled(function, forceinline=True)
+    return _compiled(function, inline="always", no_cpython_wrapper=True)
 
 
-def _compiled(function: Function, **more: bool) -> Function:
+def _compiled(function: Function, **more: Any) -> Function:
     options: dict[str, Any] = {
         "error_model": "numpy",  # and no fastmath: see design note 4 on the same numbers everywhere
         "no_cfunc_wrapper": True,  # nobody calls a kernel from C
@@ -77,17 +81,10 @@ def _compiled(function: Function, **more: bool) -> Function:
         return cast(Function, numba.njit(**options)(function))
     with suppress(AttributeError):  # a numba that keeps its stamp elsewhere
         # numba looks for changes in a kernel's own file only, but the kernels that it calls are compiled into it.
-        file = compiled._cache._cache_file
-        file._source_stamp, file._load_index = sources_stamp(), partial(_index_of, file._load_index)
+        compiled._cache._cache_file._source_stamp = sources_stamp()
+        # What is outdated is not even unpickled: the classes in its signatures may be gone.
+        compiled._cache._cache_file._version = f"{numba.__version__} {sources_stamp()}"
     return cast(Function, compiled)
-
-
-def _index_of(load: Callable[[], Any]) -> Any:
-    """Read the index of a kernel's cache, or nothing where it names a class that has since been renamed or moved."""
-    try:
-        return load()
-    except (AttributeError, ImportError):
-        return {}
 
 
 @cache

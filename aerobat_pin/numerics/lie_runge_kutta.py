@@ -6,6 +6,10 @@ point q on the manifold it carries a vector y, for which it is the classical Run
 
     q2 = q exp(h/2 k1)        q4 = q2 exp(h k3 - h/2 k1)
     q3 = q exp(h/2 k2)        q' = q exp(h (k1/4 + k2/6 + k3/6 - k4/12)) exp(h (-k1/12 + k2/6 + k3/6 + k4/4))
+
+Stages are counted from 0. `lie_step` goes from stage to stage on the manifold; whoever evaluates a stage calls
+`next_tangent` for q, `next_state` for y, and `add_stage` for whatever is to be averaged over the step. `step` does all
+that for equations written as a Python function.
 """
 
 from __future__ import annotations
@@ -20,22 +24,24 @@ from aerobat_pin.numerics.jit import kernel
 
 Output = TypeVar("Output")
 Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
+Evaluation = Callable[[int, Array], tuple[Array, Array]]
 Retraction = Callable[[Array, Array], Array]
+
+HALF_STEPS = (0, 1, 1, 2)  # where the stages lie, in half steps from the start
+DEPARTURES = (0, 0, 1, 0)  # where the tangent that leads on from a stage departs, in half steps: from q or from q2
+WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # of the stages in the mean over the step
 
 
 @kernel
-def next_stage(stage: int, dt: float, k: Array, rate: Array, start: Array, state: Array, tangent: Array) -> None:
-    """Prepare what follows a stage.
+def next_tangent(stage: int, dt: float, k: Array, tangent: Array) -> None:
+    """Write the tangents that lead on from a stage.
 
     Args:
-        stage: 0 to 3, just evaluated.
+        stage: just evaluated.
         dt: step.
-        k: (4, m) velocities of q at the stages.
-        rate: (4, n) rates of y at the stages.
-        start: (n,) y at the start of the step.
-        state: (n,) written: y at the next stage; after stage 3 at the next step.
-        tangent: (2, m or more) first m entries written: the way from q (stages 0, 1) or from q2 (stage 2) to the next
-            stage in row 0; after stage 3 the two parts, one after the other, from q to the next step.
+        k: (4, m) velocities of q at the stages; those after this one are not read.
+        tangent: (2, m or more) first m entries written: the tangent to the next stage in row 0; after the last stage
+            the tangents to the next step, one after the other.
     """
     for i in range(k.shape[1]):
         if stage < 2:
@@ -46,6 +52,19 @@ def next_stage(stage: int, dt: float, k: Array, rate: Array, start: Array, state
             middle = (k[1, i] + k[2, i]) / 6.0
             tangent[0, i] = dt * (0.25 * k[0, i] + middle - k[3, i] / 12.0)
             tangent[1, i] = dt * (0.25 * k[3, i] + middle - k[0, i] / 12.0)
+
+
+@kernel
+def next_state(stage: int, dt: float, rate: Array, start: Array, state: Array) -> None:
+    """Write y at the next stage, after the last stage at the next step.
+
+    Args:
+        stage: just evaluated.
+        dt: step.
+        rate: (4, n) rates of y at the stages.
+        start: (n,) y at the start of the step.
+        state: (n,) written.
+    """
     for i in range(start.shape[0]):
         if stage < 2:
             state[i] = start[i] + 0.5 * dt * rate[stage, i]
@@ -55,10 +74,35 @@ def next_stage(stage: int, dt: float, k: Array, rate: Array, start: Array, state
             state[i] = start[i] + dt * (rate[0, i] + 2.0 * (rate[1, i] + rate[2, i]) + rate[3, i]) / 6.0
 
 
+@kernel
+def add_stage(stage: int, values: Array, mean: Array) -> None:
+    """Add a stage's values (n,) to their mean over the step (n,)."""
+    for i in range(values.shape[0]):
+        mean[i] += WEIGHTS[stage] * values[i]
+
+
+def lie_step(evaluate: Evaluation, retract: Retraction, q: Array) -> Array:
+    """Advance one step on the manifold.
+
+    Args:
+        evaluate: (stage, q) evaluates a stage there and returns the two tangents that lead on from it.
+        retract: (q, tangent) -> q.
+        q: point on the manifold.
+
+    Returns:
+        q at the next step.
+    """
+    q2 = retract(q, evaluate(0, q)[0])
+    q3 = retract(q, evaluate(1, q2)[0])
+    q4 = retract(q2, evaluate(2, q3)[0])
+    first, second = evaluate(3, q4)
+    return retract(retract(q, first), second)
+
+
 def step(
     rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
 ) -> tuple[Array, Array, tuple[Output, ...]]:
-    """Advance one step.
+    """Advance any equations by one step.
 
     Args:
         rates: (t, q, y) -> velocity of q in its tangent space, rate of y, and any output worth keeping.
@@ -69,26 +113,19 @@ def step(
         dt: step [s].
 
     Returns:
-        q and y at t + dt, and the outputs of the four stages (at t, t + dt/2 twice, t + dt): see `stage_mean`.
+        q and y at t + dt, and the outputs of the four stages.
     """
-    here, state, start = q, np.array(y, float), np.array(y, float)
-    second, outputs = q, []
-    for stage in range(4):
-        velocity, rate, output = rates(t + (0.0, 0.5, 0.5, 1.0)[stage] * dt, here, state)
+    start, state, slopes = np.array(y, float), np.array(y, float), np.zeros((4, len(y)))
+    velocities: list[Array] = []
+    outputs: list[Output] = []
+
+    def evaluate(stage: int, here: Array) -> tuple[Array, Array]:
+        velocity, slopes[stage], output = rates(t + 0.5 * HALF_STEPS[stage] * dt, here, state.copy())
+        velocities.append(np.array(velocity, float))
         outputs.append(output)
-        if stage == 0:
-            k, slopes = np.zeros((4, len(velocity))), np.zeros((4, len(start)))
-            tangent = np.zeros((2, len(velocity)))
-        k[stage], slopes[stage] = velocity, rate
-        state = np.empty_like(start)
-        next_stage(stage, dt, k, slopes, start, state, tangent)
-        if stage < 3:
-            here = retract(second if stage == 2 else q, tangent[0])
-        if stage == 0:
-            second = here
-    return retract(retract(q, tangent[0]), tangent[1]), state, tuple(outputs)
+        tangent = np.zeros((2, len(velocity)))
+        next_tangent(stage, dt, np.array(velocities), tangent)
+        next_state(stage, dt, slopes, start, state)
+        return tangent[0], tangent[1]
 
-
-def stage_mean(stages: tuple[Array, ...]) -> Array:
-    """Return the mean over the step that the method's own weights give: (s1 + 2 s2 + 2 s3 + s4) / 6."""
-    return (stages[0] + 2.0 * (stages[1] + stages[2]) + stages[3]) / 6.0
+    return lie_step(evaluate, retract, q), state, tuple(outputs)

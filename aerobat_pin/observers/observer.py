@@ -16,7 +16,17 @@ from numpy.typing import ArrayLike
 from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import Array, addresses, check_views, checked, lock, motions, new_memory, placements
+from aerobat_pin.numerics import (
+    Array,
+    addresses,
+    check_views,
+    checked,
+    fields_of,
+    lock,
+    motions,
+    new_memory,
+    placements,
+)
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.identifiability import judge
@@ -85,7 +95,7 @@ class Observer:
         )
         self._width, self._nv = nv + count, nv
         self._memory = new_memory(observer_in, *self._sizes)
-        self._fill(observer_in(self._memory))
+        self._fill(fields_of(observer_in, self._memory))
         self._update: Any = kernels.update_observer
         self._time = float("nan")
         self._latest = Sample(np.zeros(self._width), nv)

@@ -3,31 +3,27 @@
 from aerobat_pin.robot.aerobat import FORCE_POINTS, JOINTS, Aerobat, load_aerobat, load_morphology
 from aerobat_pin.robot.closing_bars import place_bars, visual_model_with_bars
 from aerobat_pin.robot.frames import euler_angles, external_forces, joint_wrench, rotations, world_velocity
-from aerobat_pin.robot.link_kernels import against_the_air, chain, climb
-from aerobat_pin.robot.link_motion import held, joint_table, link_twists
+from aerobat_pin.robot.link_kernels import chain, climb
 from aerobat_pin.robot.link_tree import Tree, tree_of
 from aerobat_pin.robot.load import believed_robot, load_robot
-from aerobat_pin.robot.prescribed_joints import BASE, prescribed_joint_dynamics
+from aerobat_pin.robot.prescribed_joints import BASE_SIZE, joint_table, prescribed_joint_dynamics
 from aerobat_pin.robot.wing import LINKS, Wing
 
 __all__ = [
-    "BASE",
+    "BASE_SIZE",
     "FORCE_POINTS",
     "JOINTS",
     "LINKS",
     "Aerobat",
     "Tree",
     "Wing",
-    "against_the_air",
     "believed_robot",
     "chain",
     "climb",
     "euler_angles",
     "external_forces",
-    "held",
     "joint_table",
     "joint_wrench",
-    "link_twists",
     "load_aerobat",
     "load_morphology",
     "load_robot",

@@ -29,7 +29,7 @@ CRANK_START = -np.pi / 2  # [rad], crank straight down
 STANDARD_GRAVITY = 9.81  # [m/s2]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Aerobat:
     """One robot. `q` is [position (3), quaternion xyzw (4), joints (4)], `v` the body twist in LOCAL axes, then rates.
 
@@ -44,6 +44,13 @@ class Aerobat:
     wing: Wing
     idx_q: tuple[int, ...]
     idx_v: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        """Say which robot it is, its size, and what it stands on in Pinocchio."""
+        return (
+            f"Aerobat({self.morphology.name!r}, {1e3 * self.mass:.1f} g, span {1e3 * self.wing.span:.0f} mm, "
+            f"nq {self.model.nq}, nv {self.model.nv})"
+        )
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
@@ -77,7 +84,7 @@ class Aerobat:
             shape = self.morphology.with_changes(changes)
         except MorphologyError as error:
             raise MorphologyFileError(str(error)) from error
-        return _robot(shape, self.model.gravity.linear.copy())
+        return _build(shape, self.model.gravity.linear.copy())
 
     @property
     def mass(self) -> float:
@@ -116,7 +123,7 @@ def load_aerobat(
     Raises:
         MorphologyFileError: as `load_morphology`.
     """
-    return _robot(load_morphology(morphology, changes), np.array([0.0, 0.0, -gravity]))
+    return _build(load_morphology(morphology, changes), np.array([0.0, 0.0, -gravity]))
 
 
 def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = None) -> Morphology:
@@ -141,7 +148,7 @@ def _with_file(message: str, morphology: str) -> str:
     return f"morphology file {morphology}: there is no such file" if is_path else message
 
 
-def _robot(shape: Morphology, gravity: Array) -> Aerobat:
+def _build(shape: Morphology, gravity: Array) -> Aerobat:
     linkage = KineticSculpture(shape.linkage)
     linkage.check()
     text = urdf_text(shape)

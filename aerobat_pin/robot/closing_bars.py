@@ -16,7 +16,7 @@ from aerobat_description.bars import closing_bars
 from aerobat_pin.robot.aerobat import CRANK_START, Aerobat
 from aerobat_pin.robot.visual_model import geometry_object
 
-ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # of the bars, as the paper counts them
+BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # of the bars, as the paper counts them
 
 
 def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = None) -> dict[str, pin.SE3]:
@@ -39,7 +39,7 @@ def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = No
     for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
         sign = 1.0 if side == "left" else -1.0
         outboard, up = closure.pins[bar.origin]
-        turn = pin.utils.rotate("x", sign * float(closure.angles[ANGLES[bar.name]]))
+        turn = pin.utils.rotate("x", sign * float(closure.angles[BAR_ANGLES[bar.name]]))
         placed[name] = base * pin.SE3(turn, np.array([robot.morphology.wing.offset_x, sign * outboard, up]))
     return placed
 

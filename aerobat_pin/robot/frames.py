@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 import pinocchio as pin
@@ -64,20 +64,6 @@ def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]])
     for joint, wrench in wrenches:
         fext[joint] += wrench
     return fext
-
-
-def generalized_force(model: pin.Model, data: pin.Data, fext: Mapping[int, Array]) -> Array:
-    """Return sum J^T f (nv,) of joint wrenches (6,) in joint axes.
-
-    Args:
-        model: any model.
-        data: its data, after `computeJointJacobians`.
-        fext: joint index -> wrench (6,) about the joint's origin in the joint's axes.
-    """
-    force = np.zeros(model.nv)
-    for joint, wrench in fext.items():
-        force += pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL).T @ wrench
-    return force
 
 
 def euler_angles(q: Array) -> Array:

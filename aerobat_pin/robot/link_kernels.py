@@ -1,19 +1,20 @@
-"""Kinematics of the five links, compiled: placements, wrenches carried up the tree, and twists against the air."""
+"""Kinematics of the five links, compiled: placements, and wrenches carried up the tree."""
 
 from __future__ import annotations
 
-from aerobat_pin.numerics import Array, copy_values, inner, kernel
+from aerobat_pin.numerics import Array, copy_values, kernel
 from aerobat_pin.robot.link_tree import Tree
 
 
 @kernel
 def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
     """Carry link wrenches (5, 6) up the tree (in place) and write the generalised force sum J^T f (nv,)."""
-    for link in range(tree.table.shape[0] - 1, 0, -1):
-        joint, parent, at = tree.table[link, 0], tree.table[link, 1], tree.table[link, 2]
+    joint_of, parent_of, row_of, axis = tree.joint, tree.parent, tree.row, tree.axis
+    for link in range(joint_of.shape[0] - 1, 0, -1):
+        joint, parent, row = joint_of[link], parent_of[link], row_of[link]
         own = wrenches[link]
         fx, fy, fz, mx, my, mz = own[0], own[1], own[2], own[3], own[4], own[5]
-        force[at] = tree.axis[link, 0] * mx + tree.axis[link, 1] * my + tree.axis[link, 2] * mz
+        force[row] = axis[link, 0] * mx + axis[link, 1] * my + axis[link, 2] * mz
         P = liMi[joint]
         gx = P[0] * fx + P[3] * fy + P[6] * fz
         gy = P[1] * fx + P[4] * fy + P[7] * fz
@@ -25,45 +26,22 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
         up[3] += P[0] * mx + P[3] * my + P[6] * mz + P[10] * gz - P[11] * gy
         up[4] += P[1] * mx + P[4] * my + P[7] * mz + P[11] * gx - P[9] * gz
         up[5] += P[2] * mx + P[5] * my + P[8] * mz + P[9] * gy - P[10] * gx
-    at = tree.table[0, 2]
-    copy_values(wrenches[0], force[at : at + 6])
+    base = row_of[0]
+    copy_values(wrenches[0], force[base : base + 6])
 
 
 @kernel
 def chain(tree: Tree, liMi: Array, rotation: Array, origin: Array) -> None:
     """Write rotations (5, 3, 3) of the links to body axes and their origins (5, 3) in the body's frame."""
+    joint_of, parent_of = tree.joint, tree.parent
     for i in range(3):
         origin[0, i] = 0.0
         for j in range(3):
             rotation[0, i, j] = 1.0 if i == j else 0.0
-    for link in range(1, tree.table.shape[0]):
-        P, parent = liMi[tree.table[link, 0]], tree.table[link, 1]
+    for link in range(1, joint_of.shape[0]):
+        P, parent = liMi[joint_of[link]], parent_of[link]
         for i in range(3):
             a, b, c = rotation[parent, i, 0], rotation[parent, i, 1], rotation[parent, i, 2]
             origin[link, i] = origin[parent, i] + a * P[9] + b * P[10] + c * P[11]
             for j in range(3):
                 rotation[link, i, j] = a * P[3 * j] + b * P[1 + 3 * j] + c * P[2 + 3 * j]
-
-
-@inner
-def against_the_air(world: Array, gravity: float, wind: Array, rotation: Array, field: Array, twists: Array) -> None:
-    """Turn gravity (upward), wind and its rate into body axes, the rows of `field`, and take the wind from twists.
-
-    Args:
-        world: (12,) placement of the body, rotation by columns.
-        gravity: [m/s2].
-        wind: (2, 3) velocity of the air and its rate, world axes.
-        rotation: (5, 3, 3) links to body.
-        field: (3, 3) written.
-        twists: (5, 6) of the links, at and in their own frames; changed.
-    """
-    for i in range(3):
-        field[0, i] = gravity * world[3 * i + 2]
-        for row in range(2):
-            field[1 + row, i] = (
-                world[3 * i] * wind[row, 0] + world[3 * i + 1] * wind[row, 1] + world[3 * i + 2] * wind[row, 2]
-            )
-    x, y, z = field[1, 0], field[1, 1], field[1, 2]
-    for link in range(twists.shape[0]):
-        for i in range(3):
-            twists[link, i] -= rotation[link, 0, i] * x + rotation[link, 1, i] * y + rotation[link, 2, i] * z

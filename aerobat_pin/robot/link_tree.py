@@ -13,26 +13,31 @@ from aerobat_pin.robot.wing import LINKS
 
 
 class Tree(NamedTuple):
-    """The five links in the order of `LINKS`.
+    """The five links in the order of `LINKS`, each field (5,) but `axis`.
 
-    `table` (5, 4): Pinocchio joint, parent link, first velocity, 0 shoulder or 1 elbow. `axis` (5, 3): joint axes.
+    `joint` in Pinocchio's count; `parent` link, -1 for the body; `row`, the joint's first one in v; `angle` of the
+    linkage that the joint follows, 0 shoulder or 1 elbow; `axis` (5, 3) of the joints, in their links' frames.
     """
 
-    table: Integers
+    joint: Integers
+    parent: Integers
+    row: Integers
+    angle: Integers
     axis: Array
 
 
 def tree_of(model: pin.Model) -> Tree:
     """Find the links in a model."""
-    table: list[tuple[int, ...]] = []
-    axis = [np.zeros(3)]
-    for i, link in enumerate(LINKS):
-        joint = model.frames[model.getFrameId(link)].parentJoint
-        parents = [k for k, row in enumerate(table) if row[0] == model.parents[joint]]
-        which = JOINTS.index(model.names[joint]) % 2 if i else 0
-        table.append((joint, parents[0] if parents else -1, model.joints[joint].idx_v, which))
-        if i:
-            neutral = model.joints[joint].createData()
-            model.joints[joint].calc(neutral, np.zeros(1))
-            axis.append(np.ravel(neutral.S)[3:])
-    return Tree(np.array(table), np.array(axis))
+    joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
+    axis = np.zeros((len(LINKS), 3))
+    for link, joint in enumerate(joints[1:], 1):
+        neutral = model.joints[joint].createData()
+        model.joints[joint].calc(neutral, np.zeros(1))
+        axis[link] = np.ravel(neutral.S)[3:]
+    return Tree(
+        joint=np.array(joints),
+        parent=np.array([-1, *(joints.index(model.parents[joint]) for joint in joints[1:])]),
+        row=np.array([model.joints[joint].idx_v for joint in joints]),
+        angle=np.array([0, *(JOINTS.index(model.names[joint]) % 2 for joint in joints[1:])]),
+        axis=axis,
+    )

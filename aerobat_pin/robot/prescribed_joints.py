@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
 
-BASE = 6  # velocities of a free-flyer base
+BASE_SIZE = 6  # velocities of a free-flyer base
 
 
 def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_acceleration: Array) -> tuple[Array, Array]:
@@ -30,9 +31,21 @@ def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_accelera
         Acceleration (nv,) and motor torque u_m (nv,), zero in the base rows [N m].
     """
     acceleration = np.empty_like(nle)
-    acceleration[BASE:] = joint_acceleration
-    push = force[:BASE] - nle[:BASE] - M[:BASE, BASE:] @ joint_acceleration
-    acceleration[:BASE] = np.linalg.solve(M[:BASE, :BASE], push)
+    acceleration[BASE_SIZE:] = joint_acceleration
+    push = force[:BASE_SIZE] - nle[:BASE_SIZE] - M[:BASE_SIZE, BASE_SIZE:] @ joint_acceleration
+    acceleration[:BASE_SIZE] = np.linalg.solve(M[:BASE_SIZE, :BASE_SIZE], push)
     torque = np.zeros_like(nle)
-    torque[BASE:] = M[BASE:] @ acceleration + nle[BASE:] - force[BASE:]
+    torque[BASE_SIZE:] = M[BASE_SIZE:] @ acceleration + nle[BASE_SIZE:] - force[BASE_SIZE:]
     return acceleration, torque
+
+
+def joint_table(closure: Closure) -> Array:
+    """Stack angle, rate and acceleration of shoulder and elbow as (n, 3, 2)."""
+    return np.stack(
+        [
+            np.stack([closure.theta_s, closure.theta_e], axis=-1),
+            np.stack([closure.theta_s_dot, closure.theta_e_dot], axis=-1),
+            np.stack([closure.theta_s_ddot, closure.theta_e_ddot], axis=-1),
+        ],
+        axis=1,
+    )

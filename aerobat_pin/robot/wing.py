@@ -37,11 +37,6 @@ class Wing:
         """Length of the arc from tip to tip [m]."""
         return self.morphology.span
 
-    @property
-    def area(self) -> float:
-        """Area of one wing's membranes, spread flat [m2]."""
-        return self.morphology.wing_area
-
     def leading_edge(self, y: ArrayLike) -> Array:
         """Return the leading edge's x in the wing frame [m] at arc coordinates y [m]."""
         return self._edge(y, "leading_edge")

@@ -16,7 +16,7 @@ from aerobat_pin.estimation import TABLE_HEADER
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.scenario import scenario_toml
 from aerobat_pin.visualization.figures.linkage_svg import linkage_animation
-from aerobat_pin.visualization.template import fill
+from aerobat_pin.visualization.template import fill_template
 
 SLOWER = 10.0  # the animated linkage turns so much slower than it flies
 
@@ -29,7 +29,7 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
         images: figure name -> PNG file, embedded into the page.
     """
     scenario, frequency = experiment.scenario, experiment.scenario.crank.frequency
-    return fill(
+    return fill_template(
         "report.html",
         scenario=scenario,
         toml=scenario_toml(scenario),

@@ -15,6 +15,6 @@ PAGES = Environment(
 )
 
 
-def fill(template: str, **values: Any) -> str:
+def fill_template(template: str, **values: Any) -> str:
     """Return a page made of a template; values are escaped unless they are `markupsafe.Markup`."""
     return PAGES.get_template(template).render(values)

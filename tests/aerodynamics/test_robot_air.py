@@ -51,7 +51,7 @@ def mirror_state(state: np.ndarray) -> np.ndarray:
 
 def test_the_planform_has_the_published_area_and_spans() -> None:
     """239.15 cm2 a wing; arc of 20.67 (shoulder), 69.47 (elbow) and 201.47 mm (tip) along the joint axes."""
-    assert 1e4 * WING.area == pytest.approx(239.15, abs=5e-3)
+    assert 1e4 * WING.morphology.wing_area == pytest.approx(239.15, abs=5e-3)
     assert 1e3 * np.array(WING.breaks) == pytest.approx([20.6732, 69.4657, 201.4657], abs=5e-5)
     assert 1e3 * WING.span == pytest.approx(402.93, abs=5e-3)
     proximal, distal = SHAPE.wing.proximal_stations[-1], SHAPE.wing.distal_stations[-1]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from support.gliding import BARE, gliding, settled
 from support.references import LATTICE_FLAP
-from support.section_law import HALVES, arrays_of, plate, plate_drag, rectangle_loads
+from support.section_law import HALVES, memory_of, plate, plate_drag, rectangle_loads
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.robot_air import air_loads
-from aerobat_pin.aerodynamics.strips import FORCE_X, FORCE_Z, LOADS
+from aerobat_pin.aerodynamics.robot_air import air_loads_in, strips_of
+from aerobat_pin.aerodynamics.strips import STRIP_ROWS
 from aerobat_pin.robot.wing import LINKS
 
 
@@ -20,14 +20,18 @@ def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:
     Rates of the state, normal force and suction, each over its own size.
     """
     line = LiftingLine(0.4, lambda y: 0.1 - 0.1 * np.abs(y), quarter_chord=lambda y: -0.2 * np.abs(y))
-    air, rng = arrays_of(line), np.random.default_rng(15)
+    air, rng = memory_of(line), np.random.default_rng(15)
     state, turn, half = 0.05 * rng.normal(size=3 * line.strips), rng.normal(size=(2, 3)), np.where(line.y > 0.0, 0, 1)
 
     def apart(size: float) -> np.ndarray:
         twists = np.zeros((len(LINKS), 6))
         twists[HALVES, 0], twists[np.ix_(HALVES, [2, 3, 4])] = 4.0, size * turn * [4.0, 20.0, 20.0]
-        wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3 * line.strips), np.empty((LOADS, line.strips))
-        air_loads(air, None, twists, size * state, wrenches, rates, loads)
+        wrenches, rates, loads = (
+            np.empty((len(LINKS), 6)),
+            np.empty(3 * line.strips),
+            np.empty((STRIP_ROWS, line.strips)),
+        )
+        air_loads_in(air, twists, size * state, wrenches, rates, loads)
         vx, _, vz, wx, wy, wz = twists[HALVES][half].T
         u, w = vx - wz * line.y, -(vz + wx * line.y - wy * line.three_quarter_chord)
         speed = np.hypot(u, w)
@@ -37,8 +41,8 @@ def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:
                 np.linalg.norm(ours / line_s - 1.0)
                 for ours, line_s in (
                     (rates, line.rates(size * state, speed, w_eff, w_total)),
-                    (loads[FORCE_Z], line.width * line.lift(np.abs(u), w_eff)),
-                    (loads[FORCE_X], line.width * line.suction(w_eff)),
+                    (strips_of(loads).force_z, line.width * line.lift(np.abs(u), w_eff)),
+                    (strips_of(loads).force_x, line.width * line.suction(w_eff)),
                 )
             ]
         )
@@ -73,7 +77,7 @@ def test_a_steady_plate_has_the_drag_of_its_closed_form() -> None:
 
 
 def test_the_flapping_rectangle_through_the_robots_strips() -> None:
-    """PteraSoftware 5.1.0 as in test_flapping_wing.py: lift within the 8 % of a lifting line, thrust 27.6 % short."""
+    """PteraSoftware 5.1.0 as in test_stroke.py: lift within the 8 % of a lifting line, thrust 27.6 % short."""
     ours, _ = rectangle_loads()
     assert ours.lift_rms == pytest.approx(LATTICE_FLAP.lift_rms, rel=0.08)
     assert ours.lift_max == pytest.approx(LATTICE_FLAP.lift_max, rel=0.08)

@@ -268,7 +268,7 @@ def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch)
     """It works all the same, and says why every start is slow."""
     from aerobat_pin import flight
 
-    monkeypatch.setattr(flight, "advance", flight.advance.py_func)
+    monkeypatch.setattr(flight, "advance_stage", flight.advance_stage.py_func)
     finding = by_name(check_installation())["kernel cache"]
     assert not finding.ok
     assert "NUMBA_CACHE_DIR" in finding.advice

@@ -177,12 +177,12 @@ def test_what_a_log_cannot_give_is_refused_by_name(paper: Experiment) -> None:
 
 def test_repeated_stamps_cost_nothing_and_turning_is_even() -> None:
     """An interval of no length has no force; half way between two attitudes lies Pinocchio's own interpolation."""
-    from aerobat_pin.estimation.believed_air import _turned
+    from aerobat_pin.estimation.believed_air import _slerp
 
     rng = np.random.default_rng(4)
     start, end = (np.array([pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs() for _ in range(20)]) for _ in "ab")
     share = rng.uniform(size=(20, 1))
-    for i, found in enumerate(_turned(start, end, share)):
+    for i, found in enumerate(_slerp(start, end, share)):
         a, b = (pin.Quaternion(one[i]).matrix() for one in (start, end))
         expected = a @ pin.exp3(share[i, 0] * pin.log3(a.T @ b))
         np.testing.assert_allclose(pin.Quaternion(found).matrix(), expected, atol=1e-9)

@@ -17,8 +17,8 @@ from aerobat_pin.flight.crank import (
     RateControlledMotor,
     SpinUp,
     WingInertia,
+    checked_motion,
     crank_drive,
-    turned,
 )
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
@@ -63,7 +63,7 @@ def test_the_rate_is_the_angles_derivative_and_the_acceleration_the_rates(drive:
     assert (after.angle - before.angle) / (2 * h) == pytest.approx(here.rate, rel=1e-6, abs=1e-5)
     assert (after.rate - before.rate) / (2 * h) == pytest.approx(here.acceleration, rel=1e-4, abs=0.05)
     assert CrankMotion(*drive(np.zeros(1))).angle == pytest.approx(START)
-    assert turned(drive, TIME).angle.shape == TIME.shape
+    assert checked_motion(drive, TIME).angle.shape == TIME.shape
 
 
 def test_a_steady_crank_turns_at_all_times() -> None:
@@ -177,20 +177,20 @@ def test_a_motor_that_turns_at_the_start_turned_steadily_before() -> None:
 def test_a_drive_that_is_not_a_motion_is_refused(drive: Callable[..., Any], message: str) -> None:
     """Shapes, finiteness, and that the three quantities belong together."""
     with pytest.raises(CrankError, match=message) as caught:
-        turned(drive, TIME)
+        checked_motion(drive, TIME)
     assert isinstance(caught.value, AerobatError)
 
 
 def test_a_drive_may_jump_in_acceleration_and_give_plain_numbers_for_what_is_constant() -> None:
     """A brake thrown in, a crank that stands, a quick swing; a rate that jumps would take an infinite torque."""
     late = np.maximum(TIME - 0.5, 0.0)
-    braked = turned(lambda t: (9.0 * t - 8.0 * late**2, 9.0 - 16.0 * late, np.where(t < 0.5, 0.0, -16.0)), TIME)
+    braked = checked_motion(lambda t: (9.0 * t - 8.0 * late**2, 9.0 - 16.0 * late, np.where(t < 0.5, 0.0, -16.0)), TIME)
     assert braked.acceleration.shape == TIME.shape
     with pytest.raises(CrankError, match="must be the rate's derivative"):
-        turned(lambda t: (6.0 * np.minimum(t, 0.5), np.where(t < 0.5, 6.0, 0.0), 0.0), TIME)
-    assert np.all(turned(lambda _: (0.3, 0.0, 0.0), TIME).angle == 0.3)
-    assert turned(lambda t: (np.sin(40.0 * t), 40.0 * np.cos(40.0 * t), -1600.0 * np.sin(40.0 * t)), TIME)
-    assert turned(DRIVES["constant"], np.zeros(0)).angle.shape == (0,)
+        checked_motion(lambda t: (6.0 * np.minimum(t, 0.5), np.where(t < 0.5, 6.0, 0.0), 0.0), TIME)
+    assert np.all(checked_motion(lambda _: (0.3, 0.0, 0.0), TIME).angle == 0.3)
+    assert checked_motion(lambda t: (np.sin(40.0 * t), 40.0 * np.cos(40.0 * t), -1600.0 * np.sin(40.0 * t)), TIME)
+    assert checked_motion(DRIVES["constant"], np.zeros(0)).angle.shape == (0,)
 
 
 def test_a_scenario_builds_the_drive_it_names() -> None:

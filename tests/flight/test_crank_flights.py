@@ -15,11 +15,11 @@ from aerobat_pin.flight.crank import ConstantRate, crank_drive
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.flight.trim import trim
+from aerobat_pin.flight.trim import find_trim
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.robot.aerobat import Aerobat
-from aerobat_pin.robot.link_motion import joint_table
 from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
 from aerobat_pin.scenario.toml import scenario_toml
 
@@ -139,7 +139,7 @@ def test_a_drive_of_ones_own_that_is_no_motion_is_refused_before_flying() -> Non
 def test_only_a_steady_crank_can_be_trimmed() -> None:
     """A flap that speeds up does not repeat itself."""
     with pytest.raises(TrimError, match=r"crank\.drive = 'motor'"):
-        trim(load_scenario("paper_open_loop", ["crank.drive=motor"]))
+        find_trim(load_scenario("paper_open_loop", ["crank.drive=motor"]))
 
 
 @pytest.mark.parametrize("drive", ["constant", "spin_up", "motor"])

@@ -9,7 +9,7 @@ from aerobat_pin.errors import TrimError
 from aerobat_pin.estimation.scores import true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.flight.trim import trim
+from aerobat_pin.flight.trim import find_trim
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.scenario.toml import scenario_toml
 
@@ -90,7 +90,7 @@ def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
     Floquet: heading and height are neutral (two multipliers of one), longitudinal motion nearly so, and one lateral
     mode grows: drooped wings roll away.
     """
-    found = trim(load_scenario("paper_open_loop", ["crank.frequency=6.7", "flight.pitch_deg=10"]))
+    found = find_trim(load_scenario("paper_open_loop", ["crank.frequency=6.7", "flight.pitch_deg=10"]))
     assert found.residual < 1e-8
     assert found.scenario.crank.frequency == pytest.approx(6.696, abs=1e-3)
     assert found.scenario.robot.changes["wing"]["offset_x"] == pytest.approx(-0.08002, abs=1e-5)
@@ -113,7 +113,7 @@ def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
     """
     into = ["flight.velocity=[0.0, 4.0, 0.0]", "air.wind=[0.0, -1.0, 0.0]"]
     gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.0, duration = 0.1}"
-    still, found = load_scenario("paper_open_loop"), trim(load_scenario("paper_open_loop", [*into, gust])).scenario
+    still, found = load_scenario("paper_open_loop"), find_trim(load_scenario("paper_open_loop", [*into, gust])).scenario
     assert found.crank.frequency == pytest.approx(still.crank.frequency, rel=1e-6)
     assert found.robot.changes["wing"]["offset_x"] == pytest.approx(still.robot.changes["wing"]["offset_x"], rel=1e-5)
     assert found.flight.pitch_deg == pytest.approx(still.flight.pitch_deg, rel=1e-6)
@@ -121,15 +121,15 @@ def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
     assert found.flight.yaw_deg == 90.0
     assert found.air.gust is not None
     with pytest.raises(TrimError, match="forces or wind of this scenario push it sideways"):
-        trim(load_scenario("paper_open_loop", ["air.wind=[0.0, -1.0, 0.0]"]))
+        find_trim(load_scenario("paper_open_loop", ["air.wind=[0.0, -1.0, 0.0]"]))
 
 
 def test_a_trim_that_cannot_be_found_says_so() -> None:
     """A crank that stands still has no flap; and at a meter a second nothing carries the robot."""
     with pytest.raises(TrimError, match="only a flapping flight"):
-        trim(load_scenario("paper_open_loop", ["crank.frequency=0.0", "air.warm_up_cycles=0"]))
+        find_trim(load_scenario("paper_open_loop", ["crank.frequency=0.0", "air.warm_up_cycles=0"]))
     with pytest.raises(TrimError, match=r"no periodic flight found near 1\.00 Hz"):
-        trim(load_scenario("paper_open_loop", ["crank.frequency=1.0", "flight.velocity=[1.0, 0.0, 0.0]"]))
+        find_trim(load_scenario("paper_open_loop", ["crank.frequency=1.0", "flight.velocity=[1.0, 0.0, 0.0]"]))
 
 
 def test_what_is_known_of_the_torques_decides_what_can_be_found() -> None:
@@ -185,4 +185,4 @@ def test_what_cannot_be_told_apart_is_left_out_and_does_not_blow_up(frames: list
 def test_a_flight_that_is_pushed_to_one_side_is_not_trimmed() -> None:
     """Longitudinal motion closes, lateral motion does not: no orbit, and no multipliers of one."""
     with pytest.raises(TrimError, match="only a symmetric flight can be trimmed"):
-        trim(load_scenario("tumble"))
+        find_trim(load_scenario("tumble"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -23,13 +24,15 @@ from support.kernel_cases import (
 
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.aerodynamics.robot_air import strips_of
-from aerobat_pin.flight.attitude_hold import AttitudeHold, rotation_vector
+from aerobat_pin.aerodynamics.robot_in_air import warm_up
+from aerobat_pin.flight.attitude_hold import AttitudeHold, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels
-from aerobat_pin.flight.plant import memory as plant_layout
+from aerobat_pin.flight.plant.memory import split_forces, unknown_forces
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.point_forces import held_parts
+from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import pinocchio_views, small_matrices
-from aerobat_pin.numerics.lie_runge_kutta import next_stage
+from aerobat_pin.numerics.lie_runge_kutta import WEIGHTS, next_state, next_tangent
+from aerobat_pin.robot import link_kernels
 from aerobat_pin.robot.wing import LINKS
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
@@ -94,7 +97,9 @@ def test_the_hold_pushes_as_its_twin(seed: int) -> None:
     hold = AttitudeHold(pin.exp3(rng.uniform(-1, 1, 3)), *rng.uniform(-1, 1, 2), *gains, *rng.uniform(0.1, 1.0, 6))
     rotation, (position, linear, angular) = pin.exp3(rng.uniform(-1, 1, 3)), rng.uniform(-2.0, 2.0, (3, 3))
     twist = np.concatenate([linear, 0.3 * angular])
-    assert_spatial(hold.wrench(position, rotation, twist), twins.hold_wrench(hold, position, rotation, twist))
+    packed, wrench = AttitudeHold(*(np.asarray(value) for value in hold)), np.empty(6)
+    hold_wrench(packed, np.append(rotation.ravel(order="F"), position), twist, np.empty((3, 3)), wrench)
+    assert_spatial(wrench, twins.hold_wrench(hold, position, rotation, twist))
 
 
 # ----------------------------------------------------------------------------------------------------------------- air
@@ -128,9 +133,10 @@ def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Pla
     air, rng = paper_plant.air, np.random.default_rng(seed)
     twists = rng.uniform(-1.0, 1.0, (11, 5, 6)) * np.repeat([1.0, 10.0], 3) + np.array([3.0, 0, 0, 0, 0, 0])
     start = rng.uniform(-0.02, 0.02, air.state_size)
-    state = start.copy()
-    plant_kernels.warm_up(paper_plant._places, None, twists, 2e-3, state)
-    assert_equal(state, twins.warmed_up(air, paper_plant.robot.morphology, twists, 2e-3, start))
+    in_air = paper_plant.in_air
+    in_air.fields.state[:] = start
+    warm_up(in_air.memory, twists, 2e-3)
+    assert_equal(in_air.fields.state, twins.warmed_up(air, paper_plant.robot.morphology, twists, 2e-3, start))
 
 
 # ---------------------------------------------------------------------------------------------------------- integrator
@@ -142,10 +148,11 @@ def test_each_stage_follows_the_tableau(stage: int) -> None:
     rng = np.random.default_rng(stage)
     k, rate, start = rng.standard_normal((4, 6)), rng.standard_normal((4, 11)), rng.standard_normal(11)
     state, tangent = np.full(11, np.nan), np.full((2, 8), 7.0)
-    next_stage(stage, 0.1, k, rate, start, state, tangent)
-    expected, ways = twins.next_stage(stage, 0.1, k, rate, start)
+    next_tangent(stage, 0.1, k, tangent)
+    next_state(stage, 0.1, rate, start, state)
+    expected, tangents = twins.next_stage(stage, 0.1, k, rate, start)
     assert_equal(state, expected)
-    assert_equal(tangent[: len(ways), :6], ways)
+    assert_equal(tangent[: len(tangents), :6], tangents)
     assert np.all(tangent[:, 6:] == 7.0)
 
 
@@ -161,7 +168,7 @@ def test_climbing_the_tree_is_the_sum_of_transposed_jacobians(morphology: str, s
     wrenches = np.random.default_rng(seed).standard_normal((5, 6))
     expected = twins.at_joints(plant.model, data, wrenches)
     found = np.full(plant.model.nv, np.nan)
-    plant_kernels.climb(plant.constants.tree, liMi, wrenches, found)
+    link_kernels.climb(plant.in_air.fields.tree, liMi, wrenches, found)
     assert_equal(found, expected)
 
 
@@ -172,7 +179,7 @@ def test_placements_down_the_tree_are_those_of_pinocchio(morphology: str, seed: 
     plant = built(morphology, "all forces, hold")
     data, liMi = posed(plant, seed)
     rotation, origin = np.full((5, 3, 3), np.nan), np.full((5, 3), np.nan)
-    plant_kernels.chain(plant.constants.tree, liMi, rotation, origin)
+    link_kernels.chain(plant.in_air.fields.tree, liMi, rotation, origin)
     joints = [plant.model.frames[plant.model.getFrameId(link)].parentJoint for link in LINKS]
     places = [data.oMi[joints[0]].actInv(data.oMi[joint]) for joint in joints]
     assert_equal(rotation, [place.rotation for place in places])
@@ -189,14 +196,14 @@ def test_unknown_forces_push_where_and_along_what_they_should(morphology: str, c
         data, liMi = posed(plant, seed)
         rotation, origin, wrenches = np.empty((5, 3, 3)), np.empty((5, 3)), np.full((5, 6), np.nan)
         at_points, found = np.full((2, len(plant.points), 3), np.nan), np.empty(plant.model.nv)
-        plant_kernels.chain(plant.constants.tree, liMi, rotation, origin)
-        world = liMi[plant.constants.tree.table[0, 0]]
-        plant_kernels.push(plant.constants.unknown, 0.6, held, seed, world, rotation, wrenches, at_points)
+        link_kernels.chain(plant.in_air.fields.tree, liMi, rotation, origin)
+        world = liMi[plant.in_air.fields.tree.joint[0]]
+        plant_kernels.push(plant.fields.unknown, 0.6, held, seed, world, rotation, wrenches, *at_points)
         expected = twins.forces_at_points(
             plant.model, data, plant.forces, plant.points, 0.6, held[0, :, seed], held[1, :, seed]
         )
         assert_equal(at_points, expected)
-        plant_kernels.climb(plant.constants.tree, liMi, wrenches, found)
+        link_kernels.climb(plant.in_air.fields.tree, liMi, wrenches, found)
         assert_spatial(found, twins.at_frames(plant.model, data, plant.points, expected[0]))
 
 
@@ -219,7 +226,7 @@ def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: s
 
 def test_a_flight_of_the_paper_equals_the_flight_of_the_twin(paper_plant: Plant) -> None:
     """0.1 s with the same held noise; the twin steps the base on SE(3) with the general integrator."""
-    held = held_parts(paper_plant.forces, np.arange(101) * 1e-3, seed=1)
+    held = interval_means(paper_plant.forces, np.arange(101) * 1e-3, seed=1)
     found, expected = paper_plant.fly(100, 1e-3, held), twins.fly(paper_plant, 100, 1e-3, held)
     assert_equal(found.q[:, :3], expected.q[:, :3], 1e-10)
     assert_equal(found.q[:, 3:], expected.q[:, 3:], 1e-10)
@@ -247,27 +254,25 @@ def test_a_few_steps_in_every_case_equal_the_twin(morphology: str, case: str) ->
         assert_equal(mean, twin)
 
 
-@compiled_only
+def leaves(fields: Any) -> list[np.ndarray]:
+    """Return the arrays of nested fields."""
+    return [leaf for field in fields for leaf in (leaves(field) if isinstance(field, tuple) else [field])]
+
+
 @pytest.mark.parametrize("case", CASES)
-def test_packed_constants_come_back_as_views_of_the_same_numbers(case: str) -> None:
-    """`unpack` undoes `layout`, without copying, with and without forces and hold; nothing is left over."""
+def test_what_a_plant_is_made_of_lies_in_its_memory_by_name(case: str) -> None:
+    """Unknown forces, hold, air and Pinocchio's results come back as views, with and without forces and hold."""
     plant = built("aerobat", case)
-    numbers, _ = plant._arrays
-    numbers[:] = plant_layout.pack(plant.constants)[0]  # the hold keeps its own scratch among them
-    unpacked = plant_layout.unpack(plant._places)
-    whole, doubles = 0, 0
-    for found, original in zip(unpacked, plant.constants, strict=True):
-        both = zip(found, original, strict=True) if isinstance(original, tuple) else [(found, original)]
-        for actual, value in both:
-            np.testing.assert_array_equal(actual, value)
-            if value.dtype == np.float64:
-                doubles += value.size
-                assert not value.size or np.shares_memory(actual, numbers)
-            else:
-                whole += value.size
-                assert not value.size or np.shares_memory(actual, plant._places)
-    assert doubles == numbers.size
-    assert plant_layout.PLACES + plant_layout.SIZES + whole == plant._places.size
+    fields, robot = plant.fields, plant.in_air.fields
+    for found, expected in zip(fields.unknown, unknown_forces(plant.model, plant.forces, plant.points), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert fields.holds == (plant.hold is not None)
+    if plant.hold is not None:
+        for found, expected in zip(fields.hold, plant.hold, strict=True):
+            np.testing.assert_array_equal(found, expected)
+    assert robot.air.density == plant.scenario.air.density
+    np.testing.assert_array_equal(robot.air.strips.link, plant.air.link)
+    np.testing.assert_array_equal(robot.air.downwash, plant.air.line.downwash)
     data = plant.data
     results = (
         data.M,
@@ -276,20 +281,23 @@ def test_packed_constants_come_back_as_views_of_the_same_numbers(case: str) -> N
         pinocchio_views.motions(data.v),
         pinocchio_views.motions(data.a_gf),
     )
-    for actual, value in zip(plant_layout.unpack_found(plant._places), results, strict=True):
+    for actual, value in zip(robot.found, results, strict=True):
         assert actual.shape == value.shape
-        assert np.shares_memory(actual, value)
+        np.testing.assert_array_equal(actual, value)
 
 
-@compiled_only
-def test_the_scratch_is_cut_into_parts_that_do_not_overlap() -> None:
-    """Each double of the scratch belongs to exactly one name."""
-    plant = built("aerobat", "no force, no hold")
-    scratch = plant._arrays[1]
-    work = plant_layout.unpack_work(plant._places)
-    shapes = [(4, 5, 6), (5, 3, 3), (5, 3), (3, 3), (3, 8), (11, 10), (7, 6), (9, 16), (4, 6)]
-    assert [part.shape for part in work] == shapes
-    scratch[:] = 0.0
-    for part in work:
-        part += 1.0
-    np.testing.assert_array_equal(scratch, 1.0)
+@pytest.mark.parametrize("case", ["all forces, hold", "no force, no hold"])
+def test_the_fields_of_a_plant_fill_its_memory_and_do_not_overlap(case: str) -> None:
+    """Each number belongs to exactly one name, and the rows of forces lie as one."""
+    plant = built("aerobat", case)
+    robot = plant.in_air
+    own = [*plant.fields[1:]], [field for name, field in robot.fields._asdict().items() if name not in ("air", "found")]
+    for memory, parts, head in ((plant.memory, own[0], 6), (robot.memory, own[1], 11)):
+        spans = sorted((leaf.ctypes.data, leaf.nbytes) for leaf in leaves(parts) if leaf.size)
+        assert spans[0][0] == memory.ctypes.data + 8 * head
+        assert all(start + size == after for (start, size), (after, _) in itertools.pairwise(spans))
+        assert sum(spans[-1]) == memory.ctypes.data + memory.nbytes
+    rows = np.arange(2.0 * sum(part.size for part in plant.fields.forces)).reshape(2, -1)
+    split = split_forces(plant.fields.forces, rows)
+    np.testing.assert_array_equal(np.concatenate([np.reshape(part, (2, -1)) for part in split], axis=1), rows)
+    assert sum(WEIGHTS) == pytest.approx(1.0, rel=1e-15)

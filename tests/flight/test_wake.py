@@ -12,7 +12,7 @@ from support.gliding import BARE, gliding, settled
 from support.shed_wake import impulse_lift, rectangle_wake
 
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
-from aerobat_pin.aerodynamics.wind import drift, wind_field
+from aerobat_pin.aerodynamics.wind import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
@@ -76,7 +76,7 @@ def test_the_moment_of_what_a_glider_trails_is_its_lift() -> None:
     speed, line = 3.0, BARE.line
     twists = gliding(speed, np.radians(2.0))
     _, _, strips = BARE.evaluate(twists, settled(BARE, twists))
-    wake = Wake(np.arange(2.0), np.zeros((2, 16, 3)), np.tile(strips.circulation, (2, 1)), AirSection())
+    wake = Wake(np.arange(2.0), np.zeros((2, 16, 3)), np.tile(strips.circulation, (2, 1)), Wind())
     trailing = wake.mean_trailing(0.0, 1.0)
     edges = 0.5 * line.span * np.cos((np.arange(17) + 0.5) * np.pi / 17.0)
     assert speed * (trailing @ edges) == pytest.approx(strips.force_z.sum(), rel=3e-3)
@@ -111,7 +111,7 @@ def test_over_whole_flaps_what_is_shed_across_the_flow_cancels(flown: tuple[Flig
     _, wake = flown
     per_flap = 1000.0 / 4.75
     chosen = wake.shed[round(per_flap) : round(3.0 * per_flap)]
-    share = 0.02 if wake.air.gust is None else 0.1
+    share = 0.02 if wake.wind.gust is None else 0.1
     assert np.max(np.abs(chosen.sum(axis=0))) < share * np.max(np.abs(chosen).sum(axis=0))
 
 
@@ -132,9 +132,9 @@ def test_the_wake_stays_where_it_was_shed_but_for_the_wind(flown: tuple[FlightLo
     assert points.shape == (451, 16, 3)
     assert strength.shape == (451, 16)
     fine = np.linspace(0.15, 0.45, 30001)
-    blown = np.trapezoid(wind_field(wake.air, fine)[:, 0], fine, axis=0)
+    blown = np.trapezoid(wake.wind.field(fine)[:, 0], fine, axis=0)
     np.testing.assert_allclose(points[k, 1] - expected, blown, atol=1e-8)
-    np.testing.assert_allclose(drift(wake.air, np.zeros(1)), 0.0, atol=1e-16)
+    np.testing.assert_allclose(wake.wind.drift(np.zeros(1)), 0.0, atol=1e-16)
 
 
 def test_a_recorded_flight_has_no_wake_and_other_strips_are_refused(flown: tuple[FlightLog, Wake]) -> None:

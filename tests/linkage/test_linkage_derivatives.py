@@ -24,6 +24,11 @@ STEP = 1e-3 * np.array([-2.0, -1.0, 1.0, 2.0])
 SLOPE = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3  # fourth-order central difference at STEP
 
 
+def pair(points: np.ndarray) -> np.ndarray:
+    """Return complex points (...) as outboard and up (..., 2)."""
+    return np.stack([np.real(points), np.imag(points)], axis=-1)
+
+
 @settings(max_examples=60, derandomize=True)
 @given(CRANK_ANGLES)
 def test_every_angle_and_pin_is_differentiated_by_the_crank_angle(t1: float) -> None:
@@ -32,12 +37,13 @@ def test_every_angle_and_pin_is_differentiated_by_the_crank_angle(t1: float) -> 
     assert tuple(here.angles) == ANGLES
     assert tuple(here.pins) == PINS
     for name in ANGLES:
-        turned = np.unwrap(near.angles[name])
-        assert SLOPE @ turned == pytest.approx(here.dangles[name], rel=0.0, abs=2e-9)
-        assert SLOPE @ near.dangles[name] == pytest.approx(here.d2angles[name], rel=0.0, abs=2e-9)
+        bar, around = here.bars[name], near.bars[name]
+        assert SLOPE @ np.unwrap(around.at) == pytest.approx(bar.d, rel=0.0, abs=2e-9)
+        assert SLOPE @ around.d == pytest.approx(bar.d2, rel=0.0, abs=2e-9)
     for name in PINS:
-        assert SLOPE @ near.pins[name] == pytest.approx(here.dpins[name], rel=0.0, abs=2e-10)
-        assert SLOPE @ near.dpins[name] == pytest.approx(here.d2pins[name], rel=0.0, abs=2e-10)
+        pin, near_by = here.points[name], near.points[name]
+        assert pair(SLOPE @ near_by.at) == pytest.approx(pair(pin.d), rel=0.0, abs=2e-10)
+        assert pair(SLOPE @ near_by.d) == pytest.approx(pair(pin.d2), rel=0.0, abs=2e-10)
 
 
 @settings(max_examples=40, derandomize=True)
@@ -49,11 +55,14 @@ def test_every_angle_and_pin_has_its_rate_and_acceleration(t1: float, rate: floa
     time, slope = STEP / scale, SLOPE * scale
     along = LINKAGE.solve(t1 + rate * time + acceleration * time**2 / 2.0, rate + acceleration * time, acceleration)
     for name in ANGLES:
-        assert abs(slope @ np.unwrap(along.angles[name]) - here.angles_dot[name]) < 1e-8 * scale
-        assert abs(slope @ along.angles_dot[name] - here.angles_ddot[name]) < 1e-8 * scale**2
+        bar, near = here.bars[name], along.bars[name]
+        assert abs(slope @ np.unwrap(near.at) - here.rate(bar)) < 1e-8 * scale
+        assert abs(slope @ along.rate(near) - here.acceleration(bar)) < 1e-8 * scale**2
     for name in PINS:
-        assert slope @ along.pins[name] == pytest.approx(here.pins_dot[name], rel=0.0, abs=1e-9 * scale)
-        assert slope @ along.pins_dot[name] == pytest.approx(here.pins_ddot[name], rel=0.0, abs=1e-9 * scale**2)
+        pin, near = here.points[name], along.points[name]
+        assert pair(slope @ near.at) == pytest.approx(pair(here.rate(pin)), rel=0.0, abs=1e-9 * scale)
+        expected = pair(here.acceleration(pin))
+        assert pair(slope @ along.rate(near)) == pytest.approx(expected, rel=0.0, abs=1e-9 * scale**2)
 
 
 @settings(max_examples=40, derandomize=True)
@@ -96,7 +105,8 @@ def test_pins_and_loops_are_linear_in_the_turning_arms() -> None:
     t1 = np.linspace(-3.0, 3.0, 13)
     closed = LINKAGE.solve(t1, 30.0, 500.0)
     t, t_dot, t_ddot = (
-        np.stack(list(angles.values()), axis=-1) for angles in (closed.angles, closed.angles_dot, closed.angles_ddot)
+        np.stack([of(bar) for bar in closed.bars.values()], axis=-1)
+        for of in (lambda bar: bar.at, closed.rate, closed.acceleration)
     )
     points = pins(BARS)
     place = points.at(t)
@@ -104,22 +114,22 @@ def test_pins_and_loops_are_linear_in_the_turning_arms() -> None:
     acceleration = (points.by_angles(t) @ t_ddot[..., None])[..., 0] + points.centripetal(t, t_dot)
     for i, name in enumerate(PINS):
         for mine, theirs, size in (
-            (place, closed.pins, 1.0),
-            (velocity, closed.pins_dot, 1e2),
-            (acceleration, closed.pins_ddot, 1e4),
+            (place, lambda pin: pin.at, 1.0),
+            (velocity, closed.rate, 1e2),
+            (acceleration, closed.acceleration, 1e4),
         ):
-            pair = np.stack([mine[:, i].real, mine[:, i].imag], axis=-1)
-            assert pair == pytest.approx(theirs[name], rel=0.0, abs=1e-15 * size)
+            expected = pair(theirs(closed.points[name]))
+            assert pair(mine[:, i]) == pytest.approx(expected, rel=0.0, abs=1e-15 * size)
     assert np.max(np.abs(loops(BARS).at(t))) < 1e-15
 
 
 def test_the_crank_pin_moves_on_its_circle() -> None:
     """J2 at t1 = 0: velocity L1 t1' upward, acceleration L1 t1'^2 inward and L1 t1'' upward. Pivots rest."""
     closed = LINKAGE.solve(0.0, 30.0, 400.0)
-    assert closed.pins_dot["J2"] == pytest.approx([0.0, 7.5e-3 * 30.0], abs=1e-15)
-    assert closed.pins_ddot["J2"] == pytest.approx([-7.5e-3 * 900.0, 7.5e-3 * 400.0], abs=1e-14)
+    assert pair(closed.rate(closed.points["J2"])) == pytest.approx([0.0, 7.5e-3 * 30.0], abs=1e-15)
+    assert pair(closed.acceleration(closed.points["J2"])) == pytest.approx([-7.5e-3 * 900.0, 7.5e-3 * 400.0], abs=1e-14)
     for pivot in ("J1", "J5", "J8"):
-        assert np.all(closed.pins_dot[pivot] == 0.0)
-        assert np.all(closed.pins_ddot[pivot] == 0.0)
-    assert closed.angles_dot["t1"] == 30.0
-    assert closed.angles_ddot["t1"] == 400.0
+        assert np.all(closed.rate(closed.points[pivot]) == 0.0)
+        assert np.all(closed.acceleration(closed.points[pivot]) == 0.0)
+    assert closed.rate(closed.bars["t1"]) == 30.0
+    assert closed.acceleration(closed.bars["t1"]) == 400.0

@@ -105,7 +105,7 @@ def test_a_copied_plant_flies_the_same_flight(way: str, paper_plant: Plant) -> N
     held = np.zeros((2, len(paper_plant.forces), 5))
     expected = paper_plant.fly(5, 1e-3, held)
     copied = COPIES[way](paper_plant)
-    assert copied._places[2] == copied.data.M.ctypes.data != paper_plant.data.M.ctypes.data
+    assert copied.in_air.fields.found.M.ctypes.data == copied.data.M.ctypes.data != paper_plant.data.M.ctypes.data
     found = copied.fly(5, 1e-3, held)
     np.testing.assert_array_equal(found.q, expected.q)
     np.testing.assert_array_equal(found.v, expected.v)
@@ -184,10 +184,10 @@ q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uni
 v, tau = rng.uniform(-1.0, 1.0, (50, model.nv)), rng.uniform(-1.0, 1.0, (49, model.nv))
 observer = ForceLevelObserver(model, FORCE_POINTS, 400.0)
 if sys.argv[1] == "compiled":
-    ours = kernels.record_sample, kernels.observe_all
-    kernels.record_sample, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
+    ours = kernels.collect, kernels.observe_all
+    kernels.collect, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
     observer.run(np.arange(50) * 1e-3, q, v, tau)
-    kernels.record_sample, kernels.observe_all = ours
+    kernels.collect, kernels.observe_all = ours
 print(hashlib.sha256(observer.run(np.arange(50) * 1e-3, q, v, tau).force.tobytes()).hexdigest())
 """
 
@@ -208,7 +208,7 @@ def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
     with_kernels = {
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
-        if re.search(r"^@(jit\.)?(kernel|inner|layout)\b", path.read_text(), re.MULTILINE)
+        if re.search(r"^@(jit\.)?(kernel|inner|merged)\b", path.read_text(), re.MULTILINE)
     }
     assert with_kernels <= set(jit.KERNEL_SOURCES)
     assert all((PACKAGE / name).is_file() for name in jit.KERNEL_SOURCES)
@@ -219,7 +219,7 @@ def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
 def test_a_change_in_any_kernel_file_changes_the_stamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each file counts, and the stamp is the one that numba compares."""
     assert small_matrices.solve_positive._cache._cache_file._source_stamp == jit.sources_stamp()
-    assert plant_kernels.advance._cache._cache_file._source_stamp == jit.sources_stamp()
+    assert plant_kernels.advance_stage._cache._cache_file._source_stamp == jit.sources_stamp()
     for name in jit.KERNEL_SOURCES:
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ import pytest
 from support import observer_twins as twins
 from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
-from aerobat_pin.numerics import new_memory
+from aerobat_pin.numerics import fields_of, new_memory
 from aerobat_pin.observers import OBSERVERS, Observer
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
@@ -89,7 +89,7 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
         nv, 0, 3 * points, filtered=nv, basis=0, metric=0, project_first=0, rows=ROWS.index(rows), filter=0
     )
     memory = new_memory(observer_in, *sizes)
-    observer, found = observer_in(memory), np.full(3 * points, np.nan)
+    observer, found = fields_of(observer_in, memory), np.full(3 * points, np.nan)
     observer.weight[:], observer.jacobian[:] = weight, mean[3:]
     project(observer, before, after, phi, found)
     assert_equal(found, twins.project(mean[3:], twins.believed(model, rows, mean[2]), phi))

@@ -153,7 +153,9 @@ except RuntimeError as error:
 gains = dict(attitude_stiffness=np.ones(3), attitude_damping=np.ones(3), torque_limit=np.ones(3), speed_gain=1.0,
              thrust_limit=1.0, lift=0.4, height_stiffness=1.0, height_damping=1.0, lift_limit=1.0)
 one = hold.AttitudeHold(rotation=np.eye(3), forward_speed=0.0, height=0.0, **gains)
-wrench = one.wrench(np.zeros(3), np.eye(3), np.zeros(6))
+wrench = np.empty(6)
+packed = hold.AttitudeHold(*(np.asarray(value) for value in one))
+hold.hold_wrench(packed, np.append(np.eye(3), np.zeros(3)), np.zeros(6), np.empty((3, 3)), wrench)
 stats = hold.hold_wrench.stats
 print(json.dumps({"file": hold.__file__, "refused": refused, "wrench": wrench.tolist(), "cache": stats.cache_path,
                   "compiled": len(hold.hold_wrench.signatures)}))

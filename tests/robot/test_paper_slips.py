@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
+from support.generalized import generalized_force
 
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
@@ -19,7 +20,7 @@ from aerobat_pin.estimation.known_inputs import KnownInputs, known_inputs
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.observers import MomentumObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat
-from aerobat_pin.robot.frames import generalized_force, joint_wrench
+from aerobat_pin.robot.frames import joint_wrench
 from aerobat_pin.robot.prescribed_joints import prescribed_joint_dynamics
 from aerobat_pin.scenario.scenario import load_scenario
 

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import CIRCULATION, FORCE_X, FORCE_Z, LEAD, RobotAir
+from aerobat_pin.aerodynamics import RobotAir, Wind, strips_of
 from aerobat_pin.flight import Wake
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import LINKS, load_aerobat
-from aerobat_pin.scenario import AirSection
 from support.section_law import fly_strips
 
 AIRSPEED, PITCH, FREQUENCY = 4.5, np.radians(8.0), 4.75  # [m/s, rad, Hz]
@@ -61,12 +60,12 @@ def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
         Force of the strips, without added mass, in world axes (steps, 3) [N]; what they shed; both over the last flap.
     """
     motion, stride = prescribed(), STEPS // steps
-    air, flap = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
-    twists = np.concatenate([np.tile(flap, (FLAPS, 1, 1)), flap[:1]])
-    loads = fly_strips(air.arrays, twists, 1.0 / FREQUENCY / steps, steps)
+    air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
+    twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])
+    found = strips_of(fly_strips(air.memory, twists, 1.0 / FREQUENCY / steps, steps))
     rotation, place = (each[:: 2 * stride][:, air.link] for each in (motion.rotation, motion.place))
-    local = np.stack([loads[:, FORCE_X], 0.0 * loads[:, FORCE_X], loads[:, FORCE_Z]], axis=-1)
+    local = np.stack([found.force_x, 0.0 * found.force_x, found.force_z], axis=-1)
     force = np.einsum("tnij,tnj->ti", rotation, local)
-    aft = air.mid_chord - np.sign(loads[:, LEAD])[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
+    aft = air.mid_chord - np.sign(found.lead)[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
     position = place + np.einsum("tnij,tnj->tni", rotation, aft)
-    return force, Wake(motion.time[:: 2 * stride], position, loads[:, CIRCULATION], AirSection(strips=strips))
+    return force, Wake(motion.time[:: 2 * stride], position, found.circulation, Wind())

@@ -16,7 +16,7 @@ import pinocchio as pin
 import pytest
 
 import aerobat_pin
-from aerobat_pin.flight.plant.memory import AXES
+from aerobat_pin.flight.plant.memory import DIRECTION_AXES
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.numerics import pinocchio_views
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
@@ -75,16 +75,16 @@ def force(frame: str, axes: str, direction: tuple[float, float, float] = (0.3, -
 
 # Every mode of axes at a link's own frame, at a turned one and at the base; two forces at one point.
 ALL_FORCES = [
-    *(force(FORCE_POINTS[i % 2], axes, (0.1 * i, 0.7, -0.4)) for i, axes in enumerate(AXES)),
-    *(force(TURNED, axes) for axes in AXES),
-    *(force("base_link", axes) for axes in AXES),
+    *(force(FORCE_POINTS[i % 2], axes, (0.1 * i, 0.7, -0.4)) for i, axes in enumerate(DIRECTION_AXES)),
+    *(force(TURNED, axes) for axes in DIRECTION_AXES),
+    *(force("base_link", axes) for axes in DIRECTION_AXES),
 ]
 GUST = {"amplitude": [0.3, -0.5, 0.8], "start": 0.0, "duration": 0.2}
 WIND = {"wind": [-0.7, 0.4, 0.2], "gust": GUST}
 CASES: dict[str, tuple[list[dict[str, Any]], bool, str, dict[str, Any]]] = {
     "all forces, hold": (ALL_FORCES, True, "own", {}),
     "all forces, no hold, tail tilted": (ALL_FORCES, False, "tilted", WIND),
-    **{f"{axes} axes, hold": ([force(TURNED, axes)], True, "own", {}) for axes in AXES},
+    **{f"{axes} axes, hold": ([force(TURNED, axes)], True, "own", {}) for axes in DIRECTION_AXES},
     "no force, hold, no tail": ([], True, "none", {"added_mass": 0.0, "strips": 7}),
     "no force, no hold": ([], False, "own", {}),
     "stall, wind": ([], False, "own", {"lift_limit": 1.2, **WIND}),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics import FORCE_X, FORCE_Z, LOADS, AirArrays, LiftingLine, Stroke, air_loads
-from aerobat_pin.numerics import Array
+from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, air_in, air_loads_in, air_memory, strips_of
+from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.robot import LINKS
 from support import references
 
@@ -14,24 +14,17 @@ RECTANGLE = Stroke(4.0, frequency=5.0, flap=np.radians(30.0))  # the lattice's
 ENDLESS = 1e9  # [m], a span that leaves no downwash
 
 
-def arrays_of(line: LiftingLine) -> AirArrays:
+def memory_of(line: LiftingLine) -> Array:
     """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body."""
     middle = np.column_stack([line.mid_chord, line.y, np.zeros(line.strips)])
-    pressure = 0.5 * line.air_density * line.chord * line.width
-    return AirArrays(
-        strips=np.vstack([middle.T, 0.25 * line.chord, 1.0 / line.semichord, pressure]),
-        link=np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp),
-        downwash=np.vstack([line.downwash, line.centre_downwash]),
-        numbers=np.array([line.air_density, line.lift_slope, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        tail=np.zeros(9),
-    )
+    return air_memory(line, np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp), middle)
 
 
-def fly_strips(air: AirArrays, twists: Array, step: float, last: int) -> Array:
+def fly_strips(air: Array, twists: Array, step: float, last: int) -> Array:
     """Fly the strips from air at rest with the classical Runge-Kutta method.
 
     Args:
-        air: constants.
+        air: memory of the strips.
         twists: (2n + 1, 5, 6) of the links against the air at every half step.
         step: [s].
         last: how many steps to report.
@@ -39,13 +32,13 @@ def fly_strips(air: AirArrays, twists: Array, step: float, last: int) -> Array:
     Returns:
         Loads (last, 9, N) at the beginnings of the last steps.
     """
-    count = air.link.shape[0]
-    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3 * count), np.empty((last, LOADS, count))
+    count = len(fields_of(air_in, air).downwash)
+    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3 * count), np.empty((last, STRIP_ROWS, count))
     state, steps = np.zeros(3 * count), len(twists) // 2
-    scratch = np.empty((LOADS, count))
+    scratch = np.empty((STRIP_ROWS, count))
 
     def slope(k: int, here: Array, found: Array = scratch) -> Array:
-        air_loads(air, None, twists[k], here, wrenches, rates, found)
+        air_loads_in(air, twists[k], here, wrenches, rates, found)
         return rates.copy()
 
     for k in range(steps):
@@ -60,18 +53,19 @@ def fly_strips(air: AirArrays, twists: Array, step: float, last: int) -> Array:
 def plate(incidence: float) -> tuple[float, float]:
     """Return normal force and drag of a steady plate without ends, over rho V Gamma of the attached one."""
     line, speed = LiftingLine(ENDLESS, 0.1, strips=1), 4.0
-    air, twists = arrays_of(line), np.zeros((len(LINKS), 6))
+    air, twists = memory_of(line), np.zeros((len(LINKS), 6))
     twists[HALVES, 0], twists[HALVES, 2] = speed * np.cos(incidence), -speed * np.sin(incidence)
-    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3), np.empty((LOADS, 1))
+    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3), np.empty((STRIP_ROWS, 1))
 
     def slope(state: Array) -> Array:
-        air_loads(air, None, twists, state, wrenches, rates, loads)
+        air_loads_in(air, twists, state, wrenches, rates, loads)
         return rates.copy()
 
     offset = slope(np.zeros(3))  # the rates are affine in the state
     slope(-np.linalg.solve(np.column_stack([slope(unit) - offset for unit in np.eye(3)]), offset))
     attached = line.air_density * speed * np.pi * line.chord[0] * speed * np.sin(incidence) * line.width[0]
-    fx, fz = loads[FORCE_X, 0] / attached, loads[FORCE_Z, 0] / attached
+    found = strips_of(loads)
+    fx, fz = found.force_x[0] / attached, found.force_z[0] / attached
     return float(fz), float(fz * np.sin(incidence) - fx * np.cos(incidence))
 
 
@@ -91,13 +85,13 @@ def rectangle_loads() -> tuple[references.FlapLoads, Array]:
     motion = [RECTANGLE(t) for t in np.linspace(0.0, 1.0, 2001)]
     twists = np.zeros((len(motion), len(LINKS), 6))
     twists[:, HALVES] = [now.twist for now in motion]
-    loads, force = fly_strips(arrays_of(line), twists, 1e-3, last), np.empty((last, 2))
+    found, force = strips_of(fly_strips(memory_of(line), twists, 1e-3, last)), np.empty((last, 2))
     for k, now in enumerate(motion[-2 * last - 1 : -1 : 2]):
         _, _, az, bx, by, _ = now.twist_rate[half].T
         reaction = -line.width * line.added_mass * (az + bx * line.y - by * line.mid_chord)
-        normal = loads[k, FORCE_Z] + reaction
+        normal = found.force_z[k] + reaction
         thrust, _, lift = sum(
-            now.rotation[i] @ [loads[k, FORCE_X, half == i].sum(), 0.0, normal[half == i].sum()] for i in range(2)
+            now.rotation[i] @ [found.force_x[k, half == i].sum(), 0.0, normal[half == i].sum()] for i in range(2)
         )
         force[k] = lift, thrust
     lift, thrust = force.T

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, Wind, fly
 from aerobat_pin.flight import Wake
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario import AirSection
 
 DENSITY = 1.225  # [kg/m3]
 
@@ -31,5 +30,5 @@ def rectangle_wake(stroke: Stroke, time: Array, last: int) -> tuple[float, Wake]
     points = np.column_stack([np.full(line.strips, -0.05), line.y, np.zeros(line.strips)])
     position = np.array([np.einsum("nij,nj->ni", stroke(t).rotation[half], points) for t in time[-last:]])
     position[..., 0] += stroke.airspeed * time[-last:, None]
-    wake = Wake(time[-last:], position, flight.circulation[-last:], AirSection(strips=line.strips))
+    wake = Wake(time[-last:], position, flight.circulation[-last:], Wind())
     return float(flight.force[-last:, 2].mean()), wake

@@ -16,12 +16,14 @@ from scipy.linalg import cho_factor, cho_solve
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.plant.plant import Flown, Forces, Plant
+from aerobat_pin.flight.plant.memory import Forces
+from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics.lie_runge_kutta import stage_mean, step
-from aerobat_pin.robot.link_motion import joint_table
+from aerobat_pin.numerics.lie_runge_kutta import step
+from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.robot.wing import LINKS
 from support.air_twins import added_mass, air_loads
+from support.stepping import stage_mean
 
 LOCAL, ALIGNED = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 Vector = np.ndarray
@@ -62,8 +64,8 @@ def forces_at_points(
     """
     total = np.zeros((2, len(points), 3))
     for force, drawn, stepped in zip(forces, noise, steps, strict=True):
-        turned = data.oMf[model.getFrameId(force.frame)].rotation
-        axes = {"link": turned, "body": data.oMi[1].rotation, "world": np.eye(3)}
+        frame = data.oMf[model.getFrameId(force.frame)].rotation
+        axes = {"link": frame, "body": data.oMi[1].rotation, "world": np.eye(3)}
         direction = axes[force.axes] @ force.direction
         clean = force.signal.elbow_amplitude * np.sin(elbow) + stepped
         total[:, points.index(force.frame)] += np.outer([clean + drawn, clean], direction)
@@ -127,7 +129,7 @@ def plant_rates(
 
 
 def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
-    """Fly by `integrators.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
+    """Fly by `lie_runge_kutta.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
     robot, retract = plant.robot, pin.liegroups.SE3().integrate
     closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
     motion = joint_table(closed)
@@ -169,16 +171,16 @@ def warmed_up(air: RobotAir, shape: Morphology, twists: Vector, dt: float, state
 
 
 def next_stage(stage: int, dt: float, k: Vector, rate: Vector, start: Vector) -> tuple[Vector, list[Vector]]:
-    """Return y and the ways of q to the next stage, or in two parts to the next step, from the method's tableau.
+    """Return y and the tangents of q to the next stage, or in two parts to the next step, from the method's tableau.
 
     y: 0, 1/2, 1/2, 1; (1, 2, 2, 1) / 6          q2 = q exp(h/2 k1), q3 = q exp(h/2 k2), q4 = q2 exp(h k3 - h/2 k1)
     q' = q exp(h (k1/4 + k2/6 + k3/6 - k4/12)) exp(h (-k1/12 + k2/6 + k3/6 + k4/4))
     """
     vector = np.array([[1 / 2, 0, 0, 0], [0, 1 / 2, 0, 0], [0, 0, 1, 0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]])
-    ways = (
+    tangents = (
         [[1 / 2, 0, 0, 0]],
         [[0, 1 / 2, 0, 0]],
         [[-1 / 2, 0, 1, 0]],
         [[1 / 4, 1 / 6, 1 / 6, -1 / 12], [-1 / 12, 1 / 6, 1 / 6, 1 / 4]],
     )
-    return start + dt * vector[stage] @ rate, [dt * np.array(way) @ k for way in ways[stage]]
+    return start + dt * vector[stage] @ rate, [dt * np.array(row) @ k for row in tangents[stage]]

@@ -4,7 +4,7 @@ A drive is any function of time: `drive(time) -> (angle, rate, acceleration)`, a
 the closed linkage, so a drive decides their motion whatever pushes on the wings.
 """
 
-from aerobat_pin.flight.crank.drives import ConstantRate, CrankDrive, CrankMotion, SpinUp, turned
+from aerobat_pin.flight.crank.drives import ConstantRate, CrankDrive, CrankMotion, SpinUp, checked_motion
 from aerobat_pin.flight.crank.from_scenario import crank_drive
 from aerobat_pin.flight.crank.motor import RateControlledMotor
 from aerobat_pin.flight.crank.wing_inertia import WingInertia
@@ -16,6 +16,6 @@ __all__ = [
     "RateControlledMotor",
     "SpinUp",
     "WingInertia",
+    "checked_motion",
     "crank_drive",
-    "turned",
 ]

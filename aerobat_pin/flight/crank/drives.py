@@ -59,7 +59,7 @@ class SpinUp:
         return CrankMotion(self.start + self.rate * way, self.rate * share, self.rate * slope)
 
 
-def turned(drive: CrankDrive, time: Array) -> CrankMotion:
+def checked_motion(drive: CrankDrive, time: Array) -> CrankMotion:
     """Ask a drive for its motion and see that it is one.
 
     Args:

@@ -23,8 +23,8 @@ from aerobat_pin.errors import CrankError
 from aerobat_pin.flight.crank.drives import CrankMotion
 from aerobat_pin.numerics import Array
 
-TOLERANCE = 1.0e-9  # of the integration, relative
-SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # angle [rad], rate [rad/s], torque [N m], integral [rad]
+INTEGRATION_TOLERANCE = 1.0e-9  # of the integration, relative
+STATE_SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # angle [rad], rate [rad/s], torque [N m], integral [rad]
 
 
 def no_load(crank_angle: Array) -> Array:
@@ -89,7 +89,13 @@ class RateControlledMotor:
         if np.any(flown):
             end = float(np.max(time))
             solved = solve_ivp(
-                self._rates, (0.0, end), begin, "DOP853", dense_output=True, rtol=TOLERANCE, atol=TOLERANCE * SCALE
+                self._rates,
+                (0.0, end),
+                begin,
+                "DOP853",
+                dense_output=True,
+                rtol=INTEGRATION_TOLERANCE,
+                atol=INTEGRATION_TOLERANCE * STATE_SCALE,
             )
             if not solved.success or not np.all(np.isfinite(solved.y)):
                 raise CrankError(f"the motor's crank cannot be followed to t = {end:g} s: {solved.message}")

@@ -1,9 +1,4 @@
-"""How robot, air, hold and unknown forces lie in memory for the plant's kernels.
-
-A compiled call pays for every array it is handed, and for every view of one that it makes. Constants, scratch and
-Pinocchio's results are therefore found by address, in one array of integers that a call begins with; `unpack` gives
-them their names back inside.
-"""
+"""Memory of the plant's kernels: the robot in its air, unknown forces, the hold, the integrator's stages, forces."""
 
 from __future__ import annotations
 
@@ -12,223 +7,157 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LOADS, AirArrays, RobotAir, factored
+from aerobat_pin.aerodynamics import LINK_COUNT, RobotMemory, robot_in
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics import (
-    DOUBLE,
-    Array,
-    Integers,
-    addresses,
-    array_at,
-    check_views,
-    frame_id,
-    integers_at,
-    kernel,
-    motions,
-    placements,
-)
-from aerobat_pin.robot import LINKS, Tree, tree_of
+from aerobat_pin.numerics import Array, Integers, array_at, frame_id, merged, next_size, rewind, take, take_integers
+from aerobat_pin.robot import LINKS
 
-AXES = ("link", "body", "world")
-BODIES = 5
-PLACES = 7  # addresses in front of the integers: numbers, scratch, M, nle, liMi, v, a_gf
-SIZES = 6  # then sizes: strips, forces, points, hold, nv, njoints
-INTEGER = 8  # bytes
+DIRECTION_AXES = ("link", "body", "world")
 
 
-class Unknown(NamedTuple):
-    """Unknown forces. `table` (n, 3): point, link, axes. `numbers` (n, 4): direction, amplitude. `points` (p, 4)."""
+class UnknownForces(NamedTuple):
+    """Unknown forces (f) at points (p).
 
-    table: Integers
-    numbers: Array
-    points: Array  # link, then x, y, z in the link's frame [m]
-
-
-class Constants(NamedTuple):
-    """Everything about robot, air, hold and unknown forces that does not change in flight; `hold` may be empty.
-
-    `mass` (5, 6) is the added mass of the links, see `added_mass.factored`; `gravity` (1,) [m/s2].
+    `point` (f,) at which a force acts, `link` (f,) that carries it, `axes` (f,) index into `DIRECTION_AXES`, `direction`
+    (f, 3), `elbow_amplitude` (f,) [N]; `point_link` (p,), `point_place` (p, 3) in the link's frame [m].
     """
 
-    air: AirArrays
-    mass: Array
-    gravity: Array
-    tree: Tree
-    unknown: Unknown
-    hold: Array
+    point: Integers
+    link: Integers
+    axes: Integers
+    direction: Array
+    elbow_amplitude: Array
+    point_link: Integers
+    point_place: Array
 
 
-class Work(NamedTuple):
-    """Scratch of the kernels.
+class Forces(NamedTuple):
+    """What acts, at one instant, or averaged over each of n steps with a first axis (n,) more.
 
-    Two sets of link twists, the second against the air, and two of link wrenches (4, 5, 6); rotations (5, 3, 3) and
-    origins (5, 3) of the links in the body's frame; gravity and the air's motion in body axes (3, 3); rows of added
-    mass (3, 8); inertia and bias with added mass (nv + 1, nv); the base's equations (7, 6); strip loads (9, N); the
-    base twists of the four stages (4, 6).
+    `aerodynamic`, `added_mass`, `thrusters`, `motor`, `unknown` are generalised forces (nv,); `force_W` and
+    `force_noise_free_W` (p, 3) [N] the unknown forces at their points in world axes; `link_wrench` (5, 6) what the air
+    does to each link, at and in its frame, without added mass; `motor_power` () [W] is torque times joint rates, and
+    `air_power` () [W] what the air does to the robot, added mass included.
     """
 
-    spatial: Array
-    rotation: Array
-    origin: Array
-    field: Array
-    rows: Array
-    inertia: Array
-    base: Array
-    loads: Array
+    aerodynamic: Array
+    added_mass: Array
+    thrusters: Array
+    motor: Array
+    unknown: Array
+    force_W: Array
+    force_noise_free_W: Array
+    link_wrench: Array
+    motor_power: Array
+    air_power: Array
+
+
+class PlantMemory(NamedTuple):
+    """The plant.
+
+    `holds` () 1 where the hold acts. Scratch: `error_rotation` (3, 3) of the hold, `pushes` (5, 6) wrenches of the
+    unknown forces on the links, the base's equations `A` (6, 6) and `b` (6,). A step: base `twists` (4, 6) and `rates`
+    (4, 6 + S) at the stages, `start` and `state` (6 + S,), `tangent` (2, nv) that leads on, `v` (nv,) at the next
+    stage, `forces` of the stage.
+    """
+
+    robot: RobotMemory
+    unknown: UnknownForces
+    holds: Array
+    hold: AttitudeHold
+    error_rotation: Array
+    pushes: Array
+    A: Array
+    b: Array
     twists: Array
-
-
-class Found(NamedTuple):
-    """Pinocchio's results as they are: M (nv, nv), nle (nv,), liMi (njoints, 12), v and a_gf (njoints, 6)."""
-
-    M: Array
-    nle: Array
-    liMi: Array
+    rates: Array
+    start: Array
+    state: Array
+    tangent: Array
     v: Array
-    a_gf: Array
+    forces: Forces
 
 
-def unknown_of(model: pin.Model, forces: tuple[PointForce, ...], points: tuple[str, ...]) -> Unknown:
+@merged
+def plant_in(memory: Array) -> PlantMemory:
+    """Lay out a plant. Sizes: address of the robot's memory, nv, states of the air, forces, points."""
+    cursor = rewind(memory)
+    robot, nv, states = next_size(cursor), next_size(cursor), next_size(cursor) + 6
+    f, p = next_size(cursor), next_size(cursor)
+    return PlantMemory(
+        robot=robot_in(array_at(robot, (1,))),
+        unknown=UnknownForces(
+            point=take_integers(cursor, (f,)),
+            link=take_integers(cursor, (f,)),
+            axes=take_integers(cursor, (f,)),
+            direction=take(cursor, (f, 3)),
+            elbow_amplitude=take(cursor, (f,)),
+            point_link=take_integers(cursor, (p,)),
+            point_place=take(cursor, (p, 3)),
+        ),
+        holds=take(cursor, ()),
+        hold=AttitudeHold(
+            rotation=take(cursor, (3, 3)),
+            forward_speed=take(cursor, ()),
+            height=take(cursor, ()),
+            attitude_stiffness=take(cursor, (3,)),
+            attitude_damping=take(cursor, (3,)),
+            torque_limit=take(cursor, (3,)),
+            speed_gain=take(cursor, ()),
+            thrust_limit=take(cursor, ()),
+            lift=take(cursor, ()),
+            height_stiffness=take(cursor, ()),
+            height_damping=take(cursor, ()),
+            lift_limit=take(cursor, ()),
+        ),
+        error_rotation=take(cursor, (3, 3)),
+        pushes=take(cursor, (LINK_COUNT, 6)),
+        A=take(cursor, (6, 6)),
+        b=take(cursor, (6,)),
+        twists=take(cursor, (4, 6)),
+        rates=take(cursor, (4, states)),
+        start=take(cursor, (states,)),
+        state=take(cursor, (states,)),
+        tangent=take(cursor, (2, nv)),
+        v=take(cursor, (nv,)),
+        forces=Forces(
+            aerodynamic=take(cursor, (nv,)),
+            added_mass=take(cursor, (nv,)),
+            thrusters=take(cursor, (nv,)),
+            motor=take(cursor, (nv,)),
+            unknown=take(cursor, (nv,)),
+            force_W=take(cursor, (p, 3)),
+            force_noise_free_W=take(cursor, (p, 3)),
+            link_wrench=take(cursor, (LINK_COUNT, 6)),
+            motor_power=take(cursor, ()),
+            air_power=take(cursor, ()),
+        ),
+    )
+
+
+def split_forces(forces: Forces, rows: Array) -> Forces:
+    """Name the parts of rows (n, size), each of which lies like the `forces` of a plant's memory."""
+    starts = [(part.ctypes.data - forces[0].ctypes.data) // part.itemsize for part in forces]
+    parts = [rows[:, start : start + part.size] for start, part in zip(starts, forces, strict=True)]
+    return Forces(*(part.reshape(len(rows), *one.shape) for part, one in zip(parts, forces, strict=True)))
+
+
+def unknown_forces(model: pin.Model, forces: tuple[PointForce, ...], points: tuple[str, ...]) -> UnknownForces:
     """Place unknown forces on the links, at the frames named in `points`."""
     carriers = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
-    frames = [model.frames[frame_id(model, name)] for name in points]
-    links = [carriers.index(frame.parentJoint) for frame in frames]
-    table, numbers = [], []
-    for force in forces:
-        point = points.index(force.frame)
-        turned = frames[point].placement.rotation if force.axes == "link" else np.eye(3)
-        table.append((point, links[point], AXES.index(force.axes)))
-        numbers.append([*(turned @ force.direction), force.signal.elbow_amplitude])
-    places = [[link, *frame.placement.translation] for link, frame in zip(links, frames, strict=True)]
-    return Unknown(
-        np.array(table, dtype=np.intp).reshape(-1, 3),
-        np.array(numbers, dtype=float).reshape(-1, 4),
-        np.array(places, dtype=float).reshape(-1, 4),
-    )
-
-
-def pack(constants: Constants) -> tuple[Array, Integers]:
-    """Flatten the constants into numbers and integers, in the order in which `unpack` reads them."""
-    air, mass, gravity, tree, unknown, hold = constants
-    of_air = (air.strips, air.downwash, air.numbers, air.tail, mass, gravity)
-    numbers = (*of_air, tree.axis, unknown.numbers, unknown.points, hold)
-    integers = (air.link, tree.table, unknown.table)
-    return np.concatenate([np.ravel(x) for x in numbers]), np.concatenate([np.ravel(x) for x in integers])
-
-
-def layout(
-    model: pin.Model,
-    data: pin.Data,
-    air: RobotAir,
-    forces: tuple[PointForce, ...] = (),
-    points: tuple[str, ...] = (),
-    hold: AttitudeHold | None = None,
-) -> tuple[Constants, Integers, tuple[Array, Array]]:
-    """Lay out a robot in its air.
-
-    Args:
-        model: of the robot.
-        data: where the kernels find Pinocchio's results; they live as long as it does.
-        air: on the robot.
-        forces: unknown ones that push.
-        points: frames at which they push.
-        hold: that holds the attitude.
-
-    Returns:
-        The constants; the array of integers that a kernel's call begins with; numbers and scratch, which must outlive
-        it.
-    """
-    found = Found(data.M, data.nle, placements(data.liMi), motions(data.v), motions(data.a_gf))
-    check_views(model, data, placements(data.oMi), *found[2:])
-    constants = Constants(
-        air.arrays,
-        factored(air.added_mass),
-        np.array([-model.gravity.linear[2]]),
-        tree_of(model),
-        unknown_of(model, forces, points),
-        np.zeros(0) if hold is None else hold.packed,
-    )
-    numbers, integers = pack(constants)
-    count, nv = air.line.strips, int(model.nv)
-    scratch = np.zeros(scratch_size(count, nv))
-    places = addresses(numbers, scratch, *found)
-    sizes = (count, len(forces), len(points), len(constants.hold), nv, model.njoints)
-    return constants, np.concatenate([places, sizes, integers]), (numbers, scratch)
-
-
-@kernel
-def unpack(integers: Integers) -> Constants:
-    """Give the constants their names and shapes, without copying."""
-    count, forces, points, hold = integers[PLACES], integers[PLACES + 1], integers[PLACES + 2], integers[PLACES + 3]
-    a = integers[0]
-    b = a + DOUBLE * 6 * count
-    c = b + DOUBLE * (count + 1) * count
-    d = c + DOUBLE * 7
-    e = d + DOUBLE * 9
-    f = e + DOUBLE * 6 * BODIES
-    g = f + DOUBLE
-    h = g + DOUBLE * 3 * BODIES
-    i = h + DOUBLE * 4 * forces
-    j = i + DOUBLE * 4 * points
-    k = integers.ctypes.data + INTEGER * (PLACES + SIZES)
-    m = k + INTEGER * count
-    n = m + INTEGER * 4 * BODIES
-    return Constants(
-        AirArrays(
-            array_at(a, (6, count)),
-            integers_at(k, (count,)),
-            array_at(b, (count + 1, count)),
-            array_at(c, (7,)),
-            array_at(d, (9,)),
-        ),
-        array_at(e, (BODIES, 6)),
-        array_at(f, (1,)),
-        Tree(integers_at(m, (BODIES, 4)), array_at(g, (BODIES, 3))),
-        Unknown(integers_at(n, (forces, 3)), array_at(h, (forces, 4)), array_at(i, (points, 4))),
-        array_at(j, (hold,)),
-    )
-
-
-@kernel
-def unpack_found(integers: Integers) -> Found:
-    """View Pinocchio's results."""
-    nv, joints = integers[PLACES + 4], integers[PLACES + 5]
-    return Found(
-        array_at(integers[2], (nv, nv)),
-        array_at(integers[3], (nv,)),
-        array_at(integers[4], (joints, 12)),
-        array_at(integers[5], (joints, 6)),
-        array_at(integers[6], (joints, 6)),
-    )
-
-
-def scratch_size(strips: int, nv: int) -> int:
-    """Return the number of doubles of the kernels' scratch."""
-    return 24 * BODIES + 9 * BODIES + 3 * BODIES + 9 + 24 + (nv + 1) * nv + 42 + LOADS * strips + 24
-
-
-@kernel
-def unpack_work(integers: Integers) -> Work:
-    """Give the scratch its names and shapes."""
-    count, nv = integers[PLACES], integers[PLACES + 4]
-    a = integers[1]
-    b = a + DOUBLE * 24 * BODIES
-    c = b + DOUBLE * 9 * BODIES
-    d = c + DOUBLE * 3 * BODIES
-    e = d + DOUBLE * 9
-    f = e + DOUBLE * 24
-    g = f + DOUBLE * (nv + 1) * nv
-    h = g + DOUBLE * 42
-    i = h + DOUBLE * LOADS * count
-    return Work(
-        array_at(a, (4, BODIES, 6)),
-        array_at(b, (BODIES, 3, 3)),
-        array_at(c, (BODIES, 3)),
-        array_at(d, (3, 3)),
-        array_at(e, (3, 8)),
-        array_at(f, (nv + 1, nv)),
-        array_at(g, (7, 6)),
-        array_at(h, (LOADS, count)),
-        array_at(i, (4, 6)),
+    frames = {name: model.frames[frame_id(model, name)] for name in points}
+    links = {name: carriers.index(frame.parentJoint) for name, frame in frames.items()}
+    directions = [
+        frames[force.frame].placement.rotation @ force.direction if force.axes == "link" else force.direction
+        for force in forces
+    ]
+    return UnknownForces(
+        point=np.array([points.index(force.frame) for force in forces], dtype=np.intp),
+        link=np.array([links[force.frame] for force in forces], dtype=np.intp),
+        axes=np.array([DIRECTION_AXES.index(force.axes) for force in forces], dtype=np.intp),
+        direction=np.array(directions).reshape(-1, 3),
+        elbow_amplitude=np.array([force.signal.elbow_amplitude for force in forces], dtype=float),
+        point_link=np.array(list(links.values()), dtype=np.intp),
+        point_place=np.array([frame.placement.translation for frame in frames.values()]).reshape(-1, 3),
     )

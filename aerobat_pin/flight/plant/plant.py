@@ -1,58 +1,38 @@
 """The plant: the robot in its scenario, as one compiled call after Pinocchio's M and nle.
 
 At each instant the air, the hold and the unknown forces push on the links; their generalised forces run up the tree,
-and with the joints prescribed the base acceleration and the motor torque follow (see `dynamics`):
+and with the joints prescribed the base acceleration and the motor torque follow (see `prescribed_joints`):
 
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
 H and h are Pinocchio's M and nle with the wings' added mass (see `added_mass`).
 
-The kernel `advance` is one stage of the integrator: it evaluates this, adds to the step's means, and prepares the
-next stage by the tableau of `integrators`.
+The kernel `advance_stage` is one stage of the integrator: it evaluates this, adds to the step's means, and leads on to
+the next stage.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LOADS, RobotAir, wind_field
+from aerobat_pin.aerodynamics import STRIP_ROWS, RobotInAir, fill
 from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
-from aerobat_pin.flight.crank import CrankDrive, crank_drive, turned
-from aerobat_pin.flight.plant.kernels import advance, evaluate
-from aerobat_pin.flight.plant.memory import layout
-from aerobat_pin.flight.plant.warm_up import warmed_up
+from aerobat_pin.flight.crank import CrankDrive, checked_motion, crank_drive
+from aerobat_pin.flight.plant.kernels import advance_stage, evaluate
+from aerobat_pin.flight.plant.memory import Forces, plant_in, split_forces, unknown_forces
 from aerobat_pin.flight.point_forces import point_forces
 from aerobat_pin.linkage import Closure
-from aerobat_pin.numerics import Array, shaped
-from aerobat_pin.robot import BASE, LINKS, Aerobat, joint_table
+from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
-
-
-class Forces(NamedTuple):
-    """What acts, averaged over each of n steps.
-
-    `aerodynamic`, `added_mass`, `thrusters`, `motor`, `unknown` are generalised forces (n, nv); `force_W` and
-    `force_noise_free_W` (n, p, 3) [N] the unknown forces at their points in world axes; `link_wrench` (n, 5, 6) what
-    the air does to each link, at and in its frame, without added mass; `motor_power` (n,) [W] is torque times joint
-    rates, and `air_power` (n,) [W] what the air does to the robot, added mass included.
-    """
-
-    aerodynamic: Array
-    added_mass: Array
-    thrusters: Array
-    motor: Array
-    unknown: Array
-    force_W: Array
-    force_noise_free_W: Array
-    link_wrench: Array
-    motor_power: Array
-    air_power: Array
 
 
 @dataclass(frozen=True)
@@ -102,31 +82,39 @@ class Plant:
         """Build air, hold and unknown forces, and lay out the kernel's arrays."""
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
-        self.data = model.createData()
-        self.air = RobotAir.of(robot.wing, scenario.air)
         self.drive = crank_drive(robot, scenario) if drive is None else drive
         self.forces = point_forces(model, scenario)
         self.points = tuple(dict.fromkeys(force.frame for force in self.forces))
         flight = scenario.flight
         rotation = pin.rpy.rpyToMatrix(*np.radians([flight.roll_deg, -flight.pitch_deg, flight.yaw_deg]))
         self.hold = hold_about(scenario, rotation)
-        self.constants, self._places, self._arrays = layout(
-            model, self.data, self.air, self.forces, self.points, self.hold
-        )
+        self.in_air = RobotInAir(robot, robot_air(robot.wing, scenario.air))
+        self.air, self.data = self.in_air.air, self.in_air.data
+        sizes = (model.nv, self.air.state_size, len(self.forces), len(self.points))
+        self.memory = new_memory(plant_in, self.in_air.memory.ctypes.data, *sizes)
+        self.fields = fields_of(plant_in, self.memory)
+        fill(self.fields.unknown, unknown_forces(model, self.forces, self.points))
+        if self.hold is not None:
+            fill(self.fields.hold, self.hold)
+            self.fields.holds[...] = 1.0
         self.start = self._warmed_up(rotation)
+
+    def __repr__(self) -> str:
+        """Say who flies what."""
+        held = "held" if self.hold is not None else "free"
+        return (
+            f"Plant({self.scenario.name!r}, {self.robot!r},\n"
+            f"      {self.air!r},\n"
+            f"      {type(self.drive).__name__}, {held}, unknown forces at {list(self.points)})"
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh plant: the views of Pinocchio's results cannot travel."""
         return type(self), (self.robot, self.scenario, self.drive)
 
-    @property
-    def force_size(self) -> int:
-        """Length of the kernel's row of forces: five generalised, two sets at points, link wrenches, two powers."""
-        return 5 * int(self.model.nv) + 6 * len(self.points) + 6 * len(LINKS) + 2
-
     def closure(self, time: Array) -> Closure:
         """Close the linkage at times (n,) [s] of the crank's drive."""
-        return self.robot.linkage.solve(*turned(self.drive, time))
+        return self.robot.linkage.solve(*checked_motion(self.drive, time))
 
     def rates(
         self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
@@ -138,7 +126,7 @@ class Plant:
             v: (nv,) velocity.
             joints: (3, 2) angle, rate and acceleration of shoulder and elbow, those of q and v.
             air: (3N,) aerodynamic state.
-            held: (2, n) noise and signal of each unknown force [N].
+            held: (2, f) mean noise and mean signal of each unknown force [N].
             time: of the wind [s].
 
         Returns:
@@ -150,15 +138,13 @@ class Plant:
         q, v = shaped(q, (self.model.nq,), "q"), shaped(v, (self.model.nv,), "v")
         joints, air = shaped(joints, (3, 2), "joints"), shaped(air, (self.air.state_size,), "air")
         held = shaped(held, (2, len(self.forces)), "held")[:, :, None]
-        state = np.concatenate([v[:BASE], air])
-        rate, forces = np.empty_like(state), np.empty(self.force_size)
-        self.evaluate(q, v, joints, self.wind(np.array([time]))[0], held, state, rate, forces)
-        return rate[:BASE], rate[BASE:], self.split(forces[None])
+        state = np.concatenate([v[:BASE_SIZE], air])
+        rate = np.empty_like(state)
+        self.evaluate(q, v, joints, self.wind(np.array([time]))[0], held, state, rate)
+        return rate[:BASE_SIZE], rate[BASE_SIZE:], Forces(*(part[None].copy() for part in self.fields.forces))
 
-    def evaluate(
-        self, q: Array, v: Array, joints: Array, wind: Array, held: Array, state: Array, rate: Array, forces: Array
-    ) -> None:
-        """Evaluate the equations of motion into the caller's arrays: the right-hand side, without allocating.
+    def evaluate(self, q: Array, v: Array, joints: Array, wind: Array, held: Array, state: Array, rate: Array) -> None:
+        """Evaluate the equations of motion into the caller's array and `fields.forces`, without allocating.
 
         Nothing is checked: contiguous arrays of doubles of the shapes below, or memory is overwritten. `rates` checks.
 
@@ -167,14 +153,13 @@ class Plant:
             v: (nv,) velocity.
             joints: (3, 2) angle, rate and acceleration of shoulder and elbow, those of q and v.
             wind: (2, 3) velocity of the air and its rate, world axes.
-            held: (2, n, 1) noise and signal of each unknown force [N].
+            held: (2, f, 1) mean noise and mean signal of each unknown force [N].
             state: (6 + 3N,) base twist in body axes, that of v, then the air.
             rate: (6 + 3N,) written: base acceleration, then the rate of the air.
-            forces: (`force_size`,) written; `split` names its parts.
         """
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, v)
-        evaluate(self._places, self.air.steady, joints, wind, held, 0, state, rate, forces)
+        evaluate(self.memory, joints, wind, held, 0, state, rate)
 
     def fly(
         self,
@@ -189,7 +174,7 @@ class Plant:
         Args:
             count: number n of steps.
             dt: step [s].
-            held: (2, forces, n) noise and signal of each unknown force over each step [N].
+            held: (2, f, n) mean noise and mean signal of each unknown force over each step [N].
             progress: called with the share done, 0..1, about a hundred times.
             start: where from; the scenario's start, air warmed up, when omitted.
 
@@ -199,44 +184,31 @@ class Plant:
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
-        model, data = self.model, self.data
+        model, data, memory, fields = self.model, self.data, self.memory, self.fields
         halves = np.arange(2 * count + 1) * 0.5 * dt
         closed = self.closure(halves)
-        motion = joint_table(closed)
-        size = BASE + self.air.state_size
-        stages, tangent = np.zeros((6, size)), np.zeros((2, model.nv))
-        stages[4] = stages[5] = shaped(np.concatenate([start.twist, start.air]), (size,), "start")
-        q = self.robot.configuration(start.placement, *motion[0, 0])
-        v = self.robot.velocity(start.twist, *motion[0, 1])
-        forces, means = np.zeros(self.force_size), np.zeros((count, self.force_size))
-        loads = np.zeros((count, LOADS, self.air.line.strips))
+        motion, wind, size = joint_table(closed), self.wind(halves), BASE_SIZE + self.air.state_size
+        fields.start[:] = fields.state[:] = shaped(np.concatenate([start.twist, start.air]), (size,), "start")
+        q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
+        v[:] = self.robot.velocity(start.twist, *motion[0, 1])
+        means = np.zeros((count, sum(part.size for part in fields.forces)))
+        loads = np.zeros((count, STRIP_ROWS, self.air.line.strips))
         placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
-        placement[0], states[0] = q[:7], stages[4]
-        constants = (self._places, self.air.steady, motion, self.wind(halves), held, dt)
-        written = (stages, tangent, v, forces, means, loads)
-        crba, nle, integrate = pin.crba, pin.nonLinearEffects, pin.integrate
-        way, rest = tangent
-        every = max(1, count // 100)
+        placement[0], states[0] = q[:7], fields.start
+        crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
+        tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
+
+        def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
+            crba(model, data, here)
+            nle(model, data, here, v)
+            advance_stage(memory, motion, wind, held, dt, k, number, means, loads)
+            return tangents
+
         for k in range(count):
-            crba(model, data, q)
-            nle(model, data, q, v)
-            advance(*constants, k, 0, *written)
-            second = integrate(model, q, way)
-            crba(model, data, second)
-            nle(model, data, second, v)
-            advance(*constants, k, 1, *written)
-            third = integrate(model, q, way)
-            crba(model, data, third)
-            nle(model, data, third, v)
-            advance(*constants, k, 2, *written)
-            fourth = integrate(model, second, way)
-            crba(model, data, fourth)
-            nle(model, data, fourth, v)
-            advance(*constants, k, 3, *written)
-            q = integrate(model, integrate(model, q, way), rest)
-            placement[k + 1], states[k + 1] = q[:7], stages[4]
+            q = lie_step(evaluate_stage, retract, q)
+            placement[k + 1], states[k + 1] = q[:7], fields.start
             if k % every == 0:
-                if not np.all(np.isfinite(stages[4])):
+                if not np.all(np.isfinite(fields.start)):
                     states[k + 1 :] = np.nan
                     break
                 if progress is not None:
@@ -246,25 +218,15 @@ class Plant:
         return Flown(
             crank_angle=closed.crank_angle[::2],
             q=self.robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
-            v=self.robot.velocity(states[:, :BASE], joints[:, 1, 0], joints[:, 1, 1]),
-            air=states[:, BASE:],
-            forces=self.split(means),
+            v=self.robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
+            air=states[:, BASE_SIZE:],
+            forces=split_forces(fields.forces, means),
             loads=loads,
         )
 
-    def split(self, rows: Array) -> Forces:
-        """Name the parts of the kernel's rows of forces (n, `force_size`)."""
-        nv, points, links = self.model.nv, len(self.points), len(LINKS)
-        parts = np.split(rows, np.cumsum([nv] * 5 + [3 * points] * 2 + [6 * links]), axis=1)
-        at_points = [part.reshape(len(rows), points, 3) for part in parts[5:7]]
-        aerodynamic, added_mass, thrusters, motor, unknown = parts[:5]
-        link_wrench, (motor_power, air_power) = parts[7].reshape(len(rows), links, 6), parts[8].T
-        generalized = (aerodynamic, added_mass, thrusters, motor, unknown)
-        return Forces(*generalized, at_points[0], at_points[1], link_wrench, motor_power, air_power)
-
     def wind(self, time: Array) -> Array:
         """Return velocity of the air and its rate (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
-        return wind_field(self.scenario.air, time)
+        return wind_of(self.scenario.air).field(time)
 
     def _warmed_up(self, rotation: Array) -> State:
         """Return the start, the air warmed up over whole cycles with the body held at its attitude and velocity.
@@ -275,17 +237,15 @@ class Plant:
         placement = np.concatenate([flight.position, pin.Quaternion(rotation).coeffs()])
         twist = np.concatenate([rotation.T @ np.array(flight.velocity), flight.angular_velocity])
         wind = rotation.T @ self.wind(np.zeros(1))[0, 0]
-        state: Array = np.zeros(self.air.state_size)
         rate = 2.0 * np.pi * self.scenario.crank.frequency
-        if rate == 0.0 or air.warm_up_cycles == 0 or not state.size:
-            return State(placement, twist, state)
+        if rate == 0.0 or air.warm_up_cycles == 0 or not self.air.state_size:
+            return State(placement, twist, np.zeros(self.air.state_size))
         period = 2.0 * np.pi / rate
         count = int(np.ceil(air.warm_up_cycles * period / self.scenario.simulation.dt))
         dt = air.warm_up_cycles * period / count
         motion = joint_table(self.closure((np.arange(2 * count + 1) * 0.5 - count) * dt))
         against = twist - np.concatenate([wind, np.zeros(3)])
-        warmed_up(self.robot, self.data, (self._places, self.constants.tree), placement, against, motion, dt, state)
-        return State(placement, twist, state)
+        return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt))
 
 
 def _check_finite(name: str, states: Array, dt: float) -> None:

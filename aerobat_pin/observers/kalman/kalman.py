@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, checked, new_memory
+from aerobat_pin.numerics import Array, checked, fields_of, new_memory
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
@@ -117,7 +117,7 @@ class KalmanObserver(Observer):
         hidden = self._hidden()
         sizes = (blocks, len(self._errors), len(hidden), int(mass_error != 0.0), int(rows == "base+power"))
         self._memory = new_memory(kalman_in, *self._sizes, *sizes)
-        self._kalman = kalman_in(self._memory)
+        self._kalman = fields_of(kalman_in, self._memory)
         self._fill(self._kalman.observer)
         filter_ = self._kalman.filter
         filter_.noise[:], filter_.hidden[:] = noise, hidden
@@ -214,7 +214,7 @@ class KalmanObserver(Observer):
     ) -> tuple[Array, Array]:
         """Filter a checked record, keeping its steps where there is room; return results (m, width) and the samples."""
         memory = self._memory.copy()  # a stream that is under way goes on undisturbed
-        kalman, nv = kalman_in(memory), self._nv
+        kalman, nv = fields_of(kalman_in, memory), self._nv
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
         self._record_samples(kernels.record_noisy_sample, memory, q, v, samples)
         self._begin(kalman, samples[0])

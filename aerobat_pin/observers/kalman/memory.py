@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, layout, next_size, rewind, take
+from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, take
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_fields, observer_sizes
 
 
@@ -87,7 +87,7 @@ class KalmanMemory(NamedTuple):
     step: Step
 
 
-@layout
+@merged
 def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step:
     """Lay out a step's fields."""
     n, h = nv + nz, blocks * c
@@ -103,7 +103,7 @@ def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step
     )
 
 
-@layout
+@merged
 def step_in(memory: Array, latest: Step) -> Step:
     """Lay out one of a record's steps, as long as the latest one, behind a cursor."""
     (nz, n), blocks = latest.shear.shape, latest.basis.shape[0]
@@ -115,7 +115,7 @@ def step_size(latest: Step) -> int:
     return 1 + sum(field.size for field in latest)
 
 
-@layout
+@merged
 def kalman_in(memory: Array) -> KalmanMemory:
     """Lay out a Kalman filter's memory: behind an observer's sizes 1 or 3 blocks, ne, nv or 0 hidden rows, choices."""
     cursor = rewind(memory)

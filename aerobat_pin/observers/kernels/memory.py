@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, layout, next_size, rewind, take, take_integers
+from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, take, take_integers
 
 
 class ObserverSizes(NamedTuple):
@@ -58,7 +58,7 @@ class ObserverMemory(NamedTuple):
     equations: Array
 
 
-@layout
+@merged
 def observer_sizes(cursor: Integers) -> ObserverSizes:
     """Read the sizes of an observer's memory."""
     return ObserverSizes(
@@ -74,7 +74,7 @@ def observer_sizes(cursor: Integers) -> ObserverSizes:
     )
 
 
-@layout
+@merged
 def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
     """Lay out an observer's fields behind the sizes."""
     nv, c, size = sizes.nv, sizes.components, sizes.filtered
@@ -98,7 +98,7 @@ def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
     )
 
 
-@layout
+@merged
 def observer_in(memory: Array) -> ObserverMemory:
     """Lay out an observer's memory."""
     cursor = rewind(memory)

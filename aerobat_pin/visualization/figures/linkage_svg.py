@@ -8,7 +8,7 @@ from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.linkage import BAR_PINS, GROUND_PINS
-from aerobat_pin.visualization.template import fill
+from aerobat_pin.visualization.template import fill_template
 
 POSES_PER_TURN = 72
 SVG_MARGIN = 4.0  # around everything [mm]
@@ -29,7 +29,7 @@ def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
     everything = np.concatenate(list(pins.values()))
     low, high = everything.min(axis=0) - SVG_MARGIN, everything.max(axis=0) + SVG_MARGIN
     lines = [(style.INK, ("J6", "tip")), *((style.BAR_COLOURS[bar], names) for bar, names in BAR_PINS.items())]
-    return fill(
+    return fill_template(
         "linkage.svg",
         turn=turn,
         left=low[0],

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerodynamics import drift
 from aerobat_pin.estimation import motion, point_label, true_events, true_force
 from aerobat_pin.flight import FlightLog, Wake, wake_of
 from aerobat_pin.numerics import Array
@@ -78,8 +77,8 @@ def _keyframes(log: FlightLog, index: Array) -> FlightLog:
 
 def _add_wake(recording: Recording, wake: Wake) -> None:
     """Show the wake, coloured by the wing's bound circulation as it was shed."""
-    points, bound = wake.position - drift(wake.air, wake.time)[:, None], wake.bound
-    drifted = drift(wake.air, recording.time)
+    points, bound = wake.position - wake.wind.drift(wake.time)[:, None], wake.bound
+    drifted = wake.wind.drift(recording.time)
     if len(points) < len(drifted):  # the last sample begins no interval
         points, bound = (np.concatenate([rows, rows[-1:]]) for rows in (points, bound))
     share = np.clip(bound / max(float(np.percentile(np.abs(bound), 98.0)), 1e-12), -1.0, 1.0)[..., None]

@@ -10,7 +10,7 @@ from importlib import resources
 from markupsafe import Markup
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.visualization.template import fill
+from aerobat_pin.visualization.template import fill_template
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # of real time: a flap is too fast to be watched
 
@@ -56,7 +56,7 @@ def replay_page(
         sheet: number of triangles between two rows of the node `world/air/sheet`, and how long each row is shown [s].
     """
     start, end = float(time[0]), float(time[-1])
-    return fill(
+    return fill_template(
         "replay.html",
         title=title,
         legend=legend,

@@ -1,0 +1,131 @@
+"""Memory of the air's kernels, laid out as in `numerics.memory`: the air's constants alone, and a robot in its air."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from aerobat_pin.aerodynamics.added_mass import AddedMass
+from aerobat_pin.aerodynamics.links import Links, PinocchioResults
+from aerobat_pin.aerodynamics.strips import STRIP_ROWS, AirConstants, Strips, Surfaces
+from aerobat_pin.numerics import Array, array_at, merged, next_size, rewind, take, take_integers
+from aerobat_pin.robot import LINKS, Tree
+
+LINK_COUNT = len(LINKS)
+
+
+class RobotMemory(NamedTuple):
+    """A robot in its air.
+
+    `gravity` () [m/s2]; `H` (nv, nv), `h` (nv,) scratch for inertia and bias; `loads` (9, N) of the strips; `rates`
+    (4, S), `start` (S,) and `state` (S,) of the air's state in a step of Runge-Kutta.
+    """
+
+    air: AirConstants
+    added_mass: AddedMass
+    gravity: Array
+    tree: Tree
+    found: PinocchioResults
+    links: Links
+    H: Array
+    h: Array
+    loads: Array
+    rates: Array
+    start: Array
+    state: Array
+
+
+@merged
+def air_in(memory: Array) -> AirConstants:
+    """Lay out the air's constants; size: number of strips."""
+    cursor = rewind(memory)
+    n = next_size(cursor)
+    return AirConstants(
+        quasi_steady=take(cursor, ()),
+        density=take(cursor, ()),
+        lift_slope=take(cursor, ()),
+        profile_drag=take(cursor, ()),
+        slope_over_limit=take(cursor, ()),
+        strips=Strips(
+            link=take_integers(cursor, (n,)),
+            x=take(cursor, (n,)),
+            y=take(cursor, (n,)),
+            z=take(cursor, (n,)),
+            quarter_chord=take(cursor, (n,)),
+            per_semichord=take(cursor, (n,)),
+            force_factor=take(cursor, (n,)),
+        ),
+        downwash=take(cursor, (n, n)),
+        centre_downwash=take(cursor, (n,)),
+        surfaces=Surfaces(
+            drag_area=take(cursor, ()),
+            downwash_factor=take(cursor, ()),
+            tail=take(cursor, (3,)),
+            tail_cosine=take(cursor, ()),
+            tail_sine=take(cursor, ()),
+            tail_lift=take(cursor, ()),
+            fin=take(cursor, (3,)),
+            fin_lift=take(cursor, ()),
+        ),
+    )
+
+
+@merged
+def robot_in(memory: Array) -> RobotMemory:
+    """Lay out a robot in its air.
+
+    Sizes: addresses of the air's memory and of Pinocchio's M, nle, liMi, v, a_gf; then nv, njoints, strips, states of
+    the air.
+    """
+    cursor = rewind(memory)
+    air, M, nle, liMi = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
+    v, a_gf, nv, joints = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
+    n, states = next_size(cursor), next_size(cursor)
+    return RobotMemory(
+        air=air_in(array_at(air, (1,))),
+        added_mass=AddedMass(
+            masses=take(cursor, (LINK_COUNT, 3)),
+            x=take(cursor, (LINK_COUNT,)),
+            y=take(cursor, (LINK_COUNT,)),
+            skew=take(cursor, (LINK_COUNT,)),
+        ),
+        gravity=take(cursor, ()),
+        tree=Tree(
+            joint=take_integers(cursor, (LINK_COUNT,)),
+            parent=take_integers(cursor, (LINK_COUNT,)),
+            row=take_integers(cursor, (LINK_COUNT,)),
+            angle=take_integers(cursor, (LINK_COUNT,)),
+            axis=take(cursor, (LINK_COUNT, 3)),
+        ),
+        found=PinocchioResults(
+            M=array_at(M, (nv, nv)),
+            nle=array_at(nle, (nv,)),
+            liMi=array_at(liMi, (joints, 12)),
+            v=array_at(v, (joints, 6)),
+            a_gf=array_at(a_gf, (joints, 6)),
+        ),
+        links=Links(
+            rotation=take(cursor, (LINK_COUNT, 3, 3)),
+            origin=take(cursor, (LINK_COUNT, 3)),
+            twists=take(cursor, (LINK_COUNT, 6)),
+            wrenches=take(cursor, (LINK_COUNT, 6)),
+            gravity_B=take(cursor, (3,)),
+            wind_B=take(cursor, (3,)),
+            wind_rate_B=take(cursor, (3,)),
+            normals=take(cursor, (3, 8)),
+        ),
+        H=take(cursor, (nv, nv)),
+        h=take(cursor, (nv,)),
+        loads=take(cursor, (STRIP_ROWS, n)),
+        rates=take(cursor, (4, states)),
+        start=take(cursor, (states,)),
+        state=take(cursor, (states,)),
+    )
+
+
+def fill(fields: tuple[Any, ...], values: tuple[Any, ...]) -> None:
+    """Copy values into fields of a memory, named alike."""
+    for field, value in zip(fields, values, strict=True):
+        if isinstance(field, tuple):
+            fill(field, value)
+        else:
+            field[...] = value

@@ -1,0 +1,98 @@
+"""A robot in its air: what its links meet along a motion, and the air's state warmed up before it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerodynamics.added_mass import factored
+from aerobat_pin.aerodynamics.memory import fill, robot_in
+from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads
+from aerobat_pin.numerics import (
+    HALF_STEPS,
+    Array,
+    addresses,
+    check_views,
+    copy_values,
+    fields_of,
+    kernel,
+    motions,
+    new_memory,
+    next_state,
+    placements,
+)
+from aerobat_pin.robot import Aerobat, tree_of
+
+
+@kernel
+def warm_up(memory: Array, twists: Array, dt: float) -> None:
+    """Integrate the air's state in memory under link twists against the air (2 n + 1, 5, 6), given every half step."""
+    robot = robot_in(memory)
+    air, wrenches, loads = robot.air, robot.links.wrenches, robot.loads
+    rates, start, state = robot.rates, robot.start, robot.state
+    for i in range(twists.shape[0] // 2):
+        copy_values(state, start)
+        for stage in range(4):
+            air_loads(air, twists[2 * i + HALF_STEPS[stage]], state, wrenches, rates[stage], loads)
+            next_state(stage, dt, rates, start, state)
+
+
+class RobotInAir:
+    """A robot in its air, laid out for the kernels.
+
+    Args:
+        robot: the robot.
+        air: the air on it.
+
+    Attributes:
+        data: where the kernels find Pinocchio's results.
+        memory: what a kernel's call begins with; `fields` names its parts.
+    """
+
+    def __init__(self, robot: Aerobat, air: RobotAir) -> None:
+        """Lay out memory and fill in what does not change."""
+        self.robot, self.air, self.data = robot, air, robot.model.createData()
+        model, data = robot.model, self.data
+        liMi, v, a_gf = placements(data.liMi), motions(data.v), motions(data.a_gf)
+        check_views(model, data, placements(data.oMi), liMi, v, a_gf)
+        places = addresses(air.memory, data.M, data.nle, liMi, v, a_gf)
+        sizes = (int(model.nv), model.njoints, air.line.strips, air.state_size)
+        self.memory = new_memory(robot_in, *places.tolist(), *sizes)
+        self.fields = fields_of(robot_in, self.memory)
+        fill(self.fields.added_mass, factored(air.added_mass))
+        fill(self.fields.tree, tree_of(model))
+        self.fields.gravity[...] = -model.gravity.linear[2]
+
+    def link_twists(self, q: Array, v: Array) -> Array:
+        """Return the twists of the links (n, 5, 6), at and in their own frames, along q (n, nq) and v (n, nv)."""
+        joints, found, model, data = self.fields.tree.joint, motions(self.data.v), self.robot.model, self.data
+        twists, forward = np.empty((len(q), len(joints), 6)), pin.forwardKinematics
+        for row, placement, velocity in zip(twists, list(q), list(v), strict=True):
+            forward(model, data, placement, velocity)
+            row[:] = found[joints]
+        return twists
+
+    def flapping_twists(self, placement: Array, twist: Array, motion: Array) -> Array:
+        """Return the twists of the links (n, 5, 6) while the wings flap and the body keeps its placement and its twist.
+
+        Args:
+            placement: (7,) of the body.
+            twist: (6,) of the body against the air, body axes.
+            motion: (n, 3, 2) angle, rate and acceleration of shoulder and elbow.
+        """
+        still = np.ones((len(motion), 1))
+        q = self.robot.configuration(still * placement, motion[:, 0, 0], motion[:, 0, 1])
+        return self.link_twists(q, self.robot.velocity(still * twist, motion[:, 1, 0], motion[:, 1, 1]))
+
+    def warmed_up(self, placement: Array, twist: Array, motion: Array, dt: float) -> Array:
+        """Return the air's state (S,) after the wings flapped from rest, so that a flight begins in their own wake.
+
+        Args:
+            placement: (7,) of the body.
+            twist: (6,) of the body against the air, body axes.
+            motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow every half step.
+            dt: step [s].
+        """
+        self.fields.state[:] = 0.0
+        warm_up(self.memory, self.flapping_twists(placement, twist, motion), dt)
+        return self.fields.state.copy()

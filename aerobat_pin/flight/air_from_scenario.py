@@ -1,0 +1,25 @@
+"""The air that a scenario's table describes."""
+
+from __future__ import annotations
+
+from aerobat_pin.aerodynamics import Gust, RobotAir, Wind
+from aerobat_pin.robot import Wing
+from aerobat_pin.scenario import AirSection
+
+
+def robot_air(wing: Wing, air: AirSection) -> RobotAir:
+    """Put a scenario's air on a wing. Raises ShapeError where no lifting line follows."""
+    return RobotAir(
+        wing,
+        strips=air.strips,
+        air_density=air.density,
+        model=air.model,
+        lift_limit=air.lift_limit,
+        added_mass=air.added_mass,
+    )
+
+
+def wind_of(air: AirSection) -> Wind:
+    """Return a scenario's wind with its gust."""
+    gust = air.gust
+    return Wind(air.wind, None if gust is None else Gust(gust.amplitude, gust.start, gust.duration))
