@@ -2,8 +2,8 @@
 
 For some ten rows BLAS spends its time on the way in. In plain loops the compiler cannot know whether target and factors
 overlap, and keeps no sum in a register: with the best of nine forms a whole sample of `kalman` takes 6 to 11 % longer,
-one of `smoother` 12 %, with harmonics 18 % and 28 % (design note 7). So the instructions are written here: up to four rows
-times sixteen columns of the target are summed in registers over all k. Rows are contiguous, and start anywhere.
+one of `smoother` 12 %, with harmonics 18 % and 28 % (design note 7). So the instructions are written here: up to four
+rows times sixteen columns of the target are summed in registers over all k. Rows are contiguous, and start anywhere.
 """
 
 from __future__ import annotations
