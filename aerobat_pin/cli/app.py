@@ -149,14 +149,14 @@ def linkage_command(
     from aerobat_pin.experiments import picture_files, write_files
     from aerobat_pin.linkage import KineticSculpture
     from aerobat_pin.robot import load_morphology
-    from aerobat_pin.visualization import draw_linkage, range_table, style
+    from aerobat_pin.visualization import draw_linkage, range_table, render_figure
 
     shape = load_morphology(morphology)
     files = picture_files(out or Path("runs") / "linkage", shape.name, force=force)
     linkage = KineticSculpture(shape.linkage)
     linkage.check()
     figure = draw_linkage(linkage)
-    write_files({file: style.rendered(figure, file.suffix[1:].lower()) for file in files})
+    write_files({file: render_figure(figure, file.suffix[1:].lower()) for file in files})
     typer.echo(range_table(linkage))
     typer.echo(f"drawn to {', '.join(map(str, files))}")
 

@@ -52,10 +52,10 @@ def estimate_command(
     with experiments.output_folder(target, force=force) as folder, progress_bar() as show:
         estimated = experiments.run_recorded(flight, belief, show)
         experiments.write(estimated, folder)
-        from aerobat_pin.visualization import draw_estimation, style
+        from aerobat_pin.visualization import draw_estimation, save_figure
 
         (folder / "figures").mkdir()
-        style.save(draw_estimation(flight, estimated.estimates), folder / "figures" / "estimation")
+        save_figure(draw_estimation(flight, estimated.estimates), folder / "figures" / "estimation")
         files = files_in(folder)
     _print_inputs(estimated.scores)
     print_scores(estimated.scores)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from aerobat_pin.visualization.replay.recording import record as record
     from aerobat_pin.visualization.replay.serve import serve as serve
     from aerobat_pin.visualization.replay.snapshots import snapshots as snapshots
+    from aerobat_pin.visualization.style import render_figure as render_figure
+    from aerobat_pin.visualization.style import save_figure as save_figure
     from aerobat_pin.visualization.write_all import draw_all as draw_all
     from aerobat_pin.visualization.write_all import write_figures_and_pages as write_figures_and_pages
 
@@ -35,6 +37,7 @@ _MODULES = {
     "replay.recording": ["Recording", "record"],
     "replay.serve": ["serve"],
     "replay.snapshots": ["snapshots"],
+    "style": ["render_figure", "save_figure"],
     "write_all": ["draw_all", "write_figures_and_pages"],
 }
 __all__ = [name for names in _MODULES.values() for name in names]

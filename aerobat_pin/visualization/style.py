@@ -59,7 +59,7 @@ def rgb(colour: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def rendered(figure: Figure, kind: str) -> bytes:
+def render_figure(figure: Figure, kind: str) -> bytes:
     """Return the content of a `png`, `pdf` or `svg` file, without a date: the same figure gives the same bytes."""
     import matplotlib as mpl
 
@@ -69,10 +69,10 @@ def rendered(figure: Figure, kind: str) -> bytes:
     return file.getvalue()
 
 
-def save(figure: Figure, stem: Path) -> None:
+def save_figure(figure: Figure, stem: Path) -> None:
     """Write `stem`.png and `stem`.pdf."""
     for kind in ("png", "pdf"):
-        stem.with_suffix(f".{kind}").write_bytes(rendered(figure, kind))
+        stem.with_suffix(f".{kind}").write_bytes(render_figure(figure, kind))
 
 
 def legend_on_top(axis: Axes, ncols: int) -> None:

@@ -29,7 +29,7 @@ def write_figures_and_pages(experiment: Experiment, folder: Path, progress: Prog
     for i, (name, figure) in enumerate(figures.items()):
         if progress is not None:
             progress("drawing", i / len(figures))
-        style.save(figure, folder / "figures" / name)
+        style.save_figure(figure, folder / "figures" / name)
     report = report_html(experiment, {name: folder / "figures" / f"{name}.png" for name in figures})
     (folder / "report.html").write_text(report, encoding="utf-8")
     estimates, note = estimate_dataset(experiment.estimates), experiment.scores.note

@@ -217,7 +217,7 @@ def write() -> None:
     )
     drawn = draw_all(first)
     for name in re.findall(r"figures/(\w+)\.png", text):
-        style.save(drawn[name], FIGURES / name)
+        style.save_figure(drawn[name], FIGURES / name)
         (FIGURES / f"{name}.pdf").unlink()
     (ROOT / PAGE).write_text(text, encoding="utf-8")
     readme = ROOT / "README.md"
