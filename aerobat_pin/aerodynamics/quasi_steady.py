@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.strips import StripRows, Strips, gather, sections
+from aerobat_pin.aerodynamics.strips import StripLoads, Strips, gather, sections
 from aerobat_pin.numerics import Array, inner
 
 DEGREE = np.pi / 180.0
@@ -29,13 +29,13 @@ def coefficients(incidence: float) -> tuple[float, float]:
 
 
 @inner
-def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripRows) -> float:
+def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripLoads) -> float:
     """Compute the strips' loads; arguments as of `strips.strip_loads`. Return the downwash on the centre line: none.
 
     `circulation` is the bound one of the lift, U c CL / 2, and `effective_velocity` the normal velocity w.
     """
     sections(strips, twists, rows)
-    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.speed
+    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.airspeed
     downwash, circulation, effective = rows.downwash, rows.circulation, rows.effective_velocity
     force_x, force_z = rows.force_x, rows.force_z
     for i in range(factor.shape[0]):
