@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Literal
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.generate import PACKAGE_MESHES, files, urdf_text
+from aerobat_description.generate import files
 from aerobat_description.morphology import Morphology
+from aerobat_description.write_urdf import PACKAGE_MESHES, urdf_text
 
 MeshPaths = Literal["package", "relative", "absolute"]
 

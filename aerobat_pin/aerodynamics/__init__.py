@@ -5,9 +5,9 @@ from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, f
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine, StateSpace
 from aerobat_pin.aerodynamics.links import place_links
 from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, air_in, fill, robot_in
-from aerobat_pin.aerodynamics.robot_air import RobotAir, StripLoads, air_loads, air_loads_in, air_memory, strips_of
+from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads, air_loads_in, air_memory
 from aerobat_pin.aerodynamics.robot_in_air import RobotInAir
-from aerobat_pin.aerodynamics.strips import STRIP_ROWS
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, StripLoads, strips_of
 from aerobat_pin.aerodynamics.wind import Gust, Wind
 
 __all__ = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.strips import Surfaces
+from aerobat_pin.aerodynamics.strip_forces import Surfaces
 from aerobat_pin.numerics import Array, inner
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from aerobat_pin.aerodynamics.added_mass import AddedMass
 from aerobat_pin.aerodynamics.links import Links, PinocchioResults
-from aerobat_pin.aerodynamics.strips import STRIP_ROWS, AirConstants, Strips, Surfaces
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants, Strips, Surfaces
 from aerobat_pin.numerics import Array, array_at, merged, next_size, rewind, take, take_integers
 from aerobat_pin.robot import LINKS, Tree
 

@@ -6,14 +6,14 @@ Source: Dickinson, Lehmann & Sane 1999, Science 284: a robotic wing in oil, tran
 degrees. Outside that range the wing is its own mirror image: a = atan2(|w|, |u|), lift follows the sign of w, and drag
 the flow. The fit has CL = 0.027 at 0 and 0.101 at 90 degrees, where symmetry wants 0: over one degree it is led there.
 
-Velocity is taken and the force acts where `strips` does both. No state, no downwash, no suction apart from these.
+Velocity is taken and the force acts where `strip_forces` does both. No state, no downwash, no suction apart from these.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.strips import StripRows, Strips, gather, sections
+from aerobat_pin.aerodynamics.strip_forces import StripLoads, Strips, gather, sections
 from aerobat_pin.numerics import Array, inner
 
 DEGREE = np.pi / 180.0
@@ -29,13 +29,13 @@ def coefficients(incidence: float) -> tuple[float, float]:
 
 
 @inner
-def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripRows) -> float:
+def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripLoads) -> float:
     """Compute the strips' loads; arguments as of `strips.strip_loads`. Return the downwash on the centre line: none.
 
     `circulation` is the bound one of the lift, U c CL / 2, and `effective_velocity` the normal velocity w.
     """
     sections(strips, twists, rows)
-    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.speed
+    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.airspeed
     downwash, circulation, effective = rows.downwash, rows.circulation, rows.effective_velocity
     force_x, force_z = rows.force_x, rows.force_z
     for i in range(factor.shape[0]):

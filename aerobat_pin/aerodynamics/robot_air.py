@@ -1,7 +1,7 @@
 """The air on Aerobat: strips that ride on the links, a quasi-steady tail and fin, the body's drag, and added mass.
 
 Everything answers to the links' twists *against the air*: the twists themselves in still air, less the wind in each
-link's axes otherwise. `strips` and `quasi_steady` are the two models of the wing, `body_surfaces` is the rest.
+link's axes otherwise. `strip_forces` and `quasi_steady` are the two models of the wing, `body_surfaces` is the rest.
 
 Added mass: each strip drags factor pi rho b^2 of air per span along its normal, at mid-chord. On one link the normals
 are all its z axis, so with (v_z, omega_x, omega_y) of the link all its strips make one constant matrix (3, 3),
@@ -11,7 +11,6 @@ are all its z axis, so with (v_z, omega_x, omega_y) of the link all its strips m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -22,48 +21,20 @@ from aerobat_pin.aerodynamics.body_surfaces import add_surfaces
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine
 from aerobat_pin.aerodynamics.memory import air_in, fill
 from aerobat_pin.aerodynamics.quasi_steady import quasi_steady_loads
-from aerobat_pin.aerodynamics.strips import (
-    STRIP_ROWS,
+from aerobat_pin.aerodynamics.strip_forces import (
     AirConstants,
-    StripRows,
     Strips,
     Surfaces,
     strip_loads,
     strip_rows,
 )
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory, shaped
+from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory
 from aerobat_pin.robot import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
 NO_SURFACES = Surfaces(0.0, 0.0, np.zeros(3), 1.0, 0.0, 0.0, np.zeros(3), 0.0)
 MODELS: tuple[Model, ...] = ("lifting_line", "quasi_steady")
-
-
-@dataclass(frozen=True)
-class StripLoads:
-    """What each strip does, all (..., N).
-
-    Airspeed in the strip's plane [m/s], share `lead` of the edge that leads (1 the front one, -1 the rear one),
-    incidence at the 3/4 chord [rad], downwash [m/s], circulation [m2/s], effective velocity w_eff [m/s], and the force
-    [N] along the link's x (suction less drag) and z (lift plus drag), which acts lead c/4 before mid-chord.
-    """
-
-    airspeed: Array
-    lead: Array
-    incidence: Array
-    downwash: Array
-    circulation: Array
-    effective_velocity: Array
-    force_x: Array
-    force_z: Array
-
-
-def strips_of(loads: Array) -> StripLoads:
-    """Name the kernel's rows of strip loads (..., 9, N)."""
-    rows = StripRows(*np.moveaxis(loads, -2, 0))
-    incidence = np.arctan2(rows.w + 0.0, rows.u + 0.0)  # 0 at rest, whatever the sign of the zeros
-    return StripLoads(rows.speed, rows.lead, incidence, *rows[4:])
 
 
 @inner
@@ -76,7 +47,7 @@ def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, r
         state: (3N,) zeta_1, zeta_2, circulation; empty in the quasi-steady model.
         wrenches: (5, 6) written: on the links, at and in their own frames, force first.
         rates: like `state`, written: its rates.
-        loads: (9, N) written, see `StripRows`.
+        loads: (9, N) written, see `StripLoads`.
     """
     rows = strip_rows(loads)
     if air.quasi_steady[()] > 0.0:
@@ -160,29 +131,6 @@ class RobotAir:
         linear, angular = np.split(twists[:, self.link], 2, axis=2)
         velocity = linear + np.cross(angular, self.mid_chord)
         return np.asarray(np.hypot(velocity[..., 0], velocity[..., 2]))
-
-    def evaluate(self, twists: Array, state: Array) -> tuple[Array, Array, StripLoads]:
-        """Compute loads and state rates, without added mass.
-
-        Args:
-            twists: (5, 6) twist of each link of `LINKS` against the air, at and in its own frame, linear first
-                [m/s, rad/s].
-            state: (`state_size`,) aerodynamic state.
-
-        Returns:
-            Wrenches (5, 6) on the links at and in their own frames, force first [N, N m]; state rates; strips.
-
-        Raises:
-            ShapeError: an array does not fit, or holds NaN or infinity.
-        """
-        twists, state = shaped(twists, (len(LINKS), 6), "twists"), shaped(state, (self.state_size,), "state")
-        for name, values in (("twists", twists), ("state", state)):
-            if not np.all(np.isfinite(values)):
-                raise ShapeError(f"{name} holds NaN or infinity: finite numbers were expected")
-        wrenches, rates = np.empty((len(LINKS), 6)), np.empty(self.state_size)
-        loads = np.empty((STRIP_ROWS, self.line.strips))
-        air_loads_in(self.memory, twists, state, wrenches, rates, loads)
-        return wrenches, rates, strips_of(loads)
 
 
 def air_memory(

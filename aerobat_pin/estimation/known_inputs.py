@@ -143,9 +143,8 @@ def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
     """
     model, data = robot.model, robot.model.createData()
     closure = robot.linkage.solve(*_crank_halfway(moved))
-    joints = robot.velocity(np.zeros((len(force), BASE_SIZE)), closure.theta_s_ddot, closure.theta_e_ddot)[
-        :, BASE_SIZE:
-    ]
+    still = np.zeros((len(force), BASE_SIZE))
+    joints = robot.velocity(still, closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE_SIZE:]
     torque = np.zeros_like(force)
     q, v = moved.q, moved.v
     for k in range(len(force)):

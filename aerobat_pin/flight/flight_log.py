@@ -75,9 +75,8 @@ class FlightLog:
             for side, data in (("measured", self.measured), ("truth", self.truth))
             for name, values in ({} if data is None else data.data_vars).items()
         ]
-        return str(
-            pd.DataFrame(rows, columns=["channel", "side", "dimensions", "unit", "meaning"]).to_html(index=False)
-        )
+        columns = ["channel", "side", "dimensions", "unit", "meaning"]
+        return str(pd.DataFrame(rows, columns=columns).to_html(index=False))
 
     @property
     def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -92,9 +92,8 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
 
     def slopes(unknowns: Array) -> Array:
         here = miss(unknowns)
-        return np.column_stack(
-            [(miss(unknowns + DIFFERENCE_STEP * one) - here) / DIFFERENCE_STEP for one in np.eye(len(unknowns))]
-        )
+        units = np.eye(len(unknowns))
+        return np.column_stack([(miss(unknowns + DIFFERENCE_STEP * unit) - here) / DIFFERENCE_STEP for unit in units])
 
     solved = root(miss, np.concatenate([body / BODY_SCALE, air / AIR_SCALE]), jac=slopes, method="hybr")
     residual = float(np.max(np.abs(miss(solved.x))))

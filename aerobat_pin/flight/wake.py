@@ -53,20 +53,6 @@ class Wake:
         """
         return np.diff(self.bound, axis=1, prepend=0.0, append=0.0)
 
-    def at(self, time: float) -> tuple[Array, Array]:
-        """Return where the wake is at a time, with its strength.
-
-        Args:
-            time: [s].
-
-        Returns:
-            Points (k, N, 3) of the k samples shed until then, oldest first, in world axes [m], and the bound
-            circulation (k, N) that they left with [m2/s].
-        """
-        old = int(np.searchsorted(self.time, time, side="right"))
-        moved = self.wind.drift(np.array([time])) - self.wind.drift(self.time[:old])
-        return self.position[:old] + moved[:, None], self.bound[:old]
-
     def mean_trailing(self, start: float, end: float) -> Array:
         """Return the mean strength (N + 1,) [m2/s] of the trailing vortices shed from `start` to `end` [s].
 

@@ -28,7 +28,7 @@ KERNEL_SOURCES = (
     "aerodynamics/quasi_steady.py",
     "aerodynamics/robot_air.py",
     "aerodynamics/robot_in_air.py",
-    "aerodynamics/strips.py",
+    "aerodynamics/strip_forces.py",
     "estimation/believed_air_kernels.py",
     "flight/attitude_hold.py",
     "flight/plant/kernels.py",

@@ -13,10 +13,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_description.generate import srdf_text, urdf_text
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import FreeFlyer
 from aerobat_description.reading import MorphologyError
+from aerobat_description.write_urdf import srdf_text, urdf_text
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.numerics import Array

@@ -6,10 +6,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from aerobat_description.generate import MATERIALS
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.solids import Mesh
+from aerobat_description.write_urdf import MATERIALS
 from aerobat_pin.numerics import frame_id
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, gliding, settled
+from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
 from support.kernel_cases import instant
 
 from aerobat_pin.aerodynamics import RobotAir
@@ -93,7 +93,7 @@ def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
     speed, incidence = 3.0, np.radians(5.0)
     twists = gliding(speed, incidence)
     state = settled(BARE, twists)
-    wrenches, rates, strips = BARE.evaluate(twists, state)
+    wrenches, rates, strips = evaluate(BARE, twists, state)
     assert np.max(np.abs(rates)) < 1e-12
     upward = strips.force_z.sum() * np.cos(incidence) + strips.force_x.sum() * np.sin(incidence)
     assert 1e3 * upward == pytest.approx(78.6, abs=0.05)
@@ -114,7 +114,7 @@ def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
 def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
     """A loop over strips: force (f_x, 0, f_z) of each at its own point, moment about its own link's origin."""
     rng = np.random.default_rng(seed)
-    wrenches, _, strips = BARE.evaluate(rng.normal(size=(5, 6)), 0.1 * rng.normal(size=BARE.state_size))
+    wrenches, _, strips = evaluate(BARE, rng.normal(size=(5, 6)), 0.1 * rng.normal(size=BARE.state_size))
     expected = np.zeros((5, 6))
     for i, link in enumerate(BARE.link):
         force = np.array([strips.force_x[i], 0.0, strips.force_z[i]])
@@ -129,7 +129,7 @@ def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
     """A loop over strips: speed of the 3/4-chord point, incidence, lift a0 rho b U w_eff, suction a0 rho b w_eff^2."""
     rng = np.random.default_rng(seed)
     twists, state = gliding(4.0, 0.0) + rng.normal(size=(5, 6)), 0.01 * rng.normal(size=AIR.state_size)
-    _, rates, strips = AIR.evaluate(twists, state)
+    _, rates, strips = evaluate(AIR, twists, state)
     line, cd0 = AIR.line, SHAPE.aerodynamics.profile_drag
     for i, link in enumerate(AIR.link):
         middle = twists[link, :3] + np.cross(twists[link, 3:], AIR.mid_chord[i])
@@ -160,8 +160,8 @@ def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
     rng = np.random.default_rng(seed)
     twists, state = 3.0 * rng.normal(size=(5, 6)), 0.1 * rng.normal(size=AIR.state_size)
     flip = np.concatenate([POLAR, AXIAL])
-    wrenches, rates, strips = AIR.evaluate(twists, state)
-    mirrored, mirrored_rates, mirrored_strips = AIR.evaluate(twists[MIRRORED_LINKS] * flip, mirror_state(state))
+    wrenches, rates, strips = evaluate(AIR, twists, state)
+    mirrored, mirrored_rates, mirrored_strips = evaluate(AIR, twists[MIRRORED_LINKS] * flip, mirror_state(state))
     assert mirrored == pytest.approx(wrenches[MIRRORED_LINKS] * flip, rel=1e-9, abs=1e-9 * np.abs(wrenches).max())
     assert mirrored_rates == pytest.approx(mirror_state(rates), rel=1e-9, abs=1e-9 * np.abs(rates).max())
     assert mirrored_strips.force_z == pytest.approx(strips.force_z[::-1], rel=1e-9, abs=1e-9)
@@ -172,7 +172,7 @@ def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Ae
     closure = robot.linkage.solve(0.7, 30.0)
     q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
     v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
-    wrenches, _, _ = AIR.evaluate(twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
+    wrenches, _, _ = evaluate(AIR, twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
@@ -187,7 +187,7 @@ def test_the_air_does_not_care_where_the_robot_is_or_heads(robot: Aerobat) -> No
     q[7:] = rng.uniform(-1.0, 0.5, 4)
     moved = q.copy()
     moved[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)))
-    here, there = (AIR.evaluate(twists_of(robot, place, v), state) for place in (q, moved))
+    here, there = (evaluate(AIR, twists_of(robot, place, v), state) for place in (q, moved))
     assert there[0] == pytest.approx(here[0], abs=1e-12)
     assert there[1] == pytest.approx(here[1], abs=1e-12)
 
@@ -207,7 +207,7 @@ def test_drag_alone_never_gives_energy(seed: int) -> None:
     speed = np.hypot(u, w)
     normal = np.full(line.strips, w * abs(u) / speed)
     zeta = -0.5 * normal / (speed / line.semichord * 0.335 * 0.300)
-    wrenches, _, strips = air.evaluate(twists, np.concatenate([0.0 * zeta, zeta, 0.0 * zeta]))
+    wrenches, _, strips = evaluate(air, twists, np.concatenate([0.0 * zeta, zeta, 0.0 * zeta]))
     assert np.max(np.abs(strips.effective_velocity)) < 1e-14
     power = float(np.sum(wrenches[:, :3] * twists[:, :3]))
     body = -0.5 * 1.225 * SHAPE.aerodynamics.body_drag_area * np.linalg.norm(twist[:3]) ** 3
@@ -222,7 +222,7 @@ def test_body_drag_opposes_the_motion_of_the_body() -> None:
         RobotAir(Wing(replace(SHAPE, aerodynamics=replace(NO_DRAG, body_drag_area=area)))) for area in (8e-4, 0.0)
     )
     twists, state = np.random.default_rng(10).normal(size=(5, 6)), np.zeros(AIR.state_size)
-    drag = air.evaluate(twists, state)[0] - without.evaluate(twists, state)[0]
+    drag = evaluate(air, twists, state)[0] - evaluate(without, twists, state)[0]
     velocity = twists[0, :3]
     expected = -0.5 * 1.225 * 8e-4 * np.linalg.norm(velocity) * velocity
     assert drag[0] == pytest.approx([*expected, 0.0, 0.0, 0.0], abs=1e-15)
@@ -238,7 +238,7 @@ def test_the_tail_pushes_against_sink_and_pitching(span_chord: tuple[float, floa
 
     def push(twists: np.ndarray, which: RobotAir = air) -> np.ndarray:
         state = np.zeros(air.state_size)
-        return which.evaluate(twists, state)[0][0] - without.evaluate(twists, state)[0][0]
+        return evaluate(which, twists, state)[0][0] - evaluate(without, twists, state)[0][0]
 
     twists, slope = gliding(3.0, 0.0) + np.random.default_rng(11).normal(size=(5, 6)), 2.0 / (1.0 + 2.0 * chord / span)
     velocity = twists[0, :3] + np.cross(twists[0, 3:], tail.position)
@@ -252,7 +252,7 @@ def test_the_tail_pushes_against_sink_and_pitching(span_chord: tuple[float, floa
     raised = RobotAir(Wing(replace(DRAGLESS, tail=replace(tail, incidence=0.03))))
     assert push(gliding(3.0, 0.0), raised)[2] > 0.0
     wash = np.concatenate([np.zeros(32), np.full(16, 0.1)])  # lifting wing: its downwash presses the tail
-    washed, clear = (which.evaluate(gliding(3.0, 0.0), wash)[0][0, 2] for which in (air, without))
+    washed, clear = (evaluate(which, gliding(3.0, 0.0), wash)[0][0, 2] for which in (air, without))
     down = SHAPE.aerodynamics.tail_downwash_factor * 0.1 * air.line.centre_downwash.sum()
     assert washed - clear == pytest.approx(-0.5 * 1.225 * span * chord * np.pi * slope * 3.0 * down, rel=1e-9)
 
@@ -270,16 +270,16 @@ def test_any_speed_and_incidence_gives_finite_loads_without_a_warning(speed: flo
         for still in (None, 0, 2):
             if still is not None:
                 twists[still] = 0.0
-            for array in AIR.evaluate(twists, state)[:2]:
+            for array in evaluate(AIR, twists, state)[:2]:
                 assert np.all(np.isfinite(array))
     if speed == 0.0:
-        wrenches, _, _ = AIR.evaluate(gliding(0.0, 0.0), np.zeros(AIR.state_size))
+        wrenches, _, _ = evaluate(AIR, gliding(0.0, 0.0), np.zeros(AIR.state_size))
         assert not wrenches.any()
 
 
 def test_broadside_flow_makes_no_lift_but_drag() -> None:
     """At 90 deg the normal velocity along the chord is nil: from rest, only drag acts, against the motion."""
-    wrenches, rates, strips = AIR.evaluate(gliding(2.0, np.pi / 2.0), np.zeros(AIR.state_size))
+    wrenches, rates, strips = evaluate(AIR, gliding(2.0, np.pi / 2.0), np.zeros(AIR.state_size))
     assert np.max(np.abs(strips.effective_velocity)) < 1e-15
     assert np.all(strips.force_z > 0.0)
     assert wrenches[0, 2] > 0.0
@@ -303,7 +303,7 @@ def test_the_log_holds_what_each_strip_and_link_does() -> None:
     scenario = load_scenario("paper", ["simulation.duration=0.01"])
     log, plant = simulate(scenario), Plant(load_robot(scenario), scenario)
     twists = twists_of(plant.robot, log.measured["q"].values[7], log.measured["v"].values[7])
-    _, _, strips = plant.air.evaluate(twists, log.truth["air_state"].values[7])
+    _, _, strips = evaluate(plant.air, twists, log.truth["air_state"].values[7])
     for name, found in (
         ("airspeed", strips.airspeed),
         ("incidence", strips.incidence),

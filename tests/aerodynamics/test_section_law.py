@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.gliding import BARE, gliding, settled
+from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP
 from support.section_law import HALVES, memory_of, plate, plate_drag, rectangle_loads
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.robot_air import air_loads_in, strips_of
-from aerobat_pin.aerodynamics.strips import STRIP_ROWS
+from aerobat_pin.aerodynamics.robot_air import air_loads_in
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, strips_of
 from aerobat_pin.robot.wing import LINKS
 
 
@@ -57,7 +57,7 @@ def test_a_steady_wing_has_the_attached_normal_force_at_any_incidence(degrees: f
     """Robot's planform, whole lifting line: rho |u| times Prandtl's circulation of the normal velocity itself."""
     speed, incidence = 3.0, np.radians(degrees)
     twists = gliding(speed, incidence)
-    strips = BARE.evaluate(twists, settled(BARE, twists))[2]
+    strips = evaluate(BARE, twists, settled(BARE, twists))[2]
     attached = BARE.line.width * BARE.line.steady_circulation(speed * np.sin(incidence))
     np.testing.assert_allclose(strips.force_z, speed * np.abs(np.cos(incidence)) * attached, rtol=1e-9)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support import twins
+from support.gliding import evaluate
 from support.kernel_cases import (
     CASES,
     MORPHOLOGIES,
@@ -23,8 +24,8 @@ from support.kernel_cases import (
 )
 
 from aerobat_pin.aerodynamics import RobotAir
-from aerobat_pin.aerodynamics.robot_air import strips_of
 from aerobat_pin.aerodynamics.robot_in_air import warm_up
+from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.memory import split_forces, unknown_forces
@@ -117,12 +118,12 @@ def test_the_air_loads_equal_their_twin(morphology: str, tail: str, options: dic
         twists = rng.uniform(-4.0, 4.0, (5, 6)) * np.repeat([1.0, 8.0], 3)
         twists[seed % 5] *= seed % 2
         state = rng.uniform(-0.1, 0.1, air.state_size)
-        wrenches, rates, strips = air.evaluate(twists, state)
+        wrenches, rates, strips = evaluate(air, twists, state)
         expected, expected_rates, loads = twins.air_loads(air, robot.wing.morphology, twists, state)
         assert_spatial(wrenches, expected)
         for part, whole in zip(air.line.split(rates), air.line.split(expected_rates), strict=True):
             assert_equal(part, whole)
-        for name, part in vars(strips).items():
+        for name, part in strips._asdict().items():
             assert_equal(part, getattr(strips_of(loads), name))
         assert_equal(strips.incidence, np.arctan2(loads[1] + 0.0, loads[0] + 0.0))
 

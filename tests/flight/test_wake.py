@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
-from support.gliding import BARE, gliding, settled
+from support.gliding import BARE, evaluate, gliding, settled
 from support.shed_wake import impulse_lift, rectangle_wake
+from support.wakes import wake_at
 
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
 from aerobat_pin.aerodynamics.wind import Wind
@@ -75,7 +76,7 @@ def test_the_moment_of_what_a_glider_trails_is_its_lift() -> None:
     """
     speed, line = 3.0, BARE.line
     twists = gliding(speed, np.radians(2.0))
-    _, _, strips = BARE.evaluate(twists, settled(BARE, twists))
+    _, _, strips = evaluate(BARE, twists, settled(BARE, twists))
     wake = Wake(np.arange(2.0), np.zeros((2, 16, 3)), np.tile(strips.circulation, (2, 1)), Wind())
     trailing = wake.mean_trailing(0.0, 1.0)
     edges = 0.5 * line.span * np.cos((np.arange(17) + 0.5) * np.pi / 17.0)
@@ -128,7 +129,7 @@ def test_the_wake_stays_where_it_was_shed_but_for_the_wind(flown: tuple[FlightLo
     elbow = robot.wing.breaks[1]
     expected = place.act(np.array([x, y - elbow, 0.0]))
     np.testing.assert_allclose(wake.position[k, 1], expected, atol=1e-12)
-    points, strength = wake.at(0.45)
+    points, strength = wake_at(wake, 0.45)
     assert points.shape == (451, 16, 3)
     assert strength.shape == (451, 16)
     fine = np.linspace(0.15, 0.45, 30001)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.aerodynamics import STRIP_ROWS, RobotAir, StripLoads, air_loads_in, strips_of
 from aerobat_pin.robot.wing import Wing
 
 SHAPE = Morphology.load("aerobat")
@@ -23,9 +23,18 @@ def gliding(speed: float, incidence: float) -> np.ndarray:
     return np.tile(twist, (5, 1))
 
 
+def evaluate(air: RobotAir, twists: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, StripLoads]:
+    """Return wrenches (5, 6) on the links, rates of the state and the strips' loads, without added mass."""
+    wrenches, rates = np.empty((5, 6)), np.empty(air.state_size)
+    loads = np.empty((STRIP_ROWS, air.line.strips))
+    twists, state = np.ascontiguousarray(twists, float), np.ascontiguousarray(state, float)
+    air_loads_in(air.memory, twists, state, wrenches, rates, loads)
+    return wrenches, rates, strips_of(loads)
+
+
 def settled(air: RobotAir, twists: np.ndarray) -> np.ndarray:
     """Return the aerodynamic state that no longer changes under steady twists: the rates are affine in the state."""
     size = air.state_size
-    offset = air.evaluate(twists, np.zeros(size))[1]
-    matrix = np.column_stack([air.evaluate(twists, unit)[1] - offset for unit in np.eye(size)])
+    offset = evaluate(air, twists, np.zeros(size))[1]
+    matrix = np.column_stack([evaluate(air, twists, unit)[1] - offset for unit in np.eye(size)])
     return -np.linalg.solve(matrix, offset)

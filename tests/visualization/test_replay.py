@@ -11,8 +11,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.browser import at, needs_browser, node, opened, pixels, ready
+from support.wakes import wake_at
 
-from aerobat_description.generate import MATERIALS
+from aerobat_description.write_urdf import MATERIALS
 from aerobat_pin.estimation.scores import true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.result_tables import estimate_dataset
@@ -212,9 +213,9 @@ def test_quasi_steady_air_leaves_no_wake_and_wind_carries_one(browser: Any, tmp_
         assert moved == pytest.approx([0.125, 0.0, 0.05], abs=1e-6)
         page.wait_for_timeout(100)
         wake = wake_of(windy.log, windy.robot, windy.scenario.air)
-        now = len(wake.at(0.25)[0]) - 1
+        now = len(wake_at(wake, 0.25)[0]) - 1
         begin, end = (np.add(corner, moved) for corner in page.evaluate(SHOWN))
-        assert begin == pytest.approx(wake.at(0.25)[0][0, 0], abs=2e-5)  # shed first, carried furthest
+        assert begin == pytest.approx(wake_at(wake, 0.25)[0][0, 0], abs=2e-5)  # shed first, carried furthest
         assert end == pytest.approx(wake.position[now, -1], abs=2e-5)  # at the wing still
 
 

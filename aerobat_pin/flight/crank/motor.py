@@ -23,7 +23,7 @@ from aerobat_pin.errors import CrankError
 from aerobat_pin.flight.crank.drives import CrankMotion
 from aerobat_pin.numerics import Array
 
-INTEGRATION_TOLERANCE = 1.0e-9  # of the integration, relative
+ACCURACY = 1.0e-9  # of the integration, relative
 STATE_SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # angle [rad], rate [rad/s], torque [N m], integral [rad]
 
 
@@ -94,8 +94,8 @@ class RateControlledMotor:
                 begin,
                 "DOP853",
                 dense_output=True,
-                rtol=INTEGRATION_TOLERANCE,
-                atol=INTEGRATION_TOLERANCE * STATE_SCALE,
+                rtol=ACCURACY,
+                atol=ACCURACY * STATE_SCALE,
             )
             if not solved.success or not np.all(np.isfinite(solved.y)):
                 raise CrankError(f"the motor's crank cannot be followed to t = {end:g} s: {solved.message}")

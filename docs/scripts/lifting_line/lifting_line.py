@@ -76,7 +76,7 @@ error. The reference flights were trimmed with them. Twice as many would allow o
 
 SECTION_LAW = """`RobotAir` flies this line with another section law, by choice. `fly` drives the line with w, the velocity across the plate,
 and applies all of the suction at the leading edge: potential flow, without drag. The robot's strips drive the line with
-w |u| / U and scale the suction by c (3 - c^2) / 2, where c = u / U ([`strips.py`](../aerobat_pin/aerodynamics/strips.py)).
+w |u| / U and scale the suction by c (3 - c^2) / 2, where c = u / U ([`strip_forces.py`](../aerobat_pin/aerodynamics/strip_forces.py)).
 The normal force of a steady wing is then exactly that of attached flow, at any incidence, and the suction falls faster than
 the square of the cosine. At small incidence the two laws differ by the square of the incidence. In ordinary flapping the
 wing tips pass 40 to 60 degrees of incidence, where full suction is not believable: this law lies between attached and

@@ -89,12 +89,18 @@ class AirConstants(NamedTuple):
     surfaces: Surfaces
 
 
-class StripRows(NamedTuple):
-    """The rows of the strips' loads (9, N); `w` and `effective_velocity` at the 3/4 chord, see `StripLoads`."""
+class StripLoads(NamedTuple):
+    """What the strips do, each field (..., N): the rows of their loads (..., 9, N), which kernels write.
+
+    `u` forward and `w` upward [m/s], the flow at mid-chord and at the 3/4 chord; `airspeed` at mid-chord in the strip's
+    plane [m/s]; share `lead` of the edge that leads, 1 the front one and -1 the rear one; `downwash` [m/s];
+    `circulation` [m2/s]; `effective_velocity` w_eff [m/s]; the force [N] along the link's x (suction less drag) and z
+    (lift plus drag), which acts lead c/4 before mid-chord.
+    """
 
     u: Array
     w: Array
-    speed: Array
+    airspeed: Array
     lead: Array
     downwash: Array
     circulation: Array
@@ -102,22 +108,32 @@ class StripRows(NamedTuple):
     force_x: Array
     force_z: Array
 
+    @property
+    def incidence(self) -> Array:
+        """Incidence at the 3/4 chord [rad]; 0 at rest, whatever the sign of the zeros."""
+        return np.asarray(np.arctan2(self.w + 0.0, self.u + 0.0))
 
-STRIP_ROWS = len(StripRows._fields)
+
+STRIP_ROWS = len(StripLoads._fields)
+
+
+def strips_of(loads: Array) -> StripLoads:
+    """Name the rows of strip loads (..., 9, N)."""
+    return StripLoads(*np.moveaxis(loads, -2, 0))
 
 
 @inner
-def strip_rows(loads: Array) -> StripRows:
+def strip_rows(loads: Array) -> StripLoads:
     """Name the rows of strip loads (9, N)."""
-    return StripRows(loads[0], loads[1], loads[2], loads[3], loads[4], loads[5], loads[6], loads[7], loads[8])
+    return StripLoads(loads[0], loads[1], loads[2], loads[3], loads[4], loads[5], loads[6], loads[7], loads[8])
 
 
 @inner
-def sections(strips: Strips, twists: Array, rows: StripRows) -> None:
-    """Write the flow at each strip: `u`, `w` (at the 3/4 chord), `speed` and `lead`."""
+def sections(strips: Strips, twists: Array, rows: StripLoads) -> None:
+    """Write the flow at each strip: `u`, `w` (at the 3/4 chord), `airspeed` and `lead`."""
     count = strips.link.shape[0]
     link_of, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
-    u, w, speed, lead, turn = rows.u, rows.w, rows.speed, rows.lead, rows.force_x
+    u, w, speed, lead, turn = rows.u, rows.w, rows.airspeed, rows.lead, rows.force_x
     for i in range(count):
         link = link_of[i]
         u[i] = twists[link, 0] + twists[link, 4] * z[i] - twists[link, 5] * y[i]
@@ -131,7 +147,7 @@ def sections(strips: Strips, twists: Array, rows: StripRows) -> None:
 
 
 @inner
-def gather(strips: Strips, rows: StripRows, wrenches: Array) -> None:
+def gather(strips: Strips, rows: StripLoads, wrenches: Array) -> None:
     """Write the links' wrenches (5, 6) of the strips' forces at their 1/4 chords."""
     link, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
     force_x, force_z, lead = rows.force_x, rows.force_z, rows.lead
@@ -148,7 +164,7 @@ def gather(strips: Strips, rows: StripRows, wrenches: Array) -> None:
 
 @inner
 def strip_loads(
-    air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripRows
+    air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripLoads
 ) -> float:
     """Compute the strips' loads and the rates of the air's state; return the downwash on the centre line [m/s].
 
@@ -167,7 +183,7 @@ def strip_loads(
     rate1, rate2, growth = rates[:count], rates[count : 2 * count], rates[2 * count :]
     per_semichord, factor = strips.per_semichord, strips.force_factor
     sections(strips, twists, rows)
-    u, w, speed, lead, wash = rows.u, rows.w, rows.speed, rows.lead, rows.downwash
+    u, w, speed, lead, wash = rows.u, rows.w, rows.airspeed, rows.lead, rows.downwash
     w_eff, bound, fx, fz = rows.effective_velocity, rows.circulation, rows.force_x, rows.force_z
     downwash, centre_downwash = air.downwash, air.centre_downwash
     for i in range(count):
