@@ -11,8 +11,8 @@ suction pulls toward the edge that leads. Steady, this is the potential flow pas
 circulation a0 b w, force across the plate rho u times it and along the plate rho w times it. The added mass acts at
 mid-chord against the rate of w there; the moment of inertia that turning air adds, pi rho b^4 / 8, is left out.
 
-The robot's strips (`strip_forces`) drive the line with w |u| / U instead and let go of suction as incidence grows: the same
-up to incidence^2, the same normal force on a steady plate at any incidence, less thrust.
+The robot's strips (`strip_forces`) drive the line with w |u| / U instead and let go of suction as incidence grows: the
+same up to incidence^2, the same normal force on a steady plate at any incidence, less thrust.
 """
 
 from __future__ import annotations
