@@ -23,7 +23,13 @@ import numpy as np
 import xarray as xr
 
 HERE = Path(__file__).resolve().parents[1]
-COMMAND = "import sys; from aerobat_pin.cli import main; sys.argv[0] = 'aerobat'; main()"
+COMMAND = """
+import sys, pathlib, aerobat_pin
+checkout = pathlib.Path(sys.argv.pop(1))
+assert pathlib.Path(aerobat_pin.__file__).is_relative_to(checkout), f"{aerobat_pin.__file__} is not of {checkout}"
+from aerobat_pin.cli import main
+main()
+"""
 TABLE = """
 import sys
 from aerobat_pin.flight import FlightLog, write_csv
@@ -34,9 +40,8 @@ write_csv(FlightLog.load(sys.argv[1]), sys.argv[2])
 def aerobat(checkout: Path, *words: str) -> None:
     """Run a checkout's command line."""
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    done = subprocess.run(
-        [sys.executable, "-c", COMMAND, *words], env=environment, capture_output=True, text=True, check=False
-    )
+    program = [sys.executable, "-P", "-c", COMMAND, str(checkout)]  # -P: the folder we stand in is not searched first
+    done = subprocess.run([*program, *words], env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{checkout}: aerobat {' '.join(words)}\n{done.stderr}")
 
@@ -137,7 +142,7 @@ def main() -> int:
             table = Path(work) / "hall.csv"
             if not words:
                 flown = Path(work) / "before" / next(iter(works)) / "flight.nc"
-                done = [sys.executable, "-c", TABLE, str(flown), str(table)]
+                done = [sys.executable, "-P", "-c", TABLE, str(flown), str(table)]
                 subprocess.run(done, env={**os.environ, "PYTHONPATH": str(HERE)}, check=True)
                 words = ["estimate", str(table), "--observer", "momentum", "--observer", "smoother"]
             for side, checkout in checkouts.items():
