@@ -23,7 +23,16 @@ import numpy as np
 import xarray as xr
 
 HERE = Path(__file__).resolve().parents[1]
-COMMAND = "import sys; from aerobat_pin.cli import main; sys.argv[0] = 'aerobat'; main()"
+COMMAND = """
+import sys
+import aerobat_pin
+from aerobat_pin.cli import main
+
+checkout = sys.argv.pop(1)
+assert aerobat_pin.__file__.startswith(checkout), f"{aerobat_pin.__file__} is not in {checkout}"
+sys.argv[0] = "aerobat"
+main()
+"""
 TABLE = """
 import sys
 from aerobat_pin.flight import FlightLog, write_csv
@@ -31,11 +40,19 @@ write_csv(FlightLog.load(sys.argv[1]), sys.argv[2])
 """
 
 
+def environment(checkout: Path) -> dict[str, str]:
+    """Return an environment that imports a checkout's packages, even from within another checkout's folder."""
+    return {**os.environ, "PYTHONPATH": str(checkout), "PYTHONSAFEPATH": "1"}
+
+
 def aerobat(checkout: Path, *words: str) -> None:
     """Run a checkout's command line."""
-    environment = {**os.environ, "PYTHONPATH": str(checkout)}
     done = subprocess.run(
-        [sys.executable, "-c", COMMAND, *words], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", COMMAND, str(checkout), *words],
+        env=environment(checkout),
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if done.returncode:
         raise SystemExit(f"{checkout}: aerobat {' '.join(words)}\n{done.stderr}")
@@ -138,7 +155,7 @@ def main() -> int:
             if not words:
                 flown = Path(work) / "before" / next(iter(works)) / "flight.nc"
                 done = [sys.executable, "-c", TABLE, str(flown), str(table)]
-                subprocess.run(done, env={**os.environ, "PYTHONPATH": str(HERE)}, check=True)
+                subprocess.run(done, env=environment(HERE), check=True)
                 words = ["estimate", str(table), "--observer", "momentum", "--observer", "smoother"]
             for side, checkout in checkouts.items():
                 aerobat(checkout, *words, "--out", str(folders[side]))
