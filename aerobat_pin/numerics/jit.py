@@ -45,7 +45,6 @@ KERNEL_SOURCES = (
     "observers/kernels/filters.py",
     "observers/kernels/memory.py",
     "observers/kernels/projection.py",
-    "observers/kernels/record.py",
     "observers/kernels/residual.py",
     "robot/link_kernels.py",
 )

@@ -89,9 +89,7 @@ class Applications:
         if isinstance(applications, str | Application):
             raise ObserverError(f"applications = {applications!r}: a list of them was expected, even of one")
         self.model = model
-        self.given = tuple(
-            Application(application) if isinstance(application, str) else application for application in applications
-        )
+        self.given = tuple(Application(item) if isinstance(item, str) else item for item in applications)
         self.frames = tuple(application.frame for application in self.given)
         if len(set(self.frames)) != len(self.frames):
             raise ObserverError(f"force frames {list(self.frames)}: different names were expected")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
@@ -60,15 +59,6 @@ class Identifiability:
         """Give rank, condition and what leaves no trace."""
         title = f"Identifiability: rank {self.rank} of {len(self.components)}, condition {self.condition:.3g}"
         return "\n".join([title, *(f"  no trace: {pattern}" for pattern in self.describe())])
-
-    def _repr_html_(self) -> str:
-        """Show the same, and each component's deviation, as a table."""
-        rows = (
-            f"<tr><td>{escape(name)}</td><td>{size:.3g}</td></tr>"
-            for name, size in zip(self.components, self.deviation, strict=True)
-        )
-        head = "<tr><th>component</th><th>deviation per newton of noise</th></tr>"
-        return f"<pre>{escape(repr(self))}</pre><table>{head}{''.join(rows)}</table>"
 
 
 def judge(

@@ -7,6 +7,8 @@ p' = u + u_f + C^T v - g. Every observer starts from the mean of u_f over one sa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -65,6 +67,7 @@ class Observer:
     project_first: ClassVar[bool] = True
     kind: ClassVar[int] = FIRST_ORDER
     slope: float = 0.0  # [N/s], of the filters that have one
+    _settings: Mapping[str, Any] = MappingProxyType({})  # what a kind is told beyond the arguments of all
 
     def __init__(
         self,
@@ -102,7 +105,8 @@ class Observer:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
-        return type(self), (self.model, self.applications.given, self.gain, self.believed.rows)
+        arguments = (self.model, self.applications.given, self.gain, self.believed.rows)
+        return partial(type(self), **self._settings), arguments
 
     def __repr__(self) -> str:
         """Give name, model, rows, gain and where unknown forces are looked for."""

@@ -44,5 +44,5 @@ class SuperTwistingObserver(Observer):
         """Prepare the filter; `reset` starts it."""
         if not (np.isfinite(slope) and slope > 0.0):
             raise ObserverError(f"slope = {slope}: a finite positive number in N/s was expected")
-        self.slope = float(slope)
+        self.slope, self._settings = float(slope), {"slope": slope}
         super().__init__(model, applications, gain, rows)

@@ -184,10 +184,10 @@ q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uni
 v, tau = rng.uniform(-1.0, 1.0, (50, model.nv)), rng.uniform(-1.0, 1.0, (49, model.nv))
 observer = ForceLevelObserver(model, FORCE_POINTS, 400.0)
 if sys.argv[1] == "compiled":
-    ours = kernels.collect, kernels.observe_all
-    kernels.collect, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
+    ours = kernels.record_sample, kernels.observe_all
+    kernels.record_sample, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
     observer.run(np.arange(50) * 1e-3, q, v, tau)
-    kernels.collect, kernels.observe_all = ours
+    kernels.record_sample, kernels.observe_all = ours
 print(hashlib.sha256(observer.run(np.arange(50) * 1e-3, q, v, tau).force.tobytes()).hexdigest())
 """
 

@@ -5,17 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+import xarray as xr
 from scipy.linalg import expm
 from support.arm import ALIGNED, arm, identifiability, push, rest
-from support.kernel_cases import MODELS, record
+from support.kernel_cases import COPIES, MODELS, record
 from support.observer_twins import point_jacobian
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import (
     Application,
     ForceLevelObserver,
+    KalmanObserver,
     MomentumObserver,
     SecondOrderObserver,
+    SuperTwistingObserver,
     Tie,
     tie_joints,
 )
@@ -199,3 +202,60 @@ def test_a_second_order_filter_rejects_noise_that_a_first_order_one_lets_through
     ]
     assert variance[0] == pytest.approx(200.0 * 1e-4 / 2.0, rel=0.1)
     assert variance[1] == pytest.approx(2.146 * 200.0 * 1e-4 / 4.0, rel=0.1)
+
+
+# ------------------------------------------------------------------------------------- what an estimate shows of itself
+
+
+@pytest.mark.parametrize("acting", [["tool"], [Application("tool", "wrench")]], ids=["force", "wrench"])
+def test_an_estimate_labels_itself_and_joins_others_along_observer(acting: list[str | Application]) -> None:
+    """Names, dimensions and units of `estimate.nc`; where an observer knows no deviation it is NaN."""
+    model, _ = arm()
+    time, q, v, tau, known = record(model, count=5)
+    estimates = [kind(model, acting).run(time, q, v, tau, known) for kind in (ForceLevelObserver, KalmanObserver)]
+    both = xr.concat([estimate.to_xarray() for estimate in estimates], "observer", combine_attrs="identical")
+    assert list(both.observer.values) == ["force_level", "kalman"]
+    if acting == ["tool"]:
+        found = both.force_W
+        assert found.dims == ("observer", "interval", "point", "axis")
+        assert list(both.point.values) == ["tool"]
+        assert found.attrs["units"] == "N"
+    else:
+        found = both.components
+        assert found.dims == ("observer", "interval", "component")
+        assert list(both.unit.values) == ["N"] * 3 + ["N m"] * 3
+    for k, estimate in enumerate(estimates):
+        np.testing.assert_array_equal(found[k].values.reshape(5, -1), estimate.components)
+        np.testing.assert_array_equal(both.residual[k], estimate.residual)
+    assert np.all(np.isnan(both.standard_deviation[0]))
+    np.testing.assert_array_equal(both.standard_deviation[1].values.reshape(5, -1), estimates[1].standard_deviation)
+    np.testing.assert_array_equal(both.interval, time[:-1])
+    np.testing.assert_array_equal(both.interval_end, time[1:])
+
+
+def test_observers_and_estimates_print_a_few_lines() -> None:
+    """Not arrays of thousands of numbers: who looked for what, with which gain, and what came out."""
+    robot = load_aerobat()
+    time, q, v, tau, known = record(robot.model)
+    for kind in (MomentumObserver, KalmanObserver):
+        observer = kind(robot.model, WINGS, 400.0)
+        estimate = observer.run(time, q, v, tau, known)
+        for text in (repr(observer), repr(estimate), repr(estimate.identifiability)):
+            assert len(text) < 1000
+            assert text.count("\n") < 10
+        assert f"'{kind.name}' on 'aerobat'" in repr(observer)
+        assert "gain 400. 1/s" in repr(observer)
+        assert "left_force_point.Fx" in repr(observer)
+        assert "rank 6 of 6" in repr(estimate)
+        assert "left_force_point.Fx" in estimate._repr_html_()
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_copies_keep_what_one_kind_alone_is_told(way: str) -> None:
+    """The slope of the sliding mode, as the settings of the Kalman filter."""
+    model, frame = arm()
+    observer = SuperTwistingObserver(model, [frame], 200.0, slope=7.0)
+    time, q, v, tau, known = record(model)
+    copied = COPIES[way](observer)
+    assert copied.slope == 7.0
+    np.testing.assert_array_equal(copied.run(time, q, v, tau, known).force, observer.run(time, q, v, tau, known).force)

@@ -11,7 +11,7 @@ from support.arm import arm, push, rest
 from aerobat_description.meshes import parts
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import Application, ForceLevelObserver, LineOfAction, locate, locate_series
-from aerobat_pin.observers.analysis.correlation import correlation_length
+from aerobat_pin.observers.analysis.bias import correlation_length
 from aerobat_pin.observers.analysis.panel import Panel
 from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
 from aerobat_pin.robot.wing import LINKS

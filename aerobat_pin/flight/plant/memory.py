@@ -19,8 +19,8 @@ DIRECTION_AXES = ("link", "body", "world")
 class UnknownForces(NamedTuple):
     """Unknown forces (f) at points (p).
 
-    `point` (f,) at which a force acts, `link` (f,) that carries it, `axes` (f,) index into `DIRECTION_AXES`, `direction`
-    (f, 3), `elbow_amplitude` (f,) [N]; `point_link` (p,), `point_place` (p, 3) in the link's frame [m].
+    `point` (f,) at which a force acts, `link` (f,) that carries it, `axes` (f,) index into `DIRECTION_AXES`,
+    `direction` (f, 3), `elbow_amplitude` (f,) [N]; `point_link` (p,), `point_place` (p, 3) in the link's frame [m].
     """
 
     point: Integers

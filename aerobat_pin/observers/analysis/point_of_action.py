@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers.analysis.correlation import correlation_length
+from aerobat_pin.observers.analysis.bias import correlation_length
 from aerobat_pin.observers.analysis.line_of_action import FAINTEST, ROUNDING, checked_covariance
 
 LARGEST_MISFIT = 2.0  # of the moments' variance: the covariance handed in is seldom known better

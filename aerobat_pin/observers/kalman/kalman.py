@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +19,7 @@ from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, Tie
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # [m/s], [rad/s], [rad/s] per sample: linear, gyro, joints
-RISE_PULSATION = (
-    1.75  # pulsation over gain: a second-order Butterworth filter has risen by 1 - 1/e at 1.753 / pulsation
-)
+RISE_PULSATION = 1.75  # pulsation over gain: a second-order Butterworth filter rises by 1 - 1/e in 1.753 / pulsation
 HEAD_START = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
 
 
@@ -96,7 +93,7 @@ class KalmanObserver(Observer):
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         super().__init__(model, applications, gain, rows)
-        self._settings: dict[str, Any] = {
+        self._settings = {
             "sensor_noise": sensor_noise,
             "force_walk": force_walk,
             "prior": prior,
@@ -139,11 +136,6 @@ class KalmanObserver(Observer):
             self._prior = np.tile(np.square(_positive("prior", prior) * scale), blocks)
         self._width = nv + 2 * len(scale)
         self._update = kernels.update_filter
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy as a fresh observer."""
-        arguments = (self.model, self.applications.given, self.gain, self.believed.rows)
-        return _rebuilt, (type(self), arguments, self._settings)
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
@@ -234,8 +226,3 @@ def _positive(name: str, value: float) -> float:
     if not (np.isfinite(value) and value > 0.0):
         raise ObserverError(f"{name} = {value}: a finite positive number was expected")
     return float(value)
-
-
-def _rebuilt(kind: type[KalmanObserver], arguments: tuple[Any, ...], settings: dict[str, Any]) -> KalmanObserver:
-    """Build a fresh observer from what a pickle carries."""
-    return kind(*arguments, **settings)

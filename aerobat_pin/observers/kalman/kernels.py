@@ -250,7 +250,7 @@ def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: F
 
 @kernel
 def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
-    """Take a sample and `filter_interval` since the block before.
+    """Take a sample and `filter_interval` since the one before.
 
     Returns False, and changes nothing, where v or u does not have the model's size or the innovation is NaN or huge.
     """

@@ -9,74 +9,42 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_fields
 
 
 class Step(NamedTuple):
-    """What one interval leaves behind for its smoothing. `blocks` is 1, or 3 with harmonics; h = blocks c.
+    """What one interval leaves behind for its smoothing; `step_fields` says the shapes, `kernels` the symbols.
 
     The zeros and the rounded width are there because a product of whole vectors costs less than one of parts.
-
-    Attributes:
-        shear: (nz, n) dt G, then zeros.
-        decay: (nz,) a.
-        e: (nv,) the innovation.
-        rows: (nv, width) S (nv, nv), P_p and [1, 0] (nv, n), and e; after the update, with S = L L^T, L^-1 times all
-            that: L^T, T, L^-1, and e whitened.
-        basis: (blocks,) weight of each block of c coefficients in the forces.
-        z: (h,) these blocks' part of x after the update.
-        Z: (h, n) theirs of P.
     """
 
-    shear: Array
-    decay: Array
-    e: Array
-    rows: Array
-    basis: Array
-    z: Array
-    Z: Array
+    shear: Array  # dt G, then zeros
+    decay: Array  # a
+    e: Array  # the innovation
+    rows: Array  # S, P_p, [1, 0] and e; after the update, with S = L L^T, L^-1 times all that: L^T, T, L^-1, e whitened
+    basis: Array  # weight of each block of c coefficients in the forces
+    z: Array  # these blocks' part of x after the update
+    Z: Array  # theirs of P
 
 
 class Filter(NamedTuple):
-    """What a Kalman filter keeps between calls; nz coefficients beside nv momenta make n states.
+    """What a Kalman filter keeps between calls; `kalman_in` says the shapes."""
 
-    Attributes:
-        mass_in_doubt: whether the last coefficient is an error of the mass.
-        power_known: whether the joints' power is known where their torques are not.
-        walk_gain: (1,) factor of a walk that a gain sets, 0 for a walk that is given.
-        head_start: (1,) by how much the walk leads at the first interval [s].
-        pulsation: (1,) of the harmonics [rad/s], 0 for none.
-        misfit: (1,) [sqrt(s)].
-        elapsed: (1,) time since the start [s].
-        noise: (nv,) standard deviations of the sensors.
-        rate: (nz,) of coefficients that decay [1/s], 0 for those that walk.
-        variance: (nz,) of coefficients that decay.
-        walk: (c, c) covariance that the components gain in a second.
-        scale: (c,) as in `Applications.scale`.
-        information: (c, 2 c) scratch.
-        hidden: (nv, nv) projector on generalised forces of which nothing is known, or empty.
-        errors: (ne, nv) known forces whose size is in doubt, in this interval.
-        doubt: (nv,) running mean square of what may be wrong with them.
-        x: (n,) the estimate.
-        P: (n, n) its covariance.
-        samples: (2, 3 + c + nv, nv) as in `kernels.residual`, followed by B^T.
-    """
-
-    mass_in_doubt: int
-    power_known: int
-    walk_gain: Array
-    head_start: Array
-    pulsation: Array
-    misfit: Array
-    elapsed: Array
-    noise: Array
-    rate: Array
-    variance: Array
-    walk: Array
-    scale: Array
-    information: Array
-    hidden: Array
-    errors: Array
-    doubt: Array
-    x: Array
-    P: Array
-    samples: Array
+    mass_in_doubt: int  # whether the last coefficient is an error of the mass
+    power_known: int  # whether the joints' power is known where their torques are not
+    walk_gain: Array  # factor of a walk that a gain sets, 0 for a walk that is given
+    head_start: Array  # by how much the walk leads at the first interval [s]
+    pulsation: Array  # of the harmonics [rad/s], 0 for none
+    misfit: Array  # [sqrt(s)]
+    elapsed: Array  # time since the start [s]
+    noise: Array  # standard deviations of the sensors
+    rate: Array  # of coefficients that decay [1/s], 0 for those that walk
+    variance: Array  # of coefficients that decay
+    walk: Array  # covariance that the components gain in a second
+    scale: Array  # as `Applications.scale`
+    information: Array  # scratch
+    hidden: Array  # projector on generalised forces of which nothing is known, or empty
+    errors: Array  # known forces whose size is in doubt, in this interval
+    doubt: Array  # running mean square of what may be wrong with them
+    x: Array  # the estimate
+    P: Array  # its covariance
+    samples: Array  # as in `kernels.residual`, followed by B^T
 
 
 class KalmanMemory(NamedTuple):

@@ -22,37 +22,21 @@ class ObserverSizes(NamedTuple):
 
 
 class ObserverMemory(NamedTuple):
-    """What an observer keeps between calls; c components, `size` filtered quantities.
-
-    Attributes:
-        sizes: and the choices that go with them.
-        robot: (5,) addresses of Pinocchio's M, C, g, J and oMi.
-        newest: (1,) which of the two samples is the newer.
-        slope: (1,) of a super-twisting filter [unit of the filtered/s].
-        gain: (size,) of the filtered quantities, in the coordinates of `basis`.
-        basis: (size, size) whose columns they are, or empty.
-        weight: (nv,) of the rows.
-        metric: (nv, nv) of tied rows, or empty.
-        components: (c, 11) as in `Applications.table`.
-        support: (c, nv) as in `Applications.support`.
-        samples: (2, 3 + c, nv).
-        filtered: (2, size) the filter's state.
-        velocity: (nv,) scratch, as are value (size,), jacobian (c, nv) and equations (c, c).
-    """
+    """What an observer keeps between calls; `observer_fields` says the shapes."""
 
     sizes: ObserverSizes
-    robot: Integers
-    newest: Integers
-    slope: Array
-    gain: Array
-    basis: Array
-    weight: Array
-    metric: Array
-    components: Array
-    support: Array
-    samples: Array
-    filtered: Array
-    velocity: Array
+    robot: Integers  # addresses of Pinocchio's M, C, g, J and oMi
+    newest: Integers  # which of the two samples is the newer
+    slope: Array  # of a super-twisting filter [unit of the filtered/s]
+    gain: Array  # of the filtered quantities, in the coordinates of `basis` [1/s]
+    basis: Array  # whose columns these coordinates are, or empty
+    weight: Array  # of the rows
+    metric: Array  # of tied rows, or empty
+    components: Array  # as `Applications.table`
+    support: Array  # as `Applications.support`
+    samples: Array  # as in `residual`
+    filtered: Array  # the filter's state
+    velocity: Array  # scratch, like all that follows
     value: Array
     jacobian: Array
     equations: Array
