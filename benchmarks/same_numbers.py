@@ -24,10 +24,13 @@ import xarray as xr
 
 HERE = Path(__file__).resolve().parents[1]
 COMMAND = """
-import sys, pathlib, aerobat_pin
-checkout = pathlib.Path(sys.argv.pop(1))
-assert pathlib.Path(aerobat_pin.__file__).is_relative_to(checkout), f"{aerobat_pin.__file__} is not of {checkout}"
+import sys
+import aerobat_pin
 from aerobat_pin.cli import main
+
+checkout = sys.argv.pop(1)
+assert aerobat_pin.__file__.startswith(checkout), f"{aerobat_pin.__file__} is not in {checkout}"
+sys.argv[0] = "aerobat"
 main()
 """
 TABLE = """
@@ -37,11 +40,20 @@ write_csv(FlightLog.load(sys.argv[1]), sys.argv[2])
 """
 
 
+def environment(checkout: Path) -> dict[str, str]:
+    """Return an environment that imports a checkout's packages, even from within another checkout's folder."""
+    return {**os.environ, "PYTHONPATH": str(checkout), "PYTHONSAFEPATH": "1"}
+
+
 def aerobat(checkout: Path, *words: str) -> None:
     """Run a checkout's command line."""
-    environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    program = [sys.executable, "-P", "-c", COMMAND, str(checkout)]  # -P: the folder we stand in is not searched first
-    done = subprocess.run([*program, *words], env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND, str(checkout), *words],
+        env=environment(checkout),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
         raise SystemExit(f"{checkout}: aerobat {' '.join(words)}\n{done.stderr}")
 
@@ -142,8 +154,8 @@ def main() -> int:
             table = Path(work) / "hall.csv"
             if not words:
                 flown = Path(work) / "before" / next(iter(works)) / "flight.nc"
-                done = [sys.executable, "-P", "-c", TABLE, str(flown), str(table)]
-                subprocess.run(done, env={**os.environ, "PYTHONPATH": str(HERE)}, check=True)
+                done = [sys.executable, "-c", TABLE, str(flown), str(table)]
+                subprocess.run(done, env=environment(HERE), check=True)
                 words = ["estimate", str(table), "--observer", "momentum", "--observer", "smoother"]
             for side, checkout in checkouts.items():
                 aerobat(checkout, *words, "--out", str(folders[side]))
