@@ -1,4 +1,4 @@
-"""A length along the span of a wing, said as one number, a function, a polyline, or a number for each station."""
+"""A length along the span of a wing: one number, a function, a polyline, or a number for each station."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array
 
 AlongSpan = float | ArrayLike | Callable[[Array], ArrayLike]
-FINE = 4096  # midpoints in theta that a planform is looked at, besides its stations: areas to 1e-7
+FINE = 4096  # midpoints in theta at which a planform is sampled, besides its stations: areas to 1e-7
 
 
 def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Callable[[Array], Array], Array]:

@@ -1,6 +1,6 @@
 """Sigma_Aero along a recorded motion: what a believed air does to a believed robot, as interval means.
 
-Samples may be coarser than the air's states bear: an interval is flown in equal steps, on the geodesic between the
+Samples may lie too far apart for the air's states: an interval is flown in equal steps, on the geodesic between the
 samples' placements and the closed linkage at the crank's angle in between (or straight between the joint angles, where
 the crank is not recorded). How long a step may be follows from the fastest mode of the lifting line, whose rate grows
 with the airspeed and with the number of strips.

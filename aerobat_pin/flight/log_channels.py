@@ -13,6 +13,8 @@ from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, LINKS, rotations
 
+Row = tuple[Array, tuple[str, ...], str, str]  # values, dimensions, unit, meaning
+
 
 def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
     """Return the log of a flight that a plant has flown, sampled at times (n + 1,) [s]; its channels are exact."""
@@ -24,70 +26,49 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "time": channel(time, per_sample, "s", "sample time"),
         "interval": channel(time[:-1], per_interval, "s", "start of the interval"),
     }
-    measured = xr.Dataset(
-        {
-            "q": channel(
-                flown.q, ("time", "q_axis"), "m, -, rad", "configuration: position in world, quaternion, joints"
-            ),
-            "v": channel(flown.v, ("time", "v_axis"), "m/s, rad/s", "velocity: body twist in body axes, joint rates"),
-            "crank_angle": channel(flown.crank_angle, per_sample, "rad", "absolute crank angle t1"),
-            "airspeed": channel(
-                _airspeed(plant, time, flown), per_sample, "m/s", "airspeed along the body's x axis, at its COM"
-            ),
-            "motor_torque": channel(mean.motor, generalized, "N m", "motor torque at the joints, interval mean"),
-            f"{KNOWN}thrusters": channel(
-                mean.thrusters, generalized, "N, N m", "attitude hold's generalised force, interval mean"
-            ),
-        },
-        coords={**coords, "q_axis": [*POSE_AXIS, *order], "v_axis": [*TWIST_AXIS, *order]},
-        attrs={
-            "scenario": scenario.name,
-            "morphology": scenario.robot.morphology,
-            "morphology_changes": json.dumps(scenario.robot.changes),
-            "gravity": scenario.flight.gravity,
-            "air": scenario.believed_air.model_dump_json(),
-        },
-    )
-    at_point = (*per_interval, "point", "axis")
+    n, nm = "N", "N, N m"
+    measured: dict[str, Row] = {
+        "q": (flown.q, ("time", "q_axis"), "m, -, rad", "configuration: position in world, quaternion, joints"),
+        "v": (flown.v, ("time", "v_axis"), "m/s, rad/s", "velocity: body twist in body axes, joint rates"),
+        "crank_angle": (flown.crank_angle, per_sample, "rad", "absolute crank angle t1"),
+        "airspeed": (_airspeed(plant, time, flown), per_sample, "m/s", "airspeed along the body's x axis, at its COM"),
+        "motor_torque": (mean.motor, generalized, "N m", "motor torque at the joints, interval mean"),
+        f"{KNOWN}thrusters": (mean.thrusters, generalized, nm, "attitude hold's generalised force, interval mean"),
+    }
+    attributes = {
+        "scenario": scenario.name,
+        "morphology": scenario.robot.morphology,
+        "morphology_changes": json.dumps(scenario.robot.changes),
+        "gravity": scenario.flight.gravity,
+        "air": scenario.believed_air.model_dump_json(),
+    }
+    at_point, link = (*per_interval, "point", "axis"), (*per_interval, "link", "wrench_axis")
     strip, strips = (*per_interval, "strip"), strips_of(flown.loads)
-    truth = xr.Dataset(
-        {
-            "force_W": channel(mean.force_W, at_point, "N", "unknown force in world axes, interval mean"),
-            "force_noise_free_W": channel(
-                mean.force_noise_free_W, at_point, "N", "unknown force without its noise, interval mean"
-            ),
-            "unknown": channel(mean.unknown, generalized, "N, N m", "unknown generalised force, interval mean"),
-            "aerodynamic": channel(
-                mean.aerodynamic, generalized, "N, N m", "aerodynamic generalised force, interval mean"
-            ),
-            "added_mass": channel(
-                mean.added_mass, generalized, "N, N m", "generalised force of the wings' added mass, interval mean"
-            ),
-            "motor_power": channel(mean.motor_power, per_interval, "W", "motor power, interval mean"),
-            "air_power": channel(mean.air_power, per_interval, "W", "power of air and added mass, interval mean"),
-            "link_wrench": channel(
-                mean.link_wrench,
-                (*per_interval, "link", "wrench_axis"),
-                "N, N m",
-                "air on links, at and in their frames",
-            ),
-            "airspeed": channel(strips.airspeed, strip, "m/s", "air past the strip, in its plane, at start"),
-            "incidence": channel(strips.incidence, strip, "rad", "incidence at the 3/4 chord, at start"),
-            "downwash": channel(strips.downwash, strip, "m/s", "downwash of the wake, at start"),
-            "circulation": channel(strips.circulation, strip, "m2/s", "bound circulation, at start"),
-            "strip_force_z": channel(strips.force_z, strip, "N", "force along the link's z, at start"),
-            "strip_force_x": channel(strips.force_x, strip, "N", "force along the link's x, at start"),
-        },
-        coords={
-            **coords,
-            "v_axis": [*TWIST_AXIS, *order],
-            "point": list(plant.points),
-            "axis": ["x", "y", "z"],
-            "link": list(LINKS),
-            "wrench_axis": ["fx", "fy", "fz", "mx", "my", "mz"],
-            "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
-        },
-    )
+    true: dict[str, Row] = {
+        "force_W": (mean.force_W, at_point, n, "unknown force in world axes, interval mean"),
+        "force_noise_free_W": (mean.force_noise_free_W, at_point, n, "unknown force without its noise, interval mean"),
+        "unknown": (mean.unknown, generalized, nm, "unknown generalised force, interval mean"),
+        "aerodynamic": (mean.aerodynamic, generalized, nm, "aerodynamic generalised force, interval mean"),
+        "added_mass": (mean.added_mass, generalized, nm, "generalised force of the wings' added mass, interval mean"),
+        "motor_power": (mean.motor_power, per_interval, "W", "motor power, interval mean"),
+        "air_power": (mean.air_power, per_interval, "W", "power of air and added mass, interval mean"),
+        "link_wrench": (mean.link_wrench, link, nm, "air on links, at and in their frames"),
+        "airspeed": (strips.airspeed, strip, "m/s", "air past the strip, in its plane, at start"),
+        "incidence": (strips.incidence, strip, "rad", "incidence at the 3/4 chord, at start"),
+        "downwash": (strips.downwash, strip, "m/s", "downwash of the wake, at start"),
+        "circulation": (strips.circulation, strip, "m2/s", "bound circulation, at start"),
+        "strip_force_z": (strips.force_z, strip, n, "force along the link's z, at start"),
+        "strip_force_x": (strips.force_x, strip, n, "force along the link's x, at start"),
+    }
+    axes = {
+        "v_axis": [*TWIST_AXIS, *order],
+        "point": list(plant.points),
+        "axis": ["x", "y", "z"],
+        "link": list(LINKS),
+        "wrench_axis": ["fx", "fy", "fz", "mx", "my", "mz"],
+        "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
+    }
+    truth = xr.Dataset({name: channel(*row) for name, row in true.items()}, coords={**coords, **axes})
     if flown.air.size:
         truth["air_state"] = channel(flown.air, ("time", "air_axis"), "m, m, m2/s", "zeta_1, zeta_2, circulation")
     events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
@@ -96,7 +77,9 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         truth = truth.assign_coords(event=list(names), event_point=("event", list(points)))
         truth["event_start"] = channel(starts, ("event",), "s", "when an unknown force comes")
         truth["event_end"] = channel(ends, ("event",), "s", "when it goes; infinity where it stays")
-    return FlightLog(measured, truth)
+    seen = {name: channel(*row) for name, row in measured.items()}
+    axes = {"q_axis": [*POSE_AXIS, *order], "v_axis": [*TWIST_AXIS, *order]}
+    return FlightLog(xr.Dataset(seen, coords={**coords, **axes}, attrs=attributes), truth)
 
 
 def _airspeed(plant: Plant, time: Array, flown: Flown) -> Array:

@@ -1,4 +1,4 @@
-"""Unknown forces on a robot: the points where they push, and along what. `signals` says how they go over time."""
+"""Unknown forces on a robot: the points where they push, and along what; the scenario says how they change in time."""
 
 from __future__ import annotations
 

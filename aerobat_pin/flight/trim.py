@@ -3,7 +3,7 @@
 A periodic orbit of the whole plant, air included. Given the horizontal velocity over ground at the start of a flap,
 find frequency, `wing.offset_x`, pitch, vertical speed, pitch rate and the air's state such that one flap later speed,
 vertical speed, pitch, pitch rate, height and the air are what they were. The nose points where the robot flies, and the
-wind blows as it does. What passes is left out: gusts, and all of the unknown forces but what follows the elbow. The
+wind blows along. Gusts are left out, and of the unknown forces everything but the part that follows the elbow. The
 Floquet multipliers of the orbit tell how a small disturbance grows per flap.
 """
 

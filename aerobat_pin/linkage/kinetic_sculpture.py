@@ -78,7 +78,7 @@ class KineticSculpture:
         self._judged = True
 
     def _open(self, closed: Closure, dyad: str) -> LinkageError:
-        """Say which dyad is open, where first, and which lengths would help."""
+        """Return the error that names the dyad that is open, where it is first, and which lengths would help."""
         bars, arm = self.lengths, bent_arms(self.lengths)
         start, end = (np.ravel(closed.points[name].at) for name in DYADS[dyad])
         first = int(np.argmax(np.isnan(np.ravel(closed.points[dyad].at))))

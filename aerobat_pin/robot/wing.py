@@ -47,7 +47,7 @@ class Wing:
         return np.maximum(chord, self.morphology.wing.minimum_chord)
 
     def attach(self, y: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-        """Say which link carries each arc coordinate and where.
+        """Return which link carries each arc coordinate, and where.
 
         Args:
             y: arc coordinates (n,) [m].

@@ -1,4 +1,4 @@
-"""Crank drives that are plain functions of time, and what is asked of anybody's own."""
+"""Crank drives that are plain functions of time, and the check that any drive is a motion."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class SpinUp:
 
 
 def checked_motion(drive: CrankDrive, time: Array) -> CrankMotion:
-    """Ask a drive for its motion and see that it is one.
+    """Return a drive's motion, checked.
 
     Args:
         drive: any function of time.

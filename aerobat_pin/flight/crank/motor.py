@@ -6,10 +6,10 @@
 
 z is the integral of the rate's miss, bled while the torque is at its limit so that it does not wind up.
 
-In it are the rotor, the wings' inertia with the body standing still, and a load that depends on the crank angle alone.
-Not in it is what a flight does to the wings: the air, the body's own motion, gravity, the unknown forces; nor friction,
-nor a limit that falls with speed. So the crank's motion is known before the flight, and the flight's motor torque,
-which does contain all of that, is what this motion takes and not what this motor gave.
+The model has the rotor, the wings' inertia while the body stands still, and a load that depends on the crank angle
+alone. It leaves out what a flight does to the wings (air, motion of the body, gravity, unknown forces), friction, and a
+torque limit that falls with speed. So the crank's motion is known before the flight; the motor torque in the flight's
+log includes all of that: it is the torque that this motion takes, not the torque that this motor gave.
 """
 
 from __future__ import annotations
