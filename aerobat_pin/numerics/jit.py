@@ -1,6 +1,6 @@
 """Compiled kernels: numba with its cache on disk, and Pinocchio's results as arrays that never need copying.
 
-Pinocchio's Python calls cost little more than their C++ time; numpy's small operations between them are what costs. A
+Pinocchio's Python calls cost little more than their C++ time; numpy's small operations between them cost far more. A
 kernel is one compiled call between two Pinocchio calls, a pure function of arrays. Each has a numpy twin in the tests.
 """
 
@@ -56,7 +56,7 @@ def kernel(function: Function) -> Function:
 
 
 def inner(function: Function) -> Function:
-    """Make a kernel that only kernels call: without a door for Python's arguments it compiles faster."""
+    """Make a kernel that only kernels call: it compiles faster, because Python cannot call it."""
     return _compiled(function, no_cpython_wrapper=True)
 
 
@@ -95,7 +95,7 @@ def sources_stamp() -> tuple[tuple[str, int, int], ...]:
 
 
 def is_compiled(entry: Any) -> bool:
-    """Tell whether an up-to-date compilation of a kernel lies in the cache (or none is wanted)."""
+    """Tell whether the cache holds an up-to-date compilation of a kernel, or the compiler is switched off."""
     if numba.config.DISABLE_JIT:
         return True
     try:
@@ -111,7 +111,7 @@ def announce_compilation(entry: Any) -> None:
 
 
 def lock(entry: Any, *arguments: Any) -> None:
-    """Compile a kernel for these arguments' types, by calling it, and for no others: they raise TypeError."""
+    """Compile a kernel for the types of these arguments, by calling it; from then on other types raise TypeError."""
     if not numba.config.DISABLE_JIT and not entry.signatures:
         entry(*arguments)
         entry.disable_compile()

@@ -69,7 +69,7 @@ _double, _integer = _pointers(ctypes.c_double, types.float64), _pointers(ctypes.
 
 
 def addresses(*arrays: Array) -> Integers:
-    """Return where the doubles of some arrays lie, for `doubles_at`. Whoever keeps this keeps the arrays alive too."""
+    """Return where the doubles of some arrays lie, for `doubles_at`. The caller keeps the arrays alive."""
     for array in arrays:
         if array.dtype != np.float64 or not (array.flags.f_contiguous or array.flags.c_contiguous):
             raise RuntimeError("only contiguous arrays of doubles can be handed over by address")
@@ -84,7 +84,7 @@ def doubles_at(address: int, rows: int, columns: int) -> Any:
 
 @inner
 def array_at(address: int, shape: tuple[int, ...]) -> Any:
-    """View doubles at an address, by rows. Unlike a slice or `reshape` it costs nothing: nobody counts who looks."""
+    """View doubles at an address, by rows. It costs nothing: unlike a slice, it counts no references."""
     return carray(_double(address), shape)
 
 

@@ -17,7 +17,7 @@ def copy_values(source: Array, target: Array) -> None:
 
 @inner
 def dot(a: Array, b: Array) -> float:
-    """Return the inner product of two vectors, summed in four lanes that need not wait for each other."""
+    """Return the inner product of two vectors, as four sums that do not wait for each other."""
     n = a.shape[0]
     one, two, three, four = 0.0, 0.0, 0.0, 0.0
     for i in range(n // 4):
@@ -49,7 +49,7 @@ def solve_positive(A: Array, b: Array) -> float:
             for k in range(j):
                 A[i, j] -= A[i, k] * A[j, k]
             A[i, j] *= scale
-    # Reciprocals of the diagonal wait for nothing, where a division of b would wait for b.
+    # The processor computes the diagonal's reciprocals early; a division of b would wait for b.
     for i in range(n):
         for k in range(i):
             b[i] -= A[i, k] * b[k]

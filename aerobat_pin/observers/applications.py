@@ -1,4 +1,4 @@
-"""Where unknown forces are taken to act: frames, and what may act at each.
+"""Where unknown forces may act: frames, and what may act at each.
 
 Every unknown is a component: a unit force or moment at a frame's origin, in world or in frame axes. Component i with
 force direction d and moment direction m, in world axes at the point P, is the wrench (d, m + P x d) at the world's
@@ -73,7 +73,8 @@ class Applications:
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: there is no list, a frame is named twice or is fixed to the world, or its direction is none.
+        ObserverError: applications that are not a list; a frame that is named twice or fixed to the world; a direction
+            of no length.
 
     Attributes:
         frames: (n,) names of the frames.

@@ -18,12 +18,11 @@ RANK_TOLERANCE = 1.0e-6  # of the largest singular value
 class Identifiability:
     """What the geometry lets an observer know, at the worst configuration of a run.
 
-    The map from components to the rows that are believed is judged with forces in N, moments as forces at a lever of
-    50 mm, on both sides.
+    It follows from the map of components to believed rows, in which a moment counts as a force at a lever of 50 mm.
 
     Attributes:
         components: (c,) their labels, such as `tool.Fx`.
-        rank: number of components that can be told apart.
+        rank: number of independent components that the rows determine.
         singular_values: (c,) of the weighted map, largest first.
         null_space: (c - rank, c) unit patterns of components that leave no trace; the last is the faintest.
         deviation: (c,) standard deviation [N or N m] of each component per newton of white noise on every weighted

@@ -38,7 +38,7 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, 
 from aerobat_pin.observers.rows import BelievedRows, Rows, Tie
 
 DEFAULT_GAIN = 1000.0  # [1/s]
-# How many of a joint's last coordinates are a direction: a quaternion, or a cosine and a sine.
+# How many of a joint's last coordinates form a unit vector: a quaternion, or a cosine and a sine.
 DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
     ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
 )
@@ -54,9 +54,9 @@ class Observer:
         gain: K [1/s]: one number, one per filtered quantity, or a symmetric positive definite matrix of them.
         rows: which rows of the generalised residual to believe when looking for forces: `"all"`; `"base"` where no
             joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known; or a
-            `Tie`. An observer that projects first then takes any `tau` with the right power v . tau; `momentum`
-            filters the rows before it combines them, and keeps a part of what `tau` has wrong (2 % at 1000 1/s on a
-            flapping wing).
+            `Tie`. With `"base+power"` an observer that projects first takes any `tau` of the right power v . tau;
+            `momentum` filters the rows before it combines them, so a part of an error of `tau` remains (2 % at
+            1000 1/s on a flapping wing).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
@@ -136,7 +136,7 @@ class Observer:
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
         self._check_directions(q[None])
-        # Compiled for streams alone, and from here on for arrays of doubles alone: others raise.
+        # Only streams compile this kernel. From here on it takes arrays of doubles alone: others raise.
         lock(self._update, self._memory.copy(), v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
         self._start(v)
@@ -221,7 +221,7 @@ class Observer:
         return self._estimate(time, *self._run(time, q, v, u, known or {}))
 
     def _sample(self, out: Array) -> Sample:
-        """Name the parts of a result."""
+        """Wrap one result."""
         return Sample(out, self._nv)
 
     def _start(self, v: Array) -> None:
@@ -231,25 +231,24 @@ class Observer:
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         """Filter a checked record; return results (m, width) and its samples."""
         memory = self._memory.copy()  # a stream that is under way goes on undisturbed
-        samples = self._record_samples(
-            kernels.record_sample, memory, q, v, np.empty((len(time), 3 + self._width - self._nv, self._nv))
-        )
+        samples = np.empty((len(time), 3 + self._width - self._nv, self._nv))
+        observer_in(memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
+        self._each_sample(kernels.record_sample, memory, q, v)
         out = np.empty((len(u), self._width))
         self._refuse_huge(kernels.observe_all(samples, time, u, memory, out), time)
         return out, samples
 
-    def _record_samples(self, kernel: Any, memory: Array, q: Array, v: Array, samples: Array) -> Array:
-        """Write the samples (m + 1, rows, nv) of a record, each by a kernel behind Pinocchio's calls; return them."""
+    def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
+        """Call a kernel at every sample of a record, behind Pinocchio's calls."""
         model, data = self.model, self.data
-        for k, (at, rate) in enumerate(zip(q, v, strict=True)):
-            crba(model, data, at)
-            computeCoriolisMatrix(model, data, at, rate)
-            computeGeneralizedGravity(model, data, at)
-            kernel(memory, rate, samples, k)
-        return samples
+        for configuration, velocity in zip(q, v, strict=True):
+            crba(model, data, configuration)
+            computeCoriolisMatrix(model, data, configuration, velocity)
+            computeGeneralizedGravity(model, data, configuration)
+            kernel(memory)
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
-        """Name the parts of a record's results."""
+        """Wrap a record's results."""
         end = self._nv + len(self.applications.components)
         return Estimate(
             observer=self.name,

@@ -1,6 +1,6 @@
-"""Which rows of the generalised residual to believe, and how to weigh them.
+"""Which rows of the generalised residual an observer believes, and how it weighs them.
 
-Rows mix N (translation of a free base) and N m (everything else); moments are weighed as forces at a lever of
+Rows mix N (translation of a free base) and N m (everything else); a moment counts as a force at a lever of
 `MOMENT_ARM`. Where joint torques are not measured, the joint rows say nothing.
 """
 
@@ -27,10 +27,10 @@ class Tie:
     """Coordinates moved together, v = S v_s: only S^T times the residual is believed.
 
     With p_s = S^T p and M_s = S^T M S the tied robot obeys p_s' = S^T (u + J^T f + C^T v - g). The paper ties left and
-    right wing, ten velocities to eight. An assumption: what forces do against the tie cannot be seen.
+    right wing, ten velocities to eight. This is an assumption: what forces do against the tie cannot be seen.
 
     Attributes:
-        name: goes with every result.
+        name: that every result carries.
         map: S (nv, ns).
     """
 

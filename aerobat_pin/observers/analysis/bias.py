@@ -20,7 +20,7 @@ class Bias:
     Attributes:
         mean: (c,) or a number [unit of the estimate].
         standard_error: of the mean, with the effective number of samples.
-        effective_samples: (c,) or a number; samples that hang together through the filter count once.
+        effective_samples: (c,) or a number: how many independent samples the filtered ones are worth.
     """
 
     mean: Array

@@ -1,11 +1,11 @@
 """Onset and end of events in an estimate, with a threshold that keeps a stated rate of false alarms.
 
 A detector watches a statistic: the deviation from the bias (`LevelDetector`), or the impulse gathered beyond a drift
-(`CusumDetector`). Every stretch above the statistic's floor is one excursion, however long the filter makes it, so
-excursions come independently where samples do not. The maxima of a free run's excursions have an exponential tail, for
-the square of a level and for a CUSUM itself; fitted to the largest tenth, it gives the threshold passed at the stated
-rate, also where that is rarer than once in the free run: from a minute of filtered noise, a rate of one per minute was
-met within a factor of two, one per 100 s within three (tests/test_events.py).
+(`CusumDetector`). Every stretch above the statistic's floor is one excursion, however long the filter makes it;
+excursions are independent where samples are not. The maxima of a free run's excursions have an exponential tail: their
+squares for a level, they themselves for a CUSUM. A fit to the largest tenth gives the threshold for the stated rate,
+even below one per free run: from a minute of filtered noise, one false alarm per minute was met within a factor of two,
+one per 100 s within three (tests/observers/test_events.py).
 """
 
 from __future__ import annotations

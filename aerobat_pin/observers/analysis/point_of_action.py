@@ -57,7 +57,7 @@ def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
 
     Args:
         wrenches: (m, 6) forces [N] and moments [N m] in the link's axes about its origin.
-        covariance: (6, 6) of each. Errors that hang together, as a filter's do, are counted once.
+        covariance: (6, 6) of each; errors may be correlated in time, as behind a filter.
 
     Raises:
         ShapeError: fewer than two samples, or another shape.

@@ -177,9 +177,8 @@ class KalmanObserver(Observer):
         return KalmanSample(out, self._nv)
 
     def _start(self, v: Array) -> None:
-        samples = self._kalman.filter.samples
-        kernels.record_noisy_sample(self._memory, v, samples, 0)
-        self._begin(self._kalman, samples[0])
+        kernels.start_filter(self._memory, v)
+        self._begin(self._kalman, self._kalman.filter.samples[0])
 
     def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
         """Start a filter at a sample: nothing found, and as sure as the settings."""
@@ -208,7 +207,8 @@ class KalmanObserver(Observer):
         memory = self._memory.copy()  # a stream that is under way goes on undisturbed
         kalman, nv = fields_of(kalman_in, memory), self._nv
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
-        self._record_samples(kernels.record_noisy_sample, memory, q, v, samples)
+        kalman.observer.record[:] = v.ctypes.data, samples.ctypes.data, 0
+        self._each_sample(kernels.record_noisy_sample, memory, q, v)
         self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
         out = np.empty((len(u), self._width))

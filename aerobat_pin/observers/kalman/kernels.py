@@ -16,7 +16,7 @@ import numpy as np
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inner, kernel, mirror
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
 from aerobat_pin.observers.kernels.memory import ObserverMemory
-from aerobat_pin.observers.kernels.residual import TOO_LARGE, dynamics_of, repeat_interval, write_sample
+from aerobat_pin.observers.kernels.residual import TOO_LARGE, dynamics_of, next_in_record, repeat_interval, write_sample
 from aerobat_pin.observers.rows import BASE_ROWS
 
 LEAST_INFORMATION = 1.0e-6  # of the information on all patterns of forces: what is seen less counts as seen so much
@@ -268,10 +268,18 @@ def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> b
 
 
 @kernel
-def record_noisy_sample(memory: Array, v: Array, samples: Array, k: int) -> None:
-    """Write sample k of a record (m + 1, 3 + c + nv, nv), at which Pinocchio just was."""
+def start_filter(memory: Array, v: Array) -> None:
+    """Write the first sample."""
     kalman = kalman_in(memory)
-    write_noisy_sample(kalman.observer, kalman.filter.noise, v, samples[k])
+    write_noisy_sample(kalman.observer, kalman.filter.noise, v, kalman.filter.samples[0])
+
+
+@kernel
+def record_noisy_sample(memory: Array) -> None:
+    """Write the next sample (3 + c + nv, nv) of a record, at which Pinocchio just was."""
+    kalman = kalman_in(memory)
+    v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
+    write_noisy_sample(kalman.observer, kalman.filter.noise, v, sample)
 
 
 @kernel

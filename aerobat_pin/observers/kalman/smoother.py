@@ -1,4 +1,4 @@
-"""A smoother over a whole record: what every sample says about every interval, before and after."""
+"""A smoother over a whole record: every interval is estimated from all samples, earlier and later ones."""
 
 from __future__ import annotations
 

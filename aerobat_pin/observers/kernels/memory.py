@@ -26,6 +26,7 @@ class ObserverMemory(NamedTuple):
 
     sizes: ObserverSizes
     robot: Integers  # addresses of Pinocchio's M, C, g, J and oMi
+    record: Integers  # addresses of a record's velocities and samples, and which one is next
     newest: Integers  # which of the two samples is the newer
     slope: Array  # of a super-twisting filter [unit of the filtered/s]
     gain: Array  # of the filtered quantities, in the coordinates of `basis` [1/s]
@@ -65,6 +66,7 @@ def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
     return ObserverMemory(
         sizes=sizes,
         robot=take_integers(cursor, (5,)),
+        record=take_integers(cursor, (3,)),
         newest=take_integers(cursor, (1,)),
         slope=take(cursor, (1,)),
         gain=take(cursor, (size,)),

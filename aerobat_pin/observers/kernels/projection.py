@@ -9,7 +9,7 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
 DAMPING = 1.0e-12  # of the trace of J W J^T
-SUSPECT = 1.0e-6  # of the trace: a pivot below it asks for a closer look
+SUSPECT = 1.0e-6  # of the trace: below this pivot some pattern of components may leave no trace
 UNSEEN_EIGENVALUE = 1.0e-10  # of the trace: an eigenvalue below it belongs to components that leave no trace
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
@@ -105,8 +105,8 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
 def project_deficient(observer: ObserverMemory, after: Array, generalized: Array, force: Array) -> None:
     """As `project`, where some pattern of forces leaves no trace: its part of the answer is zero.
 
-    The mean of two Jacobians that have lost rank has not quite lost it, and would blow the unseen part up. Which
-    patterns cannot be seen is asked of the interval's end, where the Jacobian is exact.
+    The mean of two Jacobians that have lost rank has not quite lost it, and would magnify what leaves no trace.
+    The exact Jacobian at the interval's end decides which patterns these are.
     """
     A, size = observer.equations, force.shape[0]
     seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from aerobat_pin.numerics import Array, copy_values, dot, doubles_at, inner, kernel
+from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
 from aerobat_pin.observers.kernels.projection import project
@@ -158,10 +158,24 @@ def update_observer(memory: Array, v: Array, u: Array, dt: float, out: Array) ->
     return True
 
 
+@inner
+def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
+    """Return the velocity (nv,) of the next sample in a record and the place (rows, nv) for it.
+
+    A view of each, handed over from Python, would cost a fiftieth of the whole.
+    """
+    record, nv = observer.record, observer.sizes.nv
+    k = record[2]
+    record[2] += 1
+    return array_at(record[0] + DOUBLE * k * nv, (nv,)), array_at(record[1] + DOUBLE * k * rows * nv, (rows, nv))
+
+
 @kernel
-def record_sample(memory: Array, v: Array, samples: Array, k: int) -> None:
-    """Write sample k of a record (m + 1, 3 + c, nv), at which Pinocchio just was."""
-    write_sample(observer_in(memory), v, samples[k])
+def record_sample(memory: Array) -> None:
+    """Write the next sample (3 + c, nv) of a record, at which Pinocchio just was."""
+    observer = observer_in(memory)
+    v, sample = next_in_record(observer, 3 + observer.sizes.components)
+    write_sample(observer, v, sample)
 
 
 @inner
