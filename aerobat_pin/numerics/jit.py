@@ -65,7 +65,7 @@ def merged(function: Function) -> Function:
 
     So are the layouts of a memory; Python reads them by `memory.fields_of`, which waits for no compiler.
     """
-    return _compiled(function, inline="always", no_cpython_wrapper=True)
+    return _compiled(function, inline="always")
 
 
 def _compiled(function: Function, **more: Any) -> Function:

@@ -232,7 +232,7 @@ class Observer:
         """Filter a checked record; return results (m, width) and its samples."""
         memory = self._memory.copy()  # a stream that is under way goes on undisturbed
         samples = np.empty((len(time), 3 + self._width - self._nv, self._nv))
-        observer_in(memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
+        fields_of(observer_in, memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
         self._each_sample(kernels.record_sample, memory, q, v)
         out = np.empty((len(u), self._width))
         self._refuse_huge(kernels.observe_all(samples, time, u, memory, out), time)
