@@ -248,7 +248,7 @@ def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pyte
         ("time,hinge,bar.Fx", [[0, 0, 0], [1, 0, 0]], LogError, "three columns bar.Fx"),
         ("time,a,b,c,d,e,f,g,h", [[t, *[0] * 8] for t in (0, 1)], LogError, "no unit quaternion"),
         ("time,hinge,x.Fx,x.Fy,x.Fz", [[0] * 5, [1] * 5], FrameNotFoundError, "bar"),
-        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: 2 finite numbers"),
+        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: hinge is not finite"),
         ("time,hinge", [[0, 0]], LogError, "two rows or more"),
     ],
 )
