@@ -28,8 +28,8 @@ class Links(NamedTuple):
     `rotation` (5, 3, 3) and `origin` (5, 3) place the links in the body's frame. `twists` (5, 6) relative to the air
     and `wrenches` (5, 6) from the air are both at the origin and in the axes of each link's frame. Vectors (3,) in body
     axes: `gravity_B`, gravitational acceleration with its sign reversed (upward), `wind_B`, the wind velocity, and
-    `wind_rate_B`, its rate of change. `normals` (3, 8) is a scratch array of `add_mass`: three rows whose columns belong
-    to the six base velocities, the link's joint and the parent's joint, in this order.
+    `wind_rate_B`, its rate of change. `normals` (3, 8) is a scratch array of `add_mass`: three rows, with columns for
+    the six base velocities, the link's joint and the parent's joint, in this order.
     """
 
     rotation: Array
