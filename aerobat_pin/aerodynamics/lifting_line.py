@@ -132,7 +132,7 @@ class LiftingLine:
         return state[:n], state[n : 2 * n], state[2 * n :]
 
     def effective_velocity(self, state: Array, airspeed: Array, normal_velocity: Array) -> tuple[Array, Array]:
-        """Return w_eff, which is proportional to the lift, and w, which includes the downwash; both (N,) [m/s]."""
+        """Return w_eff, to which the lift is proportional, and w, which includes the downwash; both (N,) [m/s]."""
         zeta1, zeta2, circulation = self.split(state)
         w = normal_velocity - self.downwash @ circulation
         rate = airspeed / self.semichord
@@ -187,7 +187,7 @@ class LiftingLine:
         """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), which holds at any airspeed.
 
         Args:
-            normal_velocity: of the air at the 3/4 chord, one number or (N,) [m/s].
+            normal_velocity: normal velocity of the air at the 3/4 chord, one number or (N,) [m/s].
 
         Raises:
             ShapeError: the normal velocity is not finite, or its shape is not one of these two.
@@ -272,7 +272,7 @@ class LiftingLine:
         """Check an airspeed and return it for each strip (N,) [m/s]."""
         speed = self._each(airspeed, "airspeed", "m/s")
         if np.any(speed < 0.0):
-            raise ShapeError(f"airspeed = {speed.min():g}: not negative was expected; flow from behind is not modelled")
+            raise ShapeError(f"airspeed = {speed.min():g}: zero or more was expected; flow from behind is not modelled")
         return speed
 
     def _each(self, values: ArrayLike, name: str, unit: str) -> Array:

@@ -22,7 +22,7 @@ def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Cal
             equally long lists [m], the stations rising from tip to tip; or one number for each station (N,) [m], with
             straight lines in between.
         y: stations (N,) [m], falling.
-        span: from tip to tip [m].
+        span: length of the wing from tip to tip [m].
         name: name of the length in error messages.
 
     Returns:

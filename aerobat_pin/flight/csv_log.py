@@ -168,7 +168,7 @@ def _columns(text: TextTable) -> dict[str, Array]:
     names = [_name(cell, text.path) for cell in text.header]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise LogError(f"log {text.path}: column '{twice.pop()}' is there twice")
+        raise LogError(f"log {text.path}: column '{twice.pop()}' appears twice")
     table = text.numbers()
     if len(table) < FEWEST_SAMPLES:
         raise LogError(
@@ -202,7 +202,7 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
         if there and absent:
             raise LogError(f"log {path}: {', '.join(there)} without {', '.join(absent)}: all of them or none")
     if "crank_rate" in columns and "crank_angle" not in columns:
-        raise LogError(f"log {path}: crank_rate without crank_angle: the linkage closes at an angle")
+        raise LogError(f"log {path}: crank_rate without crank_angle: the linkage needs the angle")
     if "crank_angle" not in columns and JOINTS[0] not in columns:
         raise LogError(f"log {path}: neither crank_angle nor the joints {', '.join(JOINTS)} are there")
     time = columns["time"]
@@ -210,7 +210,7 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
         what = "is repeated" if steps[row - 1] == 0.0 else "runs backwards"
-        raise LogError(f"log {path}, line {text.line(row)}: time = {time[row]:g} s {what}: rising stamps were expected")
+        raise LogError(f"log {path}, line {text.line(row)}: time = {time[row]:g} s {what}: rising times were expected")
     step = float(np.median(steps))
     if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")

@@ -20,7 +20,7 @@ NEAR_SINGULAR = np.radians(15.0)  # [rad]: a transmission angle closer than this
 
 
 class KineticSculpture:
-    """The linkage of one wing in its (+,+,+) assembly: each dyad closes on the left of the line between its ends.
+    """The linkage of one wing in its (+,+,+) assembly: each dyad closes left of the ray between its ends (see `meet`).
 
     Args:
         lengths: bar lengths and pivots; those of the default morphology when omitted.
@@ -78,7 +78,7 @@ class KineticSculpture:
         self._judged = True
 
     def _open(self, closed: Closure, dyad: str) -> LinkageError:
-        """Return the error for a dyad that cannot close, with the first such crank angle and lengths that would help."""
+        """Return the error for a dyad that cannot close, with the first such crank angle and helpful lengths."""
         bars, arm = self.lengths, bent_arms(self.lengths)
         start, end = (np.ravel(closed.points[name].at) for name in DYADS[dyad])
         first = int(np.argmax(np.isnan(np.ravel(closed.points[dyad].at))))

@@ -101,7 +101,7 @@ class RateControlledMotor:
                 atol=ACCURACY * STATE_SCALE,
             )
             if not solved.success or not np.all(np.isfinite(solved.y)):
-                raise CrankError(f"the motor's crank cannot be followed to t = {end:g} s: {solved.message}")
+                raise CrankError(f"the crank's motion cannot be integrated to t = {end:g} s: {solved.message}")
             states[:, flown] = solved.sol(time[flown])
         return states
 

@@ -67,7 +67,7 @@ class Flown:
 
 
 class Plant:
-    """The robot in its scenario, ready to fly.
+    """The robot in its scenario, ready to be simulated.
 
     Args:
         robot: the robot.
