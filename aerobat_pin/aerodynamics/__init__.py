@@ -1,4 +1,4 @@
-"""Sigma_Aero: the unsteady lifting line on any planform, and the air on the robot: strips, added mass, wind."""
+"""Sigma_Aero: the unsteady lifting line on any planform, and the robot's aerodynamics: strips, added mass, wind."""
 
 from aerobat_pin.aerodynamics.added_mass import add_mass
 from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly

@@ -1,15 +1,17 @@
-"""Added mass in the equations of motion: the air that the wings drag along, as a part of inertia and bias.
+"""Added mass in the equations of motion: the air that the wings accelerate, as a part of inertia and bias.
 
-Row n of strip s gives its normal velocity at mid-chord, n v. With the added masses m
+The normal velocity of a strip at mid-chord is n v, with a row vector n and the robot's velocity v. With the strips'
+added masses m
 
     M_a = sum m n^T n        C_a = sum m n^T n'        M_a' = C_a + C_a^T        force on the robot -(M_a a + C_a v)
 
-It must stand in the inertia: as a force computed beforehand it diverges for wings lighter than their air. The strips of
-one link share a constant G (see `robot_air`), and G = L D L^T leaves three rows a link: the normal velocity at the
-centre of its added mass, and two rates of turning. Wind enters as the air's own velocity: n (v - v_air), and its rate.
+The added mass must be part of the inertia matrix: as a force computed before the accelerations it would diverge for
+wings lighter than the air they accelerate. The strips of one link share a constant matrix G (see `robot_air`).
+Factoring G = L D L^T leaves three rows for each link: the normal velocity at the centre of the link's added mass, and
+two angular rates. With wind, v is replaced by the velocity relative to the air, and v' accordingly.
 
-The force acts along the normal, and not as a rigid body of that inertia would: the terms omega x (G v) and
-v x (G v) by which the two differ do no work, and circulation holds them already (lift at the 1/4 chord, suction).
+The force acts along the normal only. A rigid body of the same inertia would also feel the terms omega x (G v) and
+v x (G v). These terms do no work, and the circulatory forces already contain them (lift at the 1/4 chord, suction).
 """
 
 from __future__ import annotations
@@ -26,8 +28,9 @@ from aerobat_pin.robot import Tree
 class AddedMass(NamedTuple):
     """The added masses of the links, factored.
 
-    `masses` (5, 3) [kg, kg m2, kg m2] belong to the rows v_z + y omega_x - x omega_y, omega_x + skew omega_y, omega_y,
-    with `x`, `y` (5,) [m] the centre of the added mass and `skew` (5,).
+    The three `masses` of each link (5, 3) [kg, kg m2, kg m2] belong to the rows v_z + y omega_x - x omega_y,
+    omega_x + skew omega_y, and omega_y. `x` and `y` (5,) [m] are the centre of the link's added mass, in its frame;
+    `skew` (5,) is a number without unit.
     """
 
     masses: Array
@@ -43,7 +46,7 @@ def factored(G: Array) -> AddedMass:
         if g[0, 0] == 0.0:
             continue
         turning = g[1:, 1:] - np.outer(g[1:, 0], g[1:, 0]) / g[0, 0]
-        # One strip alone turns freely; what rounding leaves of its inertia is not one.
+        # A single strip has no added moment of inertia: the rounding error in its place is set to zero.
         turning[np.abs(turning) < 1e-12 * np.max(np.abs(g[1:, 1:]))] = 0.0
         skew = turning[0, 1] / turning[0, 0] if turning[0, 0] > 0.0 else 0.0
         found.masses[link] = g[0, 0], turning[0, 0], turning[1, 1] - skew * turning[0, 1]
@@ -53,15 +56,15 @@ def factored(G: Array) -> AddedMass:
 
 @inner
 def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links, H: Array, h: Array) -> None:
-    """Add M_a to H and C_a v, less what the air's own motion takes away, to h.
+    """Add the added inertia M_a to H, and the added bias C_a v, corrected for the wind, to h.
 
     Args:
-        added: masses of the links.
-        tree: of the links.
-        found: Pinocchio's results after the bias.
-        links: placed by `place_links`; its `normals` are scratch.
-        H: (nv, nv) inertia, added to.
-        h: (nv,) bias, added to.
+        added: added masses of the links.
+        tree: tree of the links.
+        found: Pinocchio's results after `nonLinearEffects`.
+        links: links placed by `place_links`; the field `normals` is overwritten.
+        H: (nv, nv) inertia; M_a is added in place.
+        h: (nv,) bias; C_a v is added in place.
     """
     rows, rotation, origin, twists = links.normals, links.rotation, links.origin, links.twists
     gravity, wind, wind_rate = links.gravity_B, links.wind_B, links.wind_rate_B
@@ -99,7 +102,7 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
             )
             rows[0, 7], rows[1, 7], rows[2, 7] = lift + wx * y - wy * x, wx + skew * wy, wy
             size = 8
-        # Accelerations that v alone brings about, against the air.
+        # Accelerations relative to the air that are due to v alone.
         twist, bias = twists[link], a_gf[joint]
         along = R[0, 0] * wind[0] + R[1, 0] * wind[1] + R[2, 0] * wind[2]
         across = R[0, 1] * wind[0] + R[1, 1] * wind[1] + R[2, 1] * wind[2]

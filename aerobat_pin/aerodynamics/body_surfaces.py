@@ -1,8 +1,8 @@
 """Body, tail and fin in quasi-steady flow, compiled.
 
-The tail is a flat plate, rho/2 S a |u| w with a = 2 pi / (1 + 2 / aspect ratio), in the wing's centre-line downwash
-times a factor; the fin a vertical one, -rho/2 S a |u| v against its lateral velocity v; the body a drag area at its
-centre of mass.
+The tail is a flat plate of area S with force rho/2 S a |u| w, a = 2 pi / (1 + 2 / aspect ratio), in the wing's
+centre-line downwash times a factor. The fin is a vertical plate with side force -rho/2 S a |u| v at lateral velocity v.
+The body is a drag area at its centre of mass.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ def add_surfaces(surfaces: Surfaces, density: float, base: Array, centre_downwas
     """Add the wrench of body drag, tail and fin.
 
     Args:
-        surfaces: constants.
-        density: of the air [kg/m3].
-        base: (6,) twist of the body against the air, in its axes.
-        centre_downwash: of the wing, on its centre line [m/s].
-        body: (6,) wrench on the body, added to.
+        surfaces: constants of body, tail and fin.
+        density: density of the air [kg/m3].
+        base: (6,) twist of the body relative to the air, in body axes.
+        centre_downwash: downwash of the wing on its centre line [m/s].
+        body: (6,) wrench on the body; the forces are added in place.
     """
     tail, fin, drag_area = surfaces.tail, surfaces.fin, surfaces.drag_area[()]
     cosine, sine, tail_lift = surfaces.tail_cosine[()], surfaces.tail_sine[()], surfaces.tail_lift[()]

@@ -1,18 +1,20 @@
 """A lifting line flown through a prescribed motion: two rigid half wings hinged at the root, in still air.
 
-Each half has axes of its own, x forward, y to the left, z along its normal; strips with y >= 0 ride on the left half.
-With the half's twist (v, omega) at the root, a section moves forward at u, and air meets its 3/4 chord x from below at
-w:
+Each half has its own axes: x forward, y to the left, z along its normal. Strips with y >= 0 belong to the left half.
+Let (v, omega) be the twist of a half at the root, and x the place of a section's 3/4 chord. The section moves forward
+at u, and the air meets its 3/4 chord from below at w:
 
     u = v_x - omega_z y        w = -(v_z + omega_x y - omega_y x)        U = hypot(u, w)
 
-U convects the wake, w drives the line, a0 rho b |u| w_eff is the force along the normal at the 1/4 chord, and the
-suction pulls toward the edge that leads. Steady, this is the potential flow past a flat plate at any incidence:
-circulation a0 b w, force across the plate rho u times it and along the plate rho w times it. The added mass acts at
-mid-chord against the rate of w there; the moment of inertia that turning air adds, pi rho b^4 / 8, is left out.
+U carries the wake away, and w is the input of the lifting line. The force along the normal is a0 rho b |u| w_eff at the
+1/4 chord, and the suction points toward the leading edge. In steady flow this is potential flow past a flat plate at
+any incidence: the circulation is a0 b w, the force across the plate rho u times the circulation, and the force along
+the plate rho w times the circulation. The force of the added mass acts at mid-chord and opposes the normal acceleration
+there; the added moment of inertia of a section, pi rho b^4 / 8, is left out.
 
-The robot's strips (`strip_forces`) drive the line with w |u| / U instead and let go of suction as incidence grows: the
-same up to incidence^2, the same normal force on a steady plate at any incidence, less thrust.
+The robot's strips (`strip_forces`) use w |u| / U as input instead, and their suction falls as the incidence grows. They
+agree with this model up to incidence^2 and give the same normal force on a steady plate at any incidence, but less
+thrust.
 """
 
 from __future__ import annotations
@@ -30,10 +32,11 @@ from aerobat_pin.numerics import Array, shaped
 
 
 class Halves(NamedTuple):
-    """How the left and the right half wing move, in this order; the flight's axes are x forward, y left, z up.
+    """Motion of the left and the right half wing, in this order; the flight's axes are x forward, y left, z up.
 
-    `rotation` (2, 3, 3) turns a vector of the half's axes into the flight's. `twist` (2, 6) of the half at the root, in
-    its own axes, linear first [m/s, rad/s]; `twist_rate` (2, 6) the rate of these components.
+    `rotation` (2, 3, 3) rotates vectors from the axes of each half to the flight's axes. `twist` (2, 6) is the twist of
+    each half at the root, in the axes of that half, linear part first [m/s, rad/s]. `twist_rate` (2, 6) is the time
+    derivative of these components.
     """
 
     rotation: Array
@@ -43,14 +46,14 @@ class Halves(NamedTuple):
 
 @dataclass(frozen=True)
 class Stroke:
-    """A wing in level flight that plunges and flaps: height and angle of both halves go with sin(2 pi frequency t).
+    """A wing in level flight that plunges and flaps: height and root angle vary as sin(2 pi frequency t).
 
     Args:
-        airspeed: forward [m/s].
-        incidence: of the wing at rest, nose up [rad].
-        frequency: [Hz].
+        airspeed: forward speed [m/s].
+        incidence: incidence of the wing without plunging and flapping, nose up [rad].
+        frequency: frequency of plunging and flapping [Hz].
         plunge: amplitude of the height [m].
-        flap: amplitude of the angle at the root, tips up [rad].
+        flap: amplitude of the angle of each half at the root, tips up [rad].
     """
 
     airspeed: float
@@ -80,11 +83,12 @@ class Stroke:
 
 @dataclass(frozen=True)
 class LineFlight:
-    """What the air did along a motion, at each time (T,) [s].
+    """Aerodynamic loads along a motion, at each time (T,) [s].
 
-    `force` (T, 3) [N] in the flight's axes; `wrench` (T, 2, 6) [N, N m] on the left and the right half, at the root and
-    in its own axes, force first; `power` (T,) [W] of the air on the wing; `incidence` (T, N) [rad] at the 3/4 chord,
-    without downwash; `circulation` (T, N) [m2/s].
+    `force` (T, 3) [N] is the total force in the flight's axes. `wrench` (T, 2, 6) [N, N m] acts on the left and the
+    right half, at the root and in the axes of that half, force first. `power` (T,) [W] is the power of the air on the
+    wing, `incidence` (T, N) [rad] that at the 3/4 chord, without downwash, and `circulation` (T, N) [m2/s] the bound
+    circulation of the strips.
     """
 
     time: Array
@@ -102,18 +106,20 @@ def fly(
     *,
     added_mass: float = 1.0,
 ) -> LineFlight:
-    """Fly a lifting line along a motion, from air at rest at the first time: a steady or periodic flow takes a while.
+    """Compute the loads on a lifting line along a motion.
+
+    The air is at rest at the first time, so a steady or periodic flow develops only after a while.
 
     Args:
         line: the wing.
-        motion: at a time [s]; a `Stroke`, or any function like it.
-        time: at which to report (T,) [s], rising.
+        motion: function from a time [s] to the motion of both halves; a `Stroke`, or any function like it.
+        time: times (T,) at which loads are returned [s], rising.
         added_mass: factor on the line's added mass pi rho b^2; 0 leaves it out.
 
     Raises:
         ShapeError: the time does not rise, a motion is not finite or has the wrong shape, or the factor is negative.
     """
-    from scipy.integrate import solve_ivp  # takes as long to import as all the rest
+    from scipy.integrate import solve_ivp  # takes as long to import as everything else together
 
     instants = np.asarray(time, float)
     if instants.ndim != 1 or len(instants) < 2 or not (np.all(np.isfinite(instants)) and np.all(np.diff(instants) > 0)):
@@ -156,7 +162,7 @@ def fly(
 
 
 def _checked(now: Halves, time: float) -> Halves:
-    """Return a motion whose shapes and numbers are right."""
+    """Return a motion after checking its shapes, and that its numbers are finite."""
     found = Halves(
         *(
             shaped(part, (2, *size), f"motion at {time:g} s: {name}")

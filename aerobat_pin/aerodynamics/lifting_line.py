@@ -1,8 +1,9 @@
 """Sigma_Aero on any planform: Wagner's indicial lift on Prandtl's lifting line, as a linear state-space model.
 
-Circulation states (no division by the airspeed anywhere). Per strip, with chord c, semichord b = c/2, airspeed U in
-the strip's plane, normal velocity w_n of the air at the 3/4 chord (positive gives lift along the normal), a0 the lift
-slope and Wagner's function after R. T. Jones, Phi(s) = 1 - sum_k Psi_k exp(-eps_k s), Phi0 = Phi(0) = 1/2:
+The circulation is a state, so nothing is divided by the airspeed. Each strip has a chord c, a semichord b = c/2, a lift
+slope a0, an airspeed U in its plane, and a normal velocity w_n of the air at the 3/4 chord (positive w_n gives lift
+along the normal). Wagner's function is approximated after R. T. Jones, Phi(s) = 1 - sum_k Psi_k exp(-eps_k s), with
+Phi0 = Phi(0) = 1/2:
 
     w        = w_n - D Gamma                                          downwash included
     zeta_k'  = w - eps_k (U/b) zeta_k                                 k = 1, 2
@@ -15,9 +16,9 @@ Stations y = (S/2) cos theta at theta_i = i pi/(N+1); Gamma = sum_n g_n sin(n th
 D Gamma = 1/(2S) sum_n n g_n sin(n theta)/sin(theta). At those stations sin(n theta_i) is orthogonal.
 
 Sources: Boutet & Dimitriadis 2018 (Wagner lifting line); Sihite et al. 2022, arXiv 2207.12353 (state space).
-Attached flow: the model knows no stall. The suction answers to the 3/4-chord velocity alone: exact for plunging and
-flapping, without Garrick's pitch-rate term. Sweep moves the points where velocity is taken and force acts; the downwash
-is that of a straight line, as in Prandtl's theory.
+The flow is attached: the model has no stall. The suction depends on the 3/4-chord velocity alone, which is exact for
+plunging and flapping but omits Garrick's pitch-rate term. Sweep moves the points at which velocity is evaluated and
+force acts; the downwash is that of a straight line, as in Prandtl's theory.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ PHI0 = 1.0 - sum(JONES_PSI)
 
 @dataclass(frozen=True)
 class StateSpace:
-    """xi' = A xi + B w_n, lift per span = C xi + D w_n, at one instant. Shapes (3N, 3N), (3N, N), (N, 3N), (N, N)."""
+    """Matrices of xi' = A xi + B w_n, lift per span = C xi + D w_n: (3N, 3N), (3N, N), (N, 3N), (N, N)."""
 
     A: Array
     B: Array
@@ -50,25 +51,25 @@ class LiftingLine:
     """An unsteady lifting line.
 
     The state (3N,) is [zeta_1 (N) [m], zeta_2 (N) [m], circulation (N) [m2/s]]. The wing's axes: x forward, y to the
-    left, z along the normal. `chord` and `quarter_chord` take a length as `planform.along_span` reads it: a number, a
-    function of y, a polyline (stations, values), or a number for each station.
+    left, z along the normal. `chord` and `quarter_chord` are given in a form that `planform.along_span` reads: a
+    number, a function of y, a polyline (stations, values), or a number for each station.
 
     Args:
         span: full span S [m]. A span far larger than the chord gives the two-dimensional limit.
-        chord: [m].
-        quarter_chord: x of the quarter-chord line [m]: where the lift acts.
+        chord: chord along the span [m].
+        quarter_chord: x of the quarter-chord line, on which the lift acts [m].
         strips: number of stations N; even is better than odd.
         lift_slope: two-dimensional lift slope a0 [1/rad].
-        air_density: [kg/m3].
+        air_density: density of the air [kg/m3].
 
     Attributes:
         y: stations (N,) [m], from the left tip to the right one.
-        chord, semichord: (N,) [m].
-        quarter_chord, mid_chord, three_quarter_chord: their x (N,) [m].
-        width: what each station stands for in an integral along the span (N,) [m].
-        added_mass: of the air that a section drags along, pi rho b^2 per span (N,) [kg/m]: the force per span along the
-            normal, at mid-chord, is minus this times the rate of the normal velocity there.
-        area: of the planform [m2].
+        chord, semichord: chord and half of it at the stations (N,) [m].
+        quarter_chord, mid_chord, three_quarter_chord: x of these points at the stations (N,) [m].
+        width: weight of each station in an integral along the span (N,) [m].
+        added_mass: mass per span of the air that a section accelerates, pi rho b^2 (N,) [kg/m]. The force per span
+            along the normal, at mid-chord, is minus this mass times the rate of the normal velocity there.
+        area: area of the planform [m2].
         downwash: the operator D (N, N) [1/m]; `centre_downwash` (N,) its row at the root.
 
     Raises:
@@ -122,7 +123,7 @@ class LiftingLine:
         self.centre_downwash = (np.sin(n * np.pi / 2.0) * n / (2.0 * span)) @ to_modes
 
     def __repr__(self) -> str:
-        """Say the planform and the number of strips."""
+        """Name span, area and number of strips."""
         return f"LiftingLine(span {self.span:g} m, area {self.area:.4g} m2, {self.strips} strips)"
 
     def split(self, state: Array) -> tuple[Array, Array, Array]:
@@ -131,7 +132,7 @@ class LiftingLine:
         return state[:n], state[n : 2 * n], state[2 * n :]
 
     def effective_velocity(self, state: Array, airspeed: Array, normal_velocity: Array) -> tuple[Array, Array]:
-        """Return w_eff, the normal velocity the lift answers to, and w, with the downwash; both (N,) [m/s]."""
+        """Return w_eff, to which the lift is proportional, and w, which includes the downwash; both (N,) [m/s]."""
         zeta1, zeta2, circulation = self.split(state)
         w = normal_velocity - self.downwash @ circulation
         rate = airspeed / self.semichord
@@ -154,7 +155,7 @@ class LiftingLine:
         return self.lift_slope * self.air_density * self.semichord * w_eff**2
 
     def state_space(self, airspeed: ArrayLike) -> StateSpace:
-        """Return A, B, C, D; input the normal velocity (N,) [m/s], output the lift per span (N,) [N/m].
+        """Return A, B, C, D; the input is the normal velocity (N,) [m/s], the output the lift per span (N,) [N/m].
 
         Args:
             airspeed: one number or (N,) [m/s], not negative: flow from behind would make the modes grow.
@@ -183,23 +184,26 @@ class LiftingLine:
         )
 
     def steady_circulation(self, normal_velocity: ArrayLike) -> Array:
-        """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), whatever the airspeed.
+        """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), which holds at any airspeed.
+
+        Args:
+            normal_velocity: normal velocity of the air at the 3/4 chord, one number or (N,) [m/s].
 
         Raises:
-            ShapeError: the normal velocity is not finite, or neither one number nor (N,).
+            ShapeError: the normal velocity is not finite, or its shape is not one of these two.
         """
         slope = self.lift_slope * self.semichord
         w_n = self._each(normal_velocity, "normal_velocity", "m/s")
         return np.asarray(np.linalg.solve(np.eye(self.strips) + slope[:, None] * self.downwash, slope * w_n))
 
     def steady_coefficients(self, incidence: ArrayLike) -> tuple[float, float]:
-        """Return CL and the induced CDi of steady flow, after Prandtl, on the planform's area.
+        """Return lift coefficient and induced drag coefficient of steady flow, after Prandtl, per planform area.
 
         Args:
-            incidence: small, one number or (N,) [rad].
+            incidence: small angle, one number or (N,) [rad].
 
         Raises:
-            ShapeError: the incidence is not finite, or neither one number nor (N,).
+            ShapeError: the incidence is not finite, or its shape is not one of these two.
         """
         circulation = self.steady_circulation(self._each(incidence, "incidence", "rad"))  # at unit airspeed
         drag = self.width @ (circulation * (self.downwash @ circulation))
@@ -208,18 +212,18 @@ class LiftingLine:
     def frequency_response(
         self, frequency: ArrayLike, airspeed: ArrayLike, normal_velocity: ArrayLike = 1.0
     ) -> NDArray[np.complex128]:
-        """Return the lift per span [N/m] that a harmonic normal velocity raises, as complex amplitudes.
+        """Return the lift per span [N/m] due to a harmonic normal velocity, as complex amplitudes.
 
-        At rate i w the circulation is Gamma = G (w_n - D Gamma), G = (a0 U/2) C / (i w + U/c), with Jones's lag
-        C = Phi0 + sum_k Psi_k eps_k (U/b)/(i w + eps_k U/b). The reduced frequency is k = w b/U.
+        At angular frequency w the circulation is Gamma = G (w_n - D Gamma) with G = (a0 U/2) C / (i w + U/c) and
+        Jones's lag C = Phi0 + sum_k Psi_k eps_k (U/b)/(i w + eps_k U/b). The reduced frequency is k = w b/U.
 
         Args:
-            frequency: w, any shape (...) [rad/s], not negative.
+            frequency: angular frequency w, any shape (...) [rad/s], not negative.
             airspeed: one number or (N,) [m/s], not negative.
             normal_velocity: amplitude at the 3/4 chord, one number or (N,) [m/s].
 
         Returns:
-            Amplitudes (..., N), in phase with the normal velocity where real.
+            Amplitudes (..., N); a real amplitude is in phase with the normal velocity.
 
         Raises:
             ShapeError: a number is negative or not finite, or a shape does not fit.
@@ -240,14 +244,14 @@ class LiftingLine:
         """Return the lift per span (T, N) [N/m] after the normal velocity jumps from zero to a constant; exact.
 
         Args:
-            time: since the jump, (T,) [s], not negative, not falling.
+            time: time since the jump, (T,) [s], not negative, not falling.
             airspeed: one number or (N,) [m/s], not negative.
-            normal_velocity: after the jump, one number or (N,) [m/s].
+            normal_velocity: value after the jump, one number or (N,) [m/s].
 
         Raises:
             ShapeError: the time falls or is negative, a number is not finite, or a shape does not fit.
         """
-        from scipy.linalg import expm  # takes as long to import as all the rest
+        from scipy.linalg import expm  # takes as long to import as everything else together
 
         instants = np.asarray(time, float)
         steps = np.diff(instants, prepend=0.0) if instants.ndim == 1 else np.array([np.nan])
@@ -255,7 +259,7 @@ class LiftingLine:
             raise ShapeError("time: a list of finite seconds since the step, not falling, was expected")
         w_n = self._each(normal_velocity, "normal_velocity", "m/s")
         system = self.state_space(airspeed)
-        # The constant input as one more state: nothing to invert, so that air at rest is no exception.
+        # The constant input becomes one more state: no matrix is inverted, so zero airspeed needs no special case.
         whole = np.zeros((3 * self.strips + 1,) * 2)
         whole[:-1, :-1], whole[:-1, -1] = system.A, system.B @ w_n
         state, lift = np.append(np.zeros(3 * self.strips), 1.0), np.empty((len(steps), self.strips))
@@ -265,14 +269,14 @@ class LiftingLine:
         return lift
 
     def _airspeed(self, airspeed: ArrayLike) -> Array:
-        """Return the airspeed of each strip (N,), checked."""
+        """Check an airspeed and return it for each strip (N,) [m/s]."""
         speed = self._each(airspeed, "airspeed", "m/s")
         if np.any(speed < 0.0):
-            raise ShapeError(f"airspeed = {speed.min():g}: not negative was expected; flow from behind is not modelled")
+            raise ShapeError(f"airspeed = {speed.min():g}: zero or more was expected; flow from behind is not modelled")
         return speed
 
     def _each(self, values: ArrayLike, name: str, unit: str) -> Array:
-        """Return one number, or one for each strip, as (N,), checked."""
+        """Check one number, or one number for each strip, and return an array (N,)."""
         array = np.asarray(values, float)
         if array.shape not in ((), (self.strips,)):
             raise ShapeError(f"{name} has shape {array.shape}: one number or {self.strips} numbers were expected")
@@ -282,5 +286,5 @@ class LiftingLine:
 
 
 def _ratio(part: Array, whole: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return part over whole, zero where the part is: air at rest."""
+    """Return part / whole, but zero where the part is zero, as at zero airspeed."""
     return np.divide(part, whole, out=np.zeros(whole.shape, complex), where=part > 0.0)

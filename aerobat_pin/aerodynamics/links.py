@@ -1,4 +1,4 @@
-"""The links as the air meets them, compiled: where they are in the body's frame, and how fast they move through it."""
+"""Kinematics of the links for aerodynamics, compiled: placement in the body's frame, and motion relative to the air."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from aerobat_pin.robot import Tree, chain
 
 
 class PinocchioResults(NamedTuple):
-    """Pinocchio's results where it keeps them.
+    """Views of Pinocchio's results in a `pin.Data`.
 
-    M (nv, nv), nle (nv,), liMi (njoints, 12) rotation by columns then translation, v and a_gf (njoints, 6).
+    Inertia `M` (nv, nv), bias `nle` (nv,), joint placements `liMi` (njoints, 12) as rotation by columns, then
+    translation, joint twists `v` (njoints, 6), and accelerations `a_gf` (njoints, 6), which include gravity.
     """
 
     M: Array
@@ -24,10 +25,11 @@ class PinocchioResults(NamedTuple):
 class Links(NamedTuple):
     """The five links at one instant.
 
-    `rotation` (5, 3, 3) and `origin` (5, 3) in the body's frame; `twists` (5, 6) against the air and `wrenches` (5, 6)
-    of the air, at and in the links' own frames; in body axes (3,) `gravity_B`, its acceleration upward, `wind_B`, the
-    velocity of the air, and `wind_rate_B`; `normals` (3, 8) scratch of `add_mass`: the rows n of the base, of the
-    parent's joint and of the link's own.
+    `rotation` (5, 3, 3) and `origin` (5, 3) place the links in the body's frame. `twists` (5, 6) relative to the air
+    and `wrenches` (5, 6) from the air are both at the origin and in the axes of each link's frame. Vectors (3,) in body
+    axes: `gravity_B`, gravitational acceleration with its sign reversed (upward), `wind_B`, the wind velocity, and
+    `wind_rate_B`, its rate of change. `normals` (3, 8) is a scratch array of `add_mass`: three rows, with columns for
+    the six base velocities, the link's joint and the parent's joint, in this order.
     """
 
     rotation: Array
@@ -42,14 +44,14 @@ class Links(NamedTuple):
 
 @inner
 def place_links(tree: Tree, found: PinocchioResults, gravity: Array, wind: Array, links: Links) -> None:
-    """Write where the links are and their twists against the air, gravity and wind in body axes.
+    """Write placements of the links, their twists relative to the air, and gravity and wind in body axes.
 
     Args:
-        tree: of the links.
+        tree: tree of the links.
         found: Pinocchio's placements and twists.
-        gravity: () [m/s2].
-        wind: (2, 3) velocity of the air and its rate, world axes.
-        links: written, but for `wrenches` and `normals`.
+        gravity: () gravitational acceleration, positive downward [m/s2].
+        wind: (2, 3) wind velocity and its rate of change, world axes.
+        links: all fields except `wrenches` and `normals` are written.
     """
     chain(tree, found.liMi, links.rotation, links.origin)
     joint, v, rotation, twists = tree.joint, found.v, links.rotation, links.twists

@@ -1,4 +1,4 @@
-"""Memory of the air's kernels, laid out as in `numerics.memory`: the air's constants alone, and a robot in its air."""
+"""Memory layouts of the aerodynamic kernels (see `numerics.memory`): aerodynamic constants, and a robot in its air."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ LINK_COUNT = len(LINKS)
 
 
 class RobotMemory(NamedTuple):
-    """A robot in its air.
+    """Memory of a robot in its air.
 
-    `gravity` () [m/s2]; `H` (nv, nv), `h` (nv,) scratch for inertia and bias; `loads` (9, N) of the strips; `rates`
-    (4, S), `start` (S,) and `state` (S,) of the air's state in a step of Runge-Kutta.
+    `gravity` () [m/s2]. `H` (nv, nv) and `h` (nv,) are scratch arrays for inertia and bias. `loads` (9, N) are the
+    strips' loads. For a Runge-Kutta step of the aerodynamic state (S,): its `rates` (4, S) at the stages, the state at
+    the step's `start` (S,), and the current `state` (S,).
     """
 
     air: AirConstants
@@ -36,7 +37,7 @@ class RobotMemory(NamedTuple):
 
 @merged
 def air_in(memory: Array) -> AirConstants:
-    """Lay out the air's constants; size: number of strips."""
+    """Lay out the aerodynamic constants. Size: number of strips."""
     cursor = rewind(memory)
     n = next_size(cursor)
     return AirConstants(
@@ -73,8 +74,8 @@ def air_in(memory: Array) -> AirConstants:
 def robot_in(memory: Array) -> RobotMemory:
     """Lay out a robot in its air.
 
-    Sizes: addresses of the air's memory and of Pinocchio's M, nle, liMi, v, a_gf; then nv, njoints, strips, states of
-    the air.
+    Sizes: addresses of the memory of `air_in` and of Pinocchio's M, nle, liMi, v, a_gf; then nv, njoints, number of
+    strips, number of aerodynamic states.
     """
     cursor = rewind(memory)
     air, M, nle, liMi = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
@@ -123,7 +124,7 @@ def robot_in(memory: Array) -> RobotMemory:
 
 
 def fill(fields: tuple[Any, ...], values: tuple[Any, ...]) -> None:
-    """Copy values into fields of a memory, named alike."""
+    """Copy values into the fields of a memory, in order; nested tuples into nested fields."""
     for field, value in zip(fields, values, strict=True):
         if isinstance(field, tuple):
             fill(field, value)

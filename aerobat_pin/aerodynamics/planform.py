@@ -11,7 +11,7 @@ from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array
 
 AlongSpan = float | ArrayLike | Callable[[Array], ArrayLike]
-FINE = 4096  # midpoints in theta at which a planform is sampled, besides its stations: areas to 1e-7
+FINE = 4096  # number of midpoints in theta at which a planform is sampled for its area, accurate to 1e-7
 
 
 def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Callable[[Array], Array], Array]:
@@ -22,15 +22,15 @@ def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Cal
             equally long lists [m], the stations rising from tip to tip; or one number for each station (N,) [m], with
             straight lines in between.
         y: stations (N,) [m], falling.
-        span: from tip to tip [m].
-        name: what an error calls it.
+        span: length of the wing from tip to tip [m].
+        name: name of the length in error messages.
 
     Returns:
         The function of y, and its values (N,) at the stations.
 
     Raises:
-        ShapeError: the shape is none of these, a polyline's stations do not rise from tip to tip, or a value is not
-            finite.
+        ShapeError: the values have none of these forms, a polyline's stations do not rise from tip to tip, or a value
+            is not finite.
     """
     given = values if callable(values) else _function(values, y, span, name)
 
@@ -48,7 +48,7 @@ def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Cal
 
 
 def _function(values: float | ArrayLike, y: Array, span: float, name: str) -> Callable[[Array], ArrayLike]:
-    """Return numbers as a function of y."""
+    """Turn one number, a polyline, or one number for each station into a function of y."""
     allowed = (
         f"one number, {len(y)} numbers for {len(y)} strips, a pair of equally long lists (stations, values), or a "
         "function of y was expected"

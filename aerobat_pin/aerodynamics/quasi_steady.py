@@ -3,10 +3,12 @@
     CL = 0.225 + 1.58 sin(2.13 a - 7.2 deg)          CD = 1.92 - 1.55 cos(2.04 a - 9.82 deg)          a in degrees
 
 Source: Dickinson, Lehmann & Sane 1999, Science 284: a robotic wing in oil, translation at constant velocity, 0 to 90
-degrees. Outside that range the wing is its own mirror image: a = atan2(|w|, |u|), lift follows the sign of w, and drag
-the flow. The fit has CL = 0.027 at 0 and 0.101 at 90 degrees, where symmetry wants 0: over one degree it is led there.
+degrees. Outside that range the coefficients are mirrored: a = atan2(|w|, |u|), the lift changes sign with w, and the
+drag acts along the flow. The fit gives CL = 0.027 at 0 and 0.101 at 90 degrees, where symmetry requires 0: over the
+last degree at both ends CL goes linearly to 0.
 
-Velocity is taken and the force acts where `strip_forces` does both. No state, no downwash, no suction apart from these.
+Velocity is evaluated and force acts at the same points as in `strip_forces`. The model has no state, no downwash, and
+no suction besides CL and CD.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from aerobat_pin.aerodynamics.strip_forces import StripLoads, Strips, gather, se
 from aerobat_pin.numerics import Array, inner
 
 DEGREE = np.pi / 180.0
-BLEND = 1.0  # [deg] of incidence over which the fit is led to zero
+BLEND = 1.0  # [deg] range of incidence over which CL goes to zero, at both ends
 
 
 @inner
@@ -30,9 +32,10 @@ def coefficients(incidence: float) -> tuple[float, float]:
 
 @inner
 def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripLoads) -> float:
-    """Compute the strips' loads; arguments as of `strips.strip_loads`. Return the downwash on the centre line: none.
+    """Compute the strips' loads, with the arguments of `strip_loads`; return the centre line's downwash, always 0.
 
-    `circulation` is the bound one of the lift, U c CL / 2, and `effective_velocity` the normal velocity w.
+    The row `circulation` is the bound circulation of this lift, U chord CL / 2; `effective_velocity` is the normal
+    velocity w.
     """
     sections(strips, twists, rows)
     factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.airspeed

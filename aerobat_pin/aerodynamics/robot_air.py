@@ -1,10 +1,11 @@
-"""The air on Aerobat: strips that ride on the links, a quasi-steady tail and fin, the body's drag, and added mass.
+"""Aerodynamics of Aerobat: strips fixed to the links, a quasi-steady tail and fin, the body's drag, and added mass.
 
-Everything answers to the links' twists *against the air*: the twists themselves in still air, less the wind in each
-link's axes otherwise. `strip_forces` and `quasi_steady` are the two models of the wing, `body_surfaces` is the rest.
+All forces depend on the links' twists relative to the air: the twist of each link minus the wind, in the link's axes.
+`strip_forces` and `quasi_steady` are the two models of the wing; `body_surfaces` models body, tail and fin.
 
-Added mass: each strip drags factor pi rho b^2 of air per span along its normal, at mid-chord. On one link the normals
-are all its z axis, so with (v_z, omega_x, omega_y) of the link all its strips make one constant matrix (3, 3),
+Added mass: each strip accelerates a mass m of air, factor pi rho b^2 per span, along its normal and at mid-chord. All
+strips of a link have the link's z axis as normal. So one constant matrix (3, 3) describes the added mass of a link,
+multiplying the link's (v_z, omega_x, omega_y):
 
     G = sum m [1, y, -x]^T [1, y, -x]          kinetic energy (v_z, omega_x, omega_y) G (v_z, omega_x, omega_y)^T / 2
 """
@@ -39,15 +40,15 @@ MODELS: tuple[Model, ...] = ("lifting_line", "quasi_steady")
 
 @inner
 def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
-    """Compute the loads on the links and the rates of the air's state.
+    """Compute the wrenches on the links and the rates of the aerodynamic state.
 
     Args:
-        air: constants.
-        twists: (5, 6) of the links against the air, at and in their own frames.
+        air: aerodynamic constants.
+        twists: (5, 6) twists of the links relative to the air, at the origin and in the axes of each link's frame.
         state: (3N,) zeta_1, zeta_2, circulation; empty in the quasi-steady model.
-        wrenches: (5, 6) written: on the links, at and in their own frames, force first.
-        rates: like `state`, written: its rates.
-        loads: (9, N) written, see `StripLoads`.
+        wrenches: (5, 6) written: wrenches on the links, at the same points and in the same axes, force first.
+        rates: (3N,) written: rates of `state`.
+        loads: (9, N) written: flow and force at the strips, see `StripLoads`.
     """
     rows = strip_rows(loads)
     if air.quasi_steady[()] > 0.0:
@@ -59,23 +60,24 @@ def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, r
 
 @kernel
 def air_loads_in(memory: Array, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
-    """Compute what `air_loads` does, with the constants of `RobotAir.memory`."""
+    """Compute what `air_loads` does, reading the aerodynamic constants from `RobotAir.memory`."""
     air_loads(air_in(memory), twists, state, wrenches, rates, loads)
 
 
 class RobotAir:
-    """Aerodynamics of the robot, a pure function of link twists against the air and of the air's state.
+    """Aerodynamics of the robot: a pure function of the links' twists relative to the air and the aerodynamic state.
 
     Args:
         wing: the planform along the links.
         strips: number of strips over the full span.
-        air_density: [kg/m3].
-        model: `lifting_line` (unsteady, 3N states) or `quasi_steady` (none).
+        air_density: density of the air [kg/m3].
+        model: `lifting_line` (unsteady, 3N states) or `quasi_steady` (no states).
         lift_limit: largest lift coefficient of a strip in the lifting line; None for attached flow without limit.
-        added_mass: factor of pi rho b^2 per span; 1 is thin-aerofoil theory, 0 leaves the added mass out.
+        added_mass: factor on the added mass pi rho b^2 per span; 1 is thin-aerofoil theory, 0 leaves it out.
 
     Raises:
-        ShapeError: strips or density make no lifting line, the lift limit is not positive, or the factor is negative.
+        ShapeError: the model is unknown, the number of strips or the density is not positive, the lift limit is not
+            positive, or the factor is negative.
     """
 
     def __init__(
@@ -118,7 +120,7 @@ class RobotAir:
         )
 
     def __repr__(self) -> str:
-        """Say the model and its size."""
+        """Name the model, its planform, its number of states and its lift limit."""
         return f"RobotAir({self.model}, {self.line!r}, {self.state_size} states, lift limit {self.lift_limit})"
 
     @property
@@ -127,7 +129,7 @@ class RobotAir:
         return 3 * self.line.strips if self.model == "lifting_line" else 0
 
     def airspeed(self, twists: Array) -> Array:
-        """Return the strips' airspeeds in their planes (n, N) [m/s] at the links' twists against the air (n, 5, 6)."""
+        """Return each strip's airspeed in its plane (n, N) [m/s], given link twists relative to the air (n, 5, 6)."""
         linear, angular = np.split(twists[:, self.link], 2, axis=2)
         velocity = linear + np.cross(angular, self.mid_chord)
         return np.asarray(np.hypot(velocity[..., 0], velocity[..., 2]))
@@ -143,16 +145,16 @@ def air_memory(
     slope_over_limit: float = 0.0,
     surfaces: Surfaces = NO_SURFACES,
 ) -> Array:
-    """Return the memory of a lifting line that rides on links.
+    """Return the memory of a lifting line whose strips are fixed to links.
 
     Args:
         line: the lifting line.
-        link: (N,) of the strips, index into `LINKS`.
-        middle: (N, 3) their mid-chord points in the links' frames [m].
-        quasi_steady: 1 for that model in place of the lifting line.
-        profile_drag: coefficient.
-        slope_over_limit: lift slope over the limit of the lift coefficient; 0 for no limit.
-        surfaces: body, tail and fin; none of them where omitted.
+        link: (N,) link of each strip, as an index into `LINKS`.
+        middle: (N, 3) mid-chord point of each strip in the frame of its link [m].
+        quasi_steady: 1 for the quasi-steady model, 0 for the lifting line.
+        profile_drag: coefficient of profile drag.
+        slope_over_limit: lift slope divided by the limit of the lift coefficient; 0 for no limit.
+        surfaces: constants of body, tail and fin; when omitted there are none.
     """
     memory = new_memory(air_in, line.strips)
     x, y, z = middle.T
@@ -173,7 +175,7 @@ def air_memory(
 
 
 def _surfaces(shape: Morphology, lift_slope: float) -> Surfaces:
-    """Return what a morphology has of body, tail and fin."""
+    """Return the aerodynamic constants of a morphology's body, tail and fin; a missing tail or fin has no force."""
     tail, drag, fin = shape.tail, shape.aerodynamics, shape.fin
     surfaces = NO_SURFACES._replace(drag_area=drag.body_drag_area, downwash_factor=drag.tail_downwash_factor)
     if tail is not None:

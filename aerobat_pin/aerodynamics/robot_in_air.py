@@ -1,4 +1,4 @@
-"""A robot in its air: what its links meet along a motion, and the air's state warmed up before it."""
+"""A robot in its air: the twists of its links along a motion, and a warmed-up aerodynamic state to start from."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ from aerobat_pin.robot import Aerobat, tree_of
 
 @kernel
 def warm_up(memory: Array, twists: Array, dt: float) -> None:
-    """Integrate the air's state in memory under link twists against the air (2 n + 1, 5, 6), given every half step."""
+    """Integrate the aerodynamic state in memory over n steps of size dt [s].
+
+    `twists` (2 n + 1, 5, 6) are those of the links relative to the air, at every half step.
+    """
     robot = robot_in(memory)
     air, wrenches, loads = robot.air, robot.links.wrenches, robot.loads
     rates, start, state = robot.rates, robot.start, robot.state
@@ -42,15 +45,15 @@ class RobotInAir:
 
     Args:
         robot: the robot.
-        air: the air on it.
+        air: the robot's aerodynamic model.
 
     Attributes:
-        data: where the kernels find Pinocchio's results.
-        memory: what a kernel's call begins with; `fields` names its parts.
+        data: the `pin.Data` in which the kernels find Pinocchio's results.
+        memory: flat array that is a kernel's first argument; `fields` are named views of its parts.
     """
 
     def __init__(self, robot: Aerobat, air: RobotAir) -> None:
-        """Lay out memory and fill in what does not change."""
+        """Lay out the memory and fill in its constants."""
         self.robot, self.air, self.data = robot, air, robot.model.createData()
         model, data = robot.model, self.data
         liMi, v, a_gf = placements(data.liMi), motions(data.v), motions(data.a_gf)
@@ -64,7 +67,10 @@ class RobotInAir:
         self.fields.gravity[...] = -model.gravity.linear[2]
 
     def link_twists(self, q: Array, v: Array) -> Array:
-        """Return the twists of the links (n, 5, 6), at and in their own frames, along q (n, nq) and v (n, nv)."""
+        """Return the links' twists (n, 5, 6) for configurations q (n, nq) and velocities v (n, nv).
+
+        Each twist is at the origin and in the axes of the link's frame.
+        """
         joints, found, model, data = self.fields.tree.joint, motions(self.data.v), self.robot.model, self.data
         twists, forward = np.empty((len(q), len(joints), 6)), pin.forwardKinematics
         for row, placement, velocity in zip(twists, list(q), list(v), strict=True):
@@ -73,11 +79,11 @@ class RobotInAir:
         return twists
 
     def flapping_twists(self, placement: Array, twist: Array, motion: Array) -> Array:
-        """Return the twists of the links (n, 5, 6) while the wings flap and the body keeps its placement and its twist.
+        """Return the links' twists (n, 5, 6) while the wings flap and placement and twist of the body stay constant.
 
         Args:
-            placement: (7,) of the body.
-            twist: (6,) of the body against the air, body axes.
+            placement: (7,) placement of the body.
+            twist: (6,) twist of the body relative to the air, body axes.
             motion: (n, 3, 2) angle, rate and acceleration of shoulder and elbow.
         """
         still = np.ones((len(motion), 1))
@@ -85,13 +91,15 @@ class RobotInAir:
         return self.link_twists(q, self.robot.velocity(still * twist, motion[:, 1, 0], motion[:, 1, 1]))
 
     def warmed_up(self, placement: Array, twist: Array, motion: Array, dt: float) -> Array:
-        """Return the air's state (S,) after the wings flapped from rest, so that a flight begins in their own wake.
+        """Return the aerodynamic state (S,) after the wings have flapped, starting from air at rest.
+
+        A flight that starts from this state starts in the wake of its own wings.
 
         Args:
-            placement: (7,) of the body.
-            twist: (6,) of the body against the air, body axes.
-            motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow every half step.
-            dt: step [s].
+            placement: (7,) placement of the body.
+            twist: (6,) twist of the body relative to the air, body axes.
+            motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step.
+            dt: time step [s].
         """
         self.fields.state[:] = 0.0
         warm_up(self.memory, self.flapping_twists(placement, twist, motion), dt)

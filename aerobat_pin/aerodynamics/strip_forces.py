@@ -1,25 +1,25 @@
-"""Unsteady strips on the links, compiled: from the links' twists to their wrenches and the rates of the air's state.
+"""Unsteady strips on the links, compiled: from link twists to link wrenches and rates of the aerodynamic state.
 
-A strip lives in its link's frame: chord along x, normal along z. Spanwise flow is ignored. With the mid-chord point's
-velocity against the air, u forward and w_m upward relative to the section, U = hypot(u, w_m) and the flow's cosine
-c = u / U. The edge that leads is the front one where c = 1 and the rear one where c = -1; in between
+A strip is fixed to its link's frame: chord along x, normal along z. Spanwise flow is ignored. At mid-chord the strip
+moves forward through the air at u, and the air passes it upward at w_m. With U = hypot(u, w_m), the cosine of the flow
+direction is c = u / U. For c = 1 the front edge leads, for c = -1 the rear edge. In between, the number
 
     lead = c (3 - c^2) / 2            flat at both ends: 1 - 3/8 incidence^4
 
-carries the 3/4- and 1/4-chord points, c/4 behind and before mid-chord as the flow sees it, from one edge to the other,
-and scales the suction. So nothing jumps in broadside flow, and flow from behind is flow from ahead seen in a mirror.
+moves the 1/4- and 3/4-chord points, which lie lead chord / 4 before and behind mid-chord, and scales the suction. So no
+force jumps when the flow meets the strip broadside, and flow from behind gives the mirror image of flow from ahead.
 
     w_n = w |u| / U,  w at the 3/4 chord             lift and drag act at the 1/4 chord; equations in `lifting_line`
-    f_x = lead suction - rho/2 c cd0 U u             per span
-    f_z = lift + rho/2 c cd0 U w
+    f_x = lead suction - rho/2 chord cd0 U u         per span
+    f_z = lift + rho/2 chord cd0 U w
 
-This is not the law of `flapping_wing.fly`, which drives the line with w itself, as potential flow has it. With
-w |u| / U the steady normal force a0 rho b |u| w is the attached plate's at any incidence, in both; but suction here
-falls with lead c^2, so that a plate drags. The two agree up to incidence^2; beyond, this law lies between attached and
-stalled flow, for tips that pass 40 to 60 degrees (docs/design/0006-added-mass.md, docs/lifting_line.md).
+`flapping_wing.fly` differs: there the input of the lifting line is w itself, as in potential flow. In steady flow both
+laws give the normal force of an attached plate, a0 rho b |u| w, at any incidence. But here the suction is scaled by
+lead c^2, so a plate has drag. The two laws agree up to incidence^2. At larger incidence, and wing tips exceed 40 to 60
+degrees, this law lies between attached and stalled flow (docs/design/0006-added-mass.md, docs/lifting_line.md).
 
-A limit of the lift coefficient, where one is set, bends w_eff before anything uses it: with r = a0 w_eff / (U limit),
-w_eff / (1 + r^4)^(1/4) is 1.5 % less at half the limit and never passes it.
+If a limit of the lift coefficient is set, w_eff is first reduced to w_eff / (1 + r^4)^(1/4), r = a0 w_eff / (U limit).
+At half the limit this is 1.5 % less, and the lift coefficient never exceeds the limit.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from aerobat_pin.numerics import Array, Integers, inner
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
 
-Scalar = Any  # an array without axes where it lies in a kernel's memory, a number where it is filled in
+Scalar = Any  # an array () as a view of a kernel's memory, a number as a value to be filled in
 
 
 class Strips(NamedTuple):
     """The strips on the links, each field (N,).
 
-    `link` is the index into `LINKS`; `x`, `y`, `z` the mid-chord point in the link's frame [m]; `quarter_chord` a
-    quarter of the chord [m]; `per_semichord` [1/m]; `force_factor` half of density, chord and width [kg/m].
+    `link` is the index into `LINKS`; `x`, `y`, `z` is the mid-chord point in the link's frame [m]; `quarter_chord` is a
+    quarter of the chord [m]; `per_semichord` is 1 / semichord [1/m]; `force_factor` is density chord width / 2 [kg/m].
     """
 
     link: Integers
@@ -54,10 +54,11 @@ class Strips(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Body, tail and fin: numbers () and points (3,) of the body [m].
+    """Constants of body, tail and fin; points (3,) are in the body's frame [m].
 
-    `drag_area` of the body [m2]; `downwash_factor` of the wing's downwash at the tail; `tail` its centre, cosine and
-    sine of its incidence, `tail_lift` per rho |u| w [m2]; `fin` its centre, `fin_lift` per rho |u| v [m2].
+    `drag_area` is that of the body [m2]. `downwash_factor` times the centre-line downwash is the downwash at the tail.
+    `tail` is the centre of the tail, `tail_cosine` and `tail_sine` give its incidence, `tail_lift` is its lift divided
+    by rho |u| w [m2]. `fin` is the centre of the fin, `fin_lift` is its side force divided by rho |u| v [m2].
     """
 
     drag_area: Scalar
@@ -71,11 +72,12 @@ class Surfaces(NamedTuple):
 
 
 class AirConstants(NamedTuple):
-    """What does not change of the air on a robot.
+    """Constants of the aerodynamic model of a robot.
 
-    Numbers (): `quasi_steady` 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
-    `lift_slope` [1/rad], `profile_drag` coefficient, `slope_over_limit` of the lift coefficient, 0 for no limit.
-    `downwash` (N, N) is the operator D [1/m], `centre_downwash` (N,) its row on the centre line.
+    Numbers (): `quasi_steady` is 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
+    `lift_slope` [1/rad], `profile_drag` is the coefficient cd0, `slope_over_limit` is the lift slope divided by the
+    limit of the lift coefficient, 0 for no limit. `downwash` (N, N) is the operator D [1/m], `centre_downwash` (N,) its
+    row on the centre line.
     """
 
     quasi_steady: Scalar
@@ -90,12 +92,13 @@ class AirConstants(NamedTuple):
 
 
 class StripLoads(NamedTuple):
-    """What the strips do, each field (..., N): the rows of their loads (..., 9, N), which kernels write.
+    """Flow and force at the strips, each field (..., N): the named rows of an array (..., 9, N) that kernels write.
 
-    `u` forward and `w` upward [m/s], the flow at mid-chord and at the 3/4 chord; `airspeed` at mid-chord in the strip's
-    plane [m/s]; share `lead` of the edge that leads, 1 the front one and -1 the rear one; `downwash` [m/s];
-    `circulation` [m2/s]; `effective_velocity` w_eff [m/s]; the force [N] along the link's x (suction less drag) and z
-    (lift plus drag), which acts lead c/4 before mid-chord.
+    `u` is the forward speed through the air at mid-chord, `w` the upward velocity of the air at the 3/4 chord [m/s].
+    `airspeed` is that at mid-chord in the strip's plane [m/s]. `lead` is 1 if the front edge leads, -1 if the rear edge
+    leads, and in between otherwise. `downwash` [m/s], `circulation` [m2/s], `effective_velocity` w_eff [m/s].
+    `force_x` (suction minus drag) and `force_z` (lift plus drag) [N] are along the link's x and z axes and act
+    lead chord / 4 before mid-chord.
     """
 
     u: Array
@@ -110,7 +113,7 @@ class StripLoads(NamedTuple):
 
     @property
     def incidence(self) -> Array:
-        """Incidence at the 3/4 chord [rad]; 0 at rest, whatever the sign of the zeros."""
+        """Incidence at the 3/4 chord [rad]; 0 at rest, even if u and w are negative zeros."""
         return np.asarray(np.arctan2(self.w + 0.0, self.u + 0.0))
 
 
@@ -118,19 +121,19 @@ STRIP_ROWS = len(StripLoads._fields)
 
 
 def strips_of(loads: Array) -> StripLoads:
-    """Name the rows of strip loads (..., 9, N)."""
+    """Return the rows of strip loads (..., 9, N) as named fields."""
     return StripLoads(*np.moveaxis(loads, -2, 0))
 
 
 @inner
 def strip_rows(loads: Array) -> StripLoads:
-    """Name the rows of strip loads (9, N)."""
+    """Return the rows of strip loads (9, N) as named fields, in a kernel."""
     return StripLoads(loads[0], loads[1], loads[2], loads[3], loads[4], loads[5], loads[6], loads[7], loads[8])
 
 
 @inner
 def sections(strips: Strips, twists: Array, rows: StripLoads) -> None:
-    """Write the flow at each strip: `u`, `w` (at the 3/4 chord), `airspeed` and `lead`."""
+    """Write the rows `u`, `w`, `airspeed` and `lead` of each strip."""
     count = strips.link.shape[0]
     link_of, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
     u, w, speed, lead, turn = rows.u, rows.w, rows.airspeed, rows.lead, rows.force_x
@@ -148,7 +151,7 @@ def sections(strips: Strips, twists: Array, rows: StripLoads) -> None:
 
 @inner
 def gather(strips: Strips, rows: StripLoads, wrenches: Array) -> None:
-    """Write the links' wrenches (5, 6) of the strips' forces at their 1/4 chords."""
+    """Write the wrenches (5, 6) that the strips' forces, acting at the 1/4 chords, exert on the links."""
     link, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
     force_x, force_z, lead = rows.force_x, rows.force_z, rows.lead
     wrenches[:] = 0.0
@@ -166,15 +169,15 @@ def gather(strips: Strips, rows: StripLoads, wrenches: Array) -> None:
 def strip_loads(
     air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripLoads
 ) -> float:
-    """Compute the strips' loads and the rates of the air's state; return the downwash on the centre line [m/s].
+    """Compute the strips' loads and the rates of the aerodynamic state; return the centre line's downwash [m/s].
 
     Args:
-        air: constants.
-        twists: (5, 6) of the links against the air, at and in their own frames.
+        air: aerodynamic constants.
+        twists: (5, 6) twists of the links relative to the air, at the origin and in the axes of each link's frame.
         state: (3N,) zeta_1, zeta_2, circulation.
-        wrenches: (5, 6) written: on the links, at and in their own frames, force first.
-        rates: (3N,) written: of the state.
-        rows: written: the strips' loads.
+        wrenches: (5, 6) written: wrenches on the links, at the same points and in the same axes, force first.
+        rates: (3N,) written: rates of `state`.
+        rows: written: flow and force at the strips.
     """
     strips = air.strips
     count = strips.link.shape[0]

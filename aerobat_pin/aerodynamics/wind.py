@@ -1,4 +1,4 @@
-"""Wind: a velocity of the air that is the same everywhere and may change with time.
+"""Wind: a velocity of the air that is the same everywhere and can change with time.
 
 v_air(t) = velocity + amplitude (1 - cos(2 pi (t - start) / duration)) / 2          during the gust
 """
@@ -14,7 +14,7 @@ from aerobat_pin.numerics import Array
 
 @dataclass(frozen=True)
 class Gust:
-    """Air that comes and goes once: largest velocity (3,) in world axes [m/s], start and duration [s]."""
+    """A single gust: largest velocity (3,) in world axes [m/s], start and duration [s]."""
 
     amplitude: tuple[float, float, float]
     start: float
@@ -23,13 +23,13 @@ class Gust:
 
 @dataclass(frozen=True)
 class Wind:
-    """A steady velocity (3,) in world axes [m/s], and a gust upon it or none."""
+    """A steady velocity (3,) in world axes [m/s], and a gust added to it or None."""
 
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gust: Gust | None = None
 
     def field(self, time: Array) -> Array:
-        """Return velocity of the air and its rate (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
+        """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
         field = np.zeros((len(time), 2, 3))
         field[:, 0] = self.velocity
         if self.gust is not None:

@@ -1,4 +1,4 @@
-"""From a scenario to a flight log: plant, crank, sensors; the log is the only door to estimating."""
+"""From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia

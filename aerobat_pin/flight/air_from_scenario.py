@@ -1,4 +1,4 @@
-"""The air that a scenario's table describes."""
+"""The aerodynamic model and the wind that a scenario's `air` table describes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from aerobat_pin.scenario import AirSection
 
 
 def robot_air(wing: Wing, air: AirSection) -> RobotAir:
-    """Put a scenario's air on a wing. Raises ShapeError where no lifting line follows."""
+    """Return the aerodynamic model of a wing with a scenario's air settings. Raises as `RobotAir`."""
     return RobotAir(
         wing,
         strips=air.strips,
@@ -20,6 +20,6 @@ def robot_air(wing: Wing, air: AirSection) -> RobotAir:
 
 
 def wind_of(air: AirSection) -> Wind:
-    """Return a scenario's wind with its gust."""
+    """Return a scenario's wind, with its gust if it has one."""
     gust = air.gust
     return Wind(air.wind, None if gust is None else Gust(gust.amplitude, gust.start, gust.duration))

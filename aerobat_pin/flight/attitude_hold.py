@@ -1,9 +1,10 @@
-"""An ideal attitude hold: a wrench on the body that stands for the laboratory's guard thrusters.
+"""The attitude hold: an ideal controller that replaces the thrusters on the laboratory's protective cage (the guard).
 
     torque, body axes:  sat(kp . log3(R^T R_ref) - kd . omega)         per axis: roll, pitch, yaw
     force, world axes:  x  sat(kx (vx_ref - vx)),   y  0,   z  lift + sat(kz (z_ref - z) - dz vz)
 
-It acts at the body's centre of mass and is a known input of the observer.
+The controller's wrench acts at the body's centre of mass and is a known input of the observer. `sat` clips each
+component to its limit; `log3` is the rotation vector.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from aerobat_pin.scenario import Scenario
 
 @kernel
 def rotation_vector(R: Array, out: Array) -> None:
-    """Write log3 of a rotation (3, 3) into out (3,): axis times angle in [0, pi], by way of the unit quaternion."""
-    # The largest of the four quaternion parts is found first: nothing is divided by a small number.
+    """Write the rotation vector log3(R) of a rotation (3, 3) into out (3,): unit axis times angle in [0, pi]."""
+    # The largest component of the unit quaternion is computed first, so that no division is by a small number.
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     if trace > 0.0:
         w = 0.5 * np.sqrt(1.0 + trace)
@@ -47,12 +48,12 @@ def saturated(value: float, limit: float) -> float:
 
 
 class AttitudeHold(NamedTuple):
-    """Gains and limits of the hold, and the flight it keeps; as numbers, or as they lie in a kernel's memory.
+    """Reference values, gains and limits of the attitude hold, as numbers or as views of a kernel's memory.
 
-    `rotation` (3, 3) is the attitude to keep, body to world, `forward_speed` the world x velocity [m/s], `height` world
-    z [m]. `attitude_stiffness`, `attitude_damping`, `torque_limit` (3,) [N m/rad], [N m s/rad], [N m]; `speed_gain`,
-    `thrust_limit` [N s/m], [N]; `lift`, the constant upward force [N]; `height_stiffness`, `height_damping`,
-    `lift_limit` [N/m], [N s/m], [N].
+    References: `rotation` (3, 3) is the attitude, body to world, `forward_speed` the velocity along world x [m/s],
+    `height` the world z [m]. Attitude, each (3,): `attitude_stiffness` [N m/rad], `attitude_damping` [N m s/rad],
+    `torque_limit` [N m]. Speed: `speed_gain` [N s/m], `thrust_limit` [N]. Height: `lift`, the constant upward force
+    [N], `height_stiffness` [N/m], `height_damping` [N s/m], `lift_limit` [N].
     """
 
     rotation: Array
@@ -71,14 +72,14 @@ class AttitudeHold(NamedTuple):
 
 @kernel
 def hold_wrench(hold: AttitudeHold, world: Array, twist: Array, error_rotation: Array, wrench: Array) -> None:
-    """Write the hold's wrench at the body's centre of mass in body axes into wrench (6,), force first [N, N m].
+    """Write the attitude hold's wrench on the body, at its centre of mass and in body axes.
 
     Args:
-        hold: gains and limits, in a kernel's memory.
-        world: (12,) placement of the body's centre of mass: rotation by columns, position.
+        hold: reference values, gains and limits, as views of a kernel's memory.
+        world: (12,) placement of the body's centre of mass: rotation by columns, then position.
         twist: (6,) body twist in body axes.
-        error_rotation: (3, 3) written: from the body's attitude to the one to keep.
-        wrench: (6,) written.
+        error_rotation: (3, 3) written: R^T R_ref, the reference attitude as seen from the body.
+        wrench: (6,) written: force first [N, N m].
     """
     target, limit = hold.rotation, hold.torque_limit
     stiffness, damping = hold.attitude_stiffness, hold.attitude_damping
@@ -99,7 +100,10 @@ def hold_wrench(hold: AttitudeHold, world: Array, twist: Array, error_rotation: 
 
 
 def hold_about(scenario: Scenario, rotation: Array) -> AttitudeHold | None:
-    """Return a scenario's hold about its start, whose attitude is `rotation` (3, 3); None where nothing holds."""
+    """Return a scenario's attitude hold, or None if it has none.
+
+    The hold keeps the attitude `rotation` (3, 3), and the x velocity and height of the scenario's start.
+    """
     if scenario.hold is None:
         return None
     return AttitudeHold(

@@ -1,23 +1,24 @@
-"""A recorded flight from a table of text: one row a sample, one named column a channel, units in the header.
+"""Recorded flights as text tables: one row per sample, one named column per quantity, units in the header.
 
 | column | unit | |
 |---|---|---|
 | `time` | s | rising |
-| `x`, `y`, `z` | m | body COM in world axes, z up |
-| `qx`, `qy`, `qz`, `qw` | - | body to world |
+| `x`, `y`, `z` | m | position of the body COM in world axes, z up |
+| `qx`, `qy`, `qz`, `qw` | - | attitude: quaternion, body to world |
 | `vx`, `vy`, `vz` | m/s | optional, all or none: velocity of the body COM in body axes |
-| `wx`, `wy`, `wz` | rad/s | optional, all or none: gyro, body axes |
-| `crank_angle` | rad | absolute t1, unwrapped or not; or instead of it the four joints |
-| `crank_rate` | rad/s | optional, beside the angle: of a tachometer, or of the angle once smoothed |
-| `left_shoulder`, ... | rad | joint angles; any of them may have `<joint>_rate` [rad/s] beside it |
-| `airspeed` | m/s | optional: of the air that meets the body from ahead, along its x axis |
-| `wind_x`, `wind_y`, `wind_z` | m/s | optional: of the air over ground, world axes |
-| `crank_torque` | N m | optional: of the motor on the crank |
-| `torque_<joint>` | N m | optional, all four or none: of the motor at the joints |
+| `wx`, `wy`, `wz` | rad/s | optional, all or none: angular velocity from a gyro, body axes |
+| `crank_angle` | rad | absolute crank angle t1, wrapped or not; required unless the four joint angles are given |
+| `crank_rate` | rad/s | optional, only with `crank_angle`: from a tachometer, or from the smoothed angle |
+| `left_shoulder`, ... | rad | joint angles, all four or none; likewise their rates `<joint>_rate` [rad/s] |
+| `airspeed` | m/s | optional: speed of the air that meets the body from ahead, along the body's x axis |
+| `wind_x`, `wind_y`, `wind_z` | m/s | optional: velocity of the air over ground, world axes |
+| `crank_torque` | N m | optional: motor torque at the crank |
+| `torque_<joint>` | N m | optional, all four or none: motor torque at the joints |
 | `thrust_fx` ... `thrust_mz` | N, N m | optional, all six or none: known wrench at the body COM, body axes |
 
-A header cell is a name, or a name with its unit as in `x [m]`. A table has samples of forces and torques, a log has
-interval means: reading takes the mean of both ends of an interval, writing the mean of both intervals beside a sample.
+A header cell is a column name, optionally with its unit as in `x [m]`. A table holds forces and torques as samples, a
+log holds them as interval means: reading averages the samples at both ends of an interval, and writing averages the
+intervals on both sides of a sample.
 """
 
 from __future__ import annotations
@@ -40,23 +41,23 @@ from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
 THRUSTERS = f"{KNOWN}thrusters"
-FASTEST_CRANK = 60.0  # [Hz]: a faster one is in degrees
-LONGEST_SAMPLE_TIME = 0.5  # [s] between samples: a flap is over in less, so a slower log is in milliseconds
-FEWEST_SAMPLES = 3  # rates of a shorter record cannot be told
+FASTEST_CRANK = 60.0  # [Hz]: if the crank seems faster, its angle is in degrees
+LONGEST_SAMPLE_TIME = 0.5  # [s]: a flap is shorter, so if samples seem further apart, the time is in milliseconds
+FEWEST_SAMPLES = 3  # fewer samples do not give rates
 HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 
 
 @dataclass(frozen=True)
 class ColumnGroup:
-    """Columns that a table has all of or none, and the channel of a log that they make.
+    """Columns of which a table has all or none, and the log channel that they form.
 
     Attributes:
-        channels: names of the channels that may hold them; reading makes the last one.
-        columns: unit -> names of columns, between blanks.
-        meaning: of the channel.
-        axis: name of the channel's second dimension; empty for a channel of one number.
-        labels: of the columns along it.
-        means: the channel has interval means.
+        channels: names of the log channels that can contain these columns; reading creates the last one.
+        columns: column names by unit, separated by blanks.
+        meaning: description of the channel.
+        axis: name of the channel's second dimension; empty for a channel with one number per sample.
+        labels: names of the columns along that dimension.
+        means: whether the channel has interval means instead of samples.
     """
 
     channels: tuple[str, ...]
@@ -68,7 +69,7 @@ class ColumnGroup:
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """Column -> unit."""
+        """Unit of each column, by column name."""
         return {name: unit for unit, names in self.columns.items() for name in names.split()}
 
 
@@ -107,7 +108,7 @@ def read_csv(path: str | Path) -> FlightLog:
     """Read a recorded flight.
 
     Raises:
-        LogError: the file cannot be read, or is not a flight; the message names file, column and line.
+        LogError: the file cannot be read, or does not describe a flight; the message names file, column and line.
     """
     text = TextTable(Path(path), "log", LogError)
     columns = _columns(text)
@@ -138,13 +139,13 @@ def read_csv(path: str | Path) -> FlightLog:
 
 
 def write_csv(log: FlightLog, path: str | Path) -> None:
-    """Write the measured side of a flight as a table that `read_csv` reads, units in the header.
+    """Write the measured channels of a flight as a table that `read_csv` reads, with units in the header.
 
-    Samples come back as they were, to ten digits; forces and torques come back smoothed over their neighbours. What a
-    log notes beside its channels, such as its robot, is not written.
+    Reading the table returns the samples to ten digits, and forces and torques smoothed over neighbouring intervals.
+    The log's attributes, such as the name of its robot, are not written.
 
     Raises:
-        LogError: a known force has no column.
+        LogError: the table has no column for one of the known forces.
         OutputError: the file cannot be written.
     """
     unwritten = [str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN) and name != THRUSTERS]
@@ -163,11 +164,11 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
 
 
 def _columns(text: TextTable) -> dict[str, Array]:
-    """Return the columns by name. Raises LogError for what is not a table of numbers with known names and units."""
+    """Return the columns by name. Raises LogError unless the text is a table of numbers with known names and units."""
     names = [_name(cell, text.path) for cell in text.header]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise LogError(f"log {text.path}: column '{twice.pop()}' is there twice")
+        raise LogError(f"log {text.path}: column '{twice.pop()}' appears twice")
     table = text.numbers()
     if len(table) < FEWEST_SAMPLES:
         raise LogError(
@@ -190,7 +191,7 @@ def _name(cell: str, path: Path) -> str:
 
 
 def _check(columns: dict[str, Array], text: TextTable) -> None:
-    """Raise LogError unless the columns make a flight."""
+    """Raise LogError unless the columns describe a flight: complete, in order of time and in the right units."""
     path = text.path
     missing = [name for name in ("time", *GROUPS[0].units) if name not in columns]
     if missing:
@@ -201,7 +202,7 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
         if there and absent:
             raise LogError(f"log {path}: {', '.join(there)} without {', '.join(absent)}: all of them or none")
     if "crank_rate" in columns and "crank_angle" not in columns:
-        raise LogError(f"log {path}: crank_rate without crank_angle: the linkage closes at an angle")
+        raise LogError(f"log {path}: crank_rate without crank_angle: the linkage needs the angle")
     if "crank_angle" not in columns and JOINTS[0] not in columns:
         raise LogError(f"log {path}: neither crank_angle nor the joints {', '.join(JOINTS)} are there")
     time = columns["time"]
@@ -209,7 +210,7 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 1
         what = "is repeated" if steps[row - 1] == 0.0 else "runs backwards"
-        raise LogError(f"log {path}, line {text.line(row)}: time = {time[row]:g} s {what}: rising stamps were expected")
+        raise LogError(f"log {path}, line {text.line(row)}: time = {time[row]:g} s {what}: rising times were expected")
     step = float(np.median(steps))
     if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
@@ -228,6 +229,6 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
 
 
 def _samples(means: Array) -> Array:
-    """Return samples (m + 1, c) of interval means (m, c): of both neighbours inside, straight on at the ends."""
+    """Return samples (m + 1, c) from interval means (m, c): mean of both neighbours, extrapolated at the two ends."""
     inside = 0.5 * (means[1:] + means[:-1])
     return np.concatenate([2.0 * means[:1] - inside[:1], inside, 2.0 * means[-1:] - inside[-1:]])

@@ -1,15 +1,16 @@
-"""The flight log: the only door between flying and estimating.
+"""The flight log: the only data that pass from a flight to the estimators.
 
-`measured` is what an observer may see; `truth` is what only a simulation knows. Both are labelled tables with units.
+`measured` holds the channels that an observer may use; `truth` holds the exact quantities that only a simulation
+provides. Both are labelled tables with units.
 
 | dimension | meaning |
 |---|---|
-| `time` | samples, n + 1 of them [s] |
-| `interval` | between two samples, n of them; its coordinate is the start [s]. Forces are means over it |
-| `q_axis`, `v_axis` | configuration and velocity entries, named after their joints |
-| `point`, `axis` | frames of unknown forces; x, y, z |
-| `event` | what comes and goes of the unknown forces |
-| `strip`, `link`, `wrench_axis` | arc coordinate of the strips; links; force and moment |
+| `time` | the n + 1 samples; the coordinate is their time [s] |
+| `interval` | the n intervals between samples; the coordinate is their start [s]. Forces are interval means |
+| `q_axis`, `v_axis` | entries of configuration and velocity; joint entries are named after their joints |
+| `point`, `axis` | frames at which unknown forces act; components x, y, z |
+| `event` | steps, pushes and impulses of unknown forces, with a start and an end |
+| `strip`, `link`, `wrench_axis` | strips, by their arc coordinate; links; components of force and moment |
 """
 
 from __future__ import annotations
@@ -33,18 +34,19 @@ class FlightLog:
     """Channels of one flight.
 
     Attributes:
-        measured: `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone; whatever else there is, see
-            `motion` and `known_inputs`; known generalised forces or body wrenches `known_*`.
-        truth: `force_W`, `force_noise_free_W` (interval, point, axis), `unknown` (interval, v_axis), what the air does
-            to robot, strips and links, and its state, `event_start`, `event_end` (event) where something comes and
-            goes; None for a recorded flight.
+        measured: configuration `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone; known generalised
+            forces or body wrenches `known_*`; optional channels, which `motion` and `known_inputs` of
+            `aerobat_pin.estimation` read.
+        truth: unknown forces `force_W`, `force_noise_free_W` (interval, point, axis) and `unknown` (interval, v_axis);
+            aerodynamic forces on robot, strips and links; the aerodynamic state; `event_start` and `event_end` (event)
+            if there are events. None for a recorded flight.
     """
 
     measured: xr.Dataset
     truth: xr.Dataset | None = None
 
     def __post_init__(self) -> None:
-        """Raise LogError unless the channels an observer needs are there, in order of time."""
+        """Raise LogError unless the log has the channels that an observer needs, in order of time."""
         if "q" not in self.measured and "pose" not in self.measured:
             raise LogError("flight log: no channel named q or pose")
         if "time" not in self.measured.coords:
@@ -57,7 +59,7 @@ class FlightLog:
             raise LogError(f"flight log: {intervals} intervals between {len(time)} samples")
 
     def __repr__(self) -> str:
-        """Say how long the flight is and which channels it has."""
+        """Name the flight, its duration and its channels."""
         time, truth = self.time, self.truth
         name = self.measured.attrs.get("scenario", "recorded flight")
         return (
@@ -68,7 +70,7 @@ class FlightLog:
 
     def _repr_html_(self) -> str:
         """Show the channels with their dimensions, units and meaning."""
-        import pandas as pd  # half a second that flying need not pay
+        import pandas as pd  # takes half a second to import; a flight does without
 
         rows = [
             (name, side, " x ".join(map(str, values.dims)), values.attrs.get("units"), values.attrs.get("long_name"))
@@ -104,5 +106,5 @@ class FlightLog:
 
 
 def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.Variable:
-    """Make one labelled channel. Without coordinates of its own a Dataset takes it in a tenth of the time."""
+    """Make one labelled channel. A Variable has no coordinates, so adding it to a Dataset is ten times faster."""
     return xr.Variable(dims, np.asarray(values), attrs={"units": unit, "long_name": meaning})

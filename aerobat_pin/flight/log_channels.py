@@ -1,4 +1,4 @@
-"""The channels of a simulated flight: what the plant flew, as a labelled log with units."""
+"""The channels of a simulated flight: the plant's results as a labelled log with units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Row = tuple[Array, tuple[str, ...], str, str]  # values, dimensions, unit, meani
 
 
 def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
-    """Return the log of a flight that a plant has flown, sampled at times (n + 1,) [s]; its channels are exact."""
+    """Return the log of a flight simulated by a plant, with exact channels at times (n + 1,) [s]."""
     robot, scenario, mean = plant.robot, plant.scenario, flown.forces
     order = [name for _, name in sorted(zip(robot.idx_v, JOINTS, strict=True))]
     per_sample, per_interval = ("time",), ("interval",)

@@ -1,4 +1,4 @@
-"""Unknown forces on a robot: the points where they push, and along what; the scenario says how they change in time."""
+"""Unknown forces on a robot: where they act and in which direction; the scenario gives their size over time."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class PointForce:
     """A force at the origin of a frame.
 
     Attributes:
-        frame: name of the frame it acts at.
-        direction: (3,) unit vector.
+        frame: name of the frame at whose origin the force acts.
+        direction: (3,) unit vector along the force.
         axes: whether the direction is fixed in the frame's link, the body or the world.
-        signal: its size over time.
+        signal: size of the force over time.
     """
 
     frame: str
@@ -30,7 +30,7 @@ class PointForce:
 
 
 def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]:
-    """Read a scenario's unknown forces. Raises ScenarioError for a frame the model lacks, or no direction."""
+    """Read a scenario's unknown forces. Raises ScenarioError if the model lacks a frame or a direction is zero."""
     forces = []
     for i, section in enumerate(scenario.unknown_force):
         if not model.existFrame(section.frame) or model.frames[model.getFrameId(section.frame)].parentJoint == 0:
@@ -38,21 +38,23 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
             raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': the robot's frames are {known}")
         size = float(np.linalg.norm(section.direction))
         if size == 0.0:
-            raise ScenarioError(f"unknown_force.{i}.direction = {section.direction}: a direction is not zero")
+            raise ScenarioError(f"unknown_force.{i}.direction = {section.direction}: a direction must not be zero")
         forces.append(PointForce(section.frame, np.array(section.direction) / size, section.axes, section))
     return tuple(forces)
 
 
 def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
-    """Average noise and signal of every force over intervals, each from a stream of its own, by its place in the list.
+    """Average noise and signal of every force over intervals.
+
+    Each force has its own stream of random numbers, seeded by its index in the list.
 
     Args:
         forces: the forces.
         edges: (n + 1,) interval edges [s], from 0.
-        seed: of the noise.
+        seed: seed of the noise.
 
     Returns:
-        (2, forces, n) mean noise and mean noise-free force [N], without what follows the elbow.
+        (2, forces, n) mean noise and mean noise-free force [N], without the part that depends on the elbow angle.
 
     Raises:
         ScenarioError: a recorded series cannot be read.

@@ -1,10 +1,10 @@
-"""Sensors: what recording makes of a flight's true channels, between the simulation and the log's measured side.
+"""Sensors: they turn the exact channels of a simulated flight into the log's measured channels.
 
-    sample i, taken at the log's first time from i / rate on:   round((true + bias + walk + noise) / quantum) quantum
+    sample i, taken at the first log time not before i / rate:   round((true + bias + walk + noise) / quantum) quantum
 
-The log keeps its times. At each of them a channel shows the last sample that was taken, not lost, and arrived (its
-delay is over): it holds. Until the first one arrives the channel shows that one. Errors of the attitude are small turns
-about body axes; its rounding is that of roll, pitch and yaw.
+The log's times do not change. At each time a channel shows the latest sample that was not lost and whose delay is
+over. Before the first sample has arrived, the channel already shows that sample. Attitude errors are small rotations
+about body axes; the attitude is rounded in roll, pitch and yaw.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 
 def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
-    """Return a log as its sensors recorded it; what was true of the channels they changed goes to its truth.
+    """Return a log as its sensors recorded it; the exact values of each changed channel are moved to its truth.
 
-    Each sensor draws from a stream of its own, named after it: one more sensor leaves the others as they are.
+    Each sensor has its own stream of random numbers, seeded by the sensor's name, so adding one sensor does not change
+    the errors of the others.
 
     Args:
         log: a simulated flight with exact channels and a truth.
-        robot: whose joints q and v hold.
-        sensors: what stands between.
-        seed: of all random numbers.
+        robot: the robot that flew; it gives the places of the joints in q and v.
+        sensors: settings of the sensors.
+        seed: seed of all random numbers.
     """
     if not sensors.fitted:
         return log
@@ -58,7 +59,7 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
         rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
         sense = sensed_attitude if name == "attitude" else sensed
         shown = sense(table, time[: len(table)], sensor, rng)
-        # In the truth `airspeed` is that of the strips.
+        # In the truth, `airspeed` is the name of the strips' airspeeds.
         kept = "body_airspeed" if channel == "airspeed" else channel
         if kept not in truth:
             truth[kept] = log.measured[channel]
@@ -70,14 +71,14 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
 
 
 def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
-    """Return a channel (n, c) as a sensor shows it at times (n,), from its true values (n, c)."""
+    """Return the readings (n, c) of a sensor at times (n,) [s], given the true values (n, c) of its channel."""
     taken = _sampling_times(time, sensor.rate)
     samples = true[taken] + _errors(time[taken], true.shape[1], sensor, rng)
     return np.asarray(_quantised(samples, sensor.quantum)[_last_arrived(time, taken, sensor, rng)])
 
 
 def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
-    """Return quaternions xyzw (n, 4) as a sensor shows them at times (n,), from the true ones (n, 4)."""
+    """Return the readings (n, 4) of an attitude sensor at times (n,) [s], given the true quaternions xyzw (n, 4)."""
     taken = _sampling_times(time, sensor.rate)
     errors = _errors(time[taken], 3, sensor, rng)
     samples = np.empty((len(taken), 4))
@@ -91,7 +92,7 @@ def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.ran
 
 
 def _sampling_times(time: Array, rate: float | None) -> Indices:
-    """Return at which of the times (n,) a sample is taken: always at the first."""
+    """Return the indices of the times (n,) at which a sample is taken; the first time is always among them."""
     if rate is None:
         return np.arange(len(time))
     count = np.floor((time - time[0]) * rate + 1e-6)
@@ -99,7 +100,7 @@ def _sampling_times(time: Array, rate: float | None) -> Indices:
 
 
 def _errors(time: Array, axes: int, sensor: SensorSection, rng: np.random.Generator) -> Array:
-    """Draw bias, walk and noise (m, axes) of samples taken at times (m,)."""
+    """Draw the errors (m, axes) of samples taken at times (m,) [s]: the sum of bias, random walk and white noise."""
     noise, steps = rng.standard_normal((2, len(time), axes))
     steps *= np.sqrt(np.diff(time, prepend=time[0]))[:, None]
     return np.asarray(sensor.noise * noise + sensor.walk * np.cumsum(steps, axis=0) + np.array(sensor.bias))
@@ -110,9 +111,9 @@ def _quantised(values: Array, quantum: float) -> Array:
 
 
 def _last_arrived(time: Array, taken: Indices, sensor: SensorSection, rng: np.random.Generator) -> Indices:
-    """Return which of the samples is shown at each of the times (n,)."""
+    """Return, for each time (n,), the index of the latest sample that the sensor has delivered."""
     kept = np.flatnonzero(rng.random(len(taken)) >= sensor.dropout)
-    kept = kept if len(kept) and kept[0] == 0 else np.insert(kept, 0, 0)  # something is there from the start
+    kept = kept if len(kept) and kept[0] == 0 else np.insert(kept, 0, 0)  # the first sample is never lost
     arrived = time[taken[kept]] + sensor.delay
     last = np.searchsorted(arrived, time + 1e-9, side="right") - 1
     return np.asarray(kept[np.maximum(last, 0)])

@@ -1,4 +1,4 @@
-"""From a scenario to a flight log."""
+"""Simulation: from a scenario to a flight log."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def simulate(
     drive: CrankDrive | None = None,
     robot: Aerobat | None = None,
 ) -> FlightLog:
-    """Fly a scenario.
+    """Simulate the flight of a scenario and return its log.
 
     Args:
-        scenario: what happens.
-        progress: called with the share done, 0..1, about a hundred times.
-        drive: how the crank turns, in place of the scenario's drive.
-        robot: the scenario's robot where it is loaded already, as by `load_robot`.
+        scenario: robot, start, air, crank, forces and sensors.
+        progress: called about a hundred times with the completed share, 0..1.
+        drive: crank drive that replaces the scenario's.
+        robot: the scenario's robot, if it is already loaded by `load_robot`.
 
     Raises:
-        ScenarioError, MorphologyFileError, LinkageError: the scenario asks for what the robot cannot do.
-        CrankError: the drive is not a motion.
+        ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot.
+        CrankError: the drive's angle, rate and acceleration do not agree.
         SimulationError: the flight diverged.
     """
     settings = scenario.simulation

@@ -1,10 +1,11 @@
-"""Trim: the flapping frequency, wing offset and start from which a symmetric flight repeats itself every flap.
+"""Trim: find the flapping frequency, wing offset and start for which a symmetric flight repeats every flap.
 
-A periodic orbit of the whole plant, air included. Given the horizontal velocity over ground at the start of a flap,
-find frequency, `wing.offset_x`, pitch, vertical speed, pitch rate and the air's state such that one flap later speed,
-vertical speed, pitch, pitch rate, height and the air are what they were. The nose points where the robot flies, and the
-wind blows along. Gusts are left out, and of the unknown forces everything but the part that follows the elbow. The
-Floquet multipliers of the orbit tell how a small disturbance grows per flap.
+The trimmed flight is a periodic orbit of the whole plant, including the aerodynamic state. The horizontal velocity over
+ground at the start of a flap is given. The unknowns are frequency, `wing.offset_x`, pitch, vertical speed, pitch rate
+and aerodynamic state. The conditions are that speed, vertical speed, pitch, pitch rate, height and aerodynamic state
+have the same values one flap later. The nose points along the horizontal velocity. The steady wind is included, gusts
+are not; of the unknown forces only the part that depends on the elbow angle is included. The Floquet multipliers of
+the orbit are the factors by which small disturbances grow per flap.
 """
 
 from __future__ import annotations
@@ -23,22 +24,25 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import Scenario
 
-BODY = 5  # unknowns beside the air: frequency, offset, pitch, vertical speed, pitch rate
+BODY = 5  # unknowns besides the aerodynamic state: frequency, offset, pitch, vertical speed, pitch rate
 BODY_SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
 AIR_SCALE = 0.1
-DIFFERENCE_STEP = 1.0e-6  # of the finite differences, in scaled unknowns
-CONVERGED = 1.0e-6  # largest miss of a flap that counts as periodic, in the units of `Trim.residual`
+DIFFERENCE_STEP = 1.0e-6  # step of the finite differences, in scaled unknowns
+CONVERGED = 1.0e-6  # largest residual of a flight that counts as periodic, in the units of `Trim.residual`
 
 
 @dataclass(frozen=True)
 class Trim:
-    """A periodic flight, but for the air's own start: a scenario warms the air up with the body held.
+    """A trimmed flight.
+
+    The scenario does not start exactly on the orbit: its aerodynamic state is warmed up at constant body velocity.
 
     Attributes:
-        scenario: the scenario, flying from the orbit's start at its frequency and wing offset.
-        residual: largest difference between the ends of one flap, in m/s, rad, rad/s, m and scaled air states.
-        multipliers: Floquet multipliers (n,), largest first: factors per flap on attitude, twist, height and air.
-        period: of a flap [s].
+        scenario: the scenario with the frequency, the wing offset and the initial body state of the orbit.
+        residual: largest difference between start and end of a flap, in m/s, rad, rad/s, m and scaled air states.
+        multipliers: Floquet multipliers (n,), largest first: growth per flap of changes of attitude, twist, height and
+            aerodynamic state.
+        period: duration of a flap [s].
     """
 
     scenario: Scenario
@@ -48,7 +52,7 @@ class Trim:
 
     @property
     def time_to_double(self) -> float:
-        """Time in which the fastest growing disturbance doubles [s]; infinite below a percent a flap."""
+        """Time in which the fastest growing disturbance doubles [s]; infinite if it grows by less than 1 % per flap."""
         growth = float(np.abs(self.multipliers[0]))
         return self.period * float(np.log(2.0) / np.log(growth)) if growth > 1.01 else float("inf")
 
@@ -58,13 +62,13 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
 
     Args:
         scenario: robot, wind, horizontal velocity over ground, and first guesses of frequency, offset, pitch, vertical
-            speed, pitch rate.
-        progress: called with the residual after each evaluation of the orbit.
+            speed and pitch rate.
+        progress: called with the residual after each simulated flap.
 
     Raises:
-        TrimError: the crank does not turn steadily, the flight is not symmetric, or none that is periodic was found.
+        TrimError: the crank does not turn steadily, the flight is not symmetric, or no periodic flight was found.
     """
-    from scipy.optimize import root  # takes as long to import as all the rest
+    from scipy.optimize import root  # takes as long to import as everything else together
 
     if scenario.crank.frequency <= 0.0:
         raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
@@ -116,15 +120,15 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
 
 
 def _course(scenario: Scenario) -> float:
-    """Return where the robot flies, from x toward y [rad]."""
+    """Return the direction of the horizontal velocity, as an angle from world x toward world y [rad]."""
     return math.atan2(scenario.flight.velocity[1], scenario.flight.velocity[0])
 
 
 def _trimmed(scenario: Scenario, unknowns: Array) -> Scenario:
-    """Return the scenario with scaled unknowns put in, nose first."""
+    """Return the scenario with the values of scaled unknowns, the nose pointing along the horizontal velocity."""
     frequency, offset, pitch, rise, pitch_rate = (float(x) for x in unknowns[:BODY] * BODY_SCALE)
     if frequency <= 0.0:
-        raise TrimError(f"crank.frequency = {frequency}: the search left the flapping flights")
+        raise TrimError(f"crank.frequency = {frequency}: the search arrived at a flight without flapping")
     flight = scenario.flight.model_copy(
         update={
             "velocity": (*scenario.flight.velocity[:2], rise),
@@ -146,7 +150,7 @@ def _trimmed(scenario: Scenario, unknowns: Array) -> Scenario:
 
 
 def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
-    """Build the plant and the start of its flap from scaled unknowns."""
+    """Build the plant and its state at the start of the flap from scaled unknowns."""
     steady = scenario.air.model_copy(update={"warm_up_cycles": 0, "gust": None})
     flown = _trimmed(scenario, unknowns).model_copy(update={"air": steady})
     plant = Plant(load_robot(flown), flown)
@@ -154,7 +158,7 @@ def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
 
 
 def _flap(plant: Plant, start: State) -> State:
-    """Fly one flap and return where it ends."""
+    """Simulate one flap and return the state at its end."""
     period = 1.0 / plant.scenario.crank.frequency
     count = max(20, round(period / plant.scenario.simulation.dt))
     flown = plant.fly(count, period / count, np.zeros((2, len(plant.forces), count)), start=start)
@@ -162,7 +166,7 @@ def _flap(plant: Plant, start: State) -> State:
 
 
 def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
-    """Return by how much one flap misses its start: speed, vertical speed, pitch, pitch rate, height, air."""
+    """Return end minus start of one flap: speed, vertical speed, pitch, pitch rate, height, scaled air state."""
     plant, start = _plant(scenario, unknowns)
     end = _flap(plant, start)
     heading = np.array([math.cos(_course(scenario)), math.sin(_course(scenario)), 0.0])
@@ -179,9 +183,10 @@ def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:
 
 
 def _multipliers(plant: Plant, start: State, end: State) -> NDArray[np.complex128]:
-    """Return the eigenvalues of one flap's map of small changes of height, attitude, twist and air; x, y do not matter.
+    """Return the eigenvalues of the map from small changes at the start of a flap to the changes at its end.
 
-    Changes are world height and body-axes rotation, about the orbit's start before and its end after the flap.
+    A change consists of world height, rotation in body axes, twist and scaled aerodynamic state, relative to the orbit.
+    The horizontal position has no influence and is left out.
     """
     size = 10 + len(start.air)
     moved = []
@@ -197,7 +202,7 @@ def _multipliers(plant: Plant, start: State, end: State) -> NDArray[np.complex12
 
 
 def _changed(state: State, change: Array) -> State:
-    """Return a state moved by height, rotation (3), twist (6) and scaled air."""
+    """Return a state changed by height, rotation (3), twist (6) and scaled aerodynamic state."""
     placement = pin.XYZQUATToSE3(state.placement)
     placement.translation = placement.translation + np.array([0.0, 0.0, change[0]])
     placement.rotation = placement.rotation @ pin.exp3(change[1:4])
@@ -206,7 +211,7 @@ def _changed(state: State, change: Array) -> State:
 
 
 def _change(here: State, there: State) -> Array:
-    """Return what leads from one state to another: height, rotation (3), twist (6) and scaled air."""
+    """Return the change from one state to another: height, rotation (3), twist (6) and scaled aerodynamic state."""
     first, second = (pin.XYZQUATToSE3(state.placement) for state in (here, there))
     turned = pin.log3(first.rotation.T @ second.rotation)
     rise = second.translation[2] - first.translation[2]

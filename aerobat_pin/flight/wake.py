@@ -1,11 +1,13 @@
-"""The shed wake of a flight, for pictures and sums: where each strip's vorticity was shed, and how strong it is.
+"""The wake shed during a flight, for figures and mean values: where each strip shed vorticity, and how much.
 
-Bound circulation that changes leaves its change behind (Kelvin): between two samples a strip sheds
--(Gamma_k+1 - Gamma_k) across the flow, at its trailing edge. Circulation that differs from strip to strip leaves the
-difference behind along the flow: Gamma_i - Gamma_i-1 between neighbours, all of it at the tips' outer sides.
+When a strip's bound circulation Gamma changes, the wake receives the opposite change (Kelvin): between samples k and
+k + 1 a strip sheds a vortex of strength -(Gamma_k+1 - Gamma_k) across the flow, at its trailing edge. Where the
+circulation differs between neighbouring strips i - 1 and i, a vortex of strength Gamma_i - Gamma_i-1 trails along the
+flow; outside the tips the circulation counts as zero.
 
-The wake is frozen: it drifts with the wind and induces nothing on itself, so that it does not roll up. The lifting
-line's own wake is not this one but Wagner's and Prandtl's, straight behind the wing.
+The wake is frozen: it drifts with the wind and does not move itself, so it does not roll up. This wake is computed
+after the flight. The forces in flight come from the lifting line's own wake model (Wagner and Prandtl), in which the
+wake lies straight behind the wing.
 """
 
 from __future__ import annotations
@@ -26,13 +28,13 @@ from aerobat_pin.scenario import AirSection
 
 @dataclass(frozen=True)
 class Wake:
-    """A frozen wake on m samples and N strips, left tip first.
+    """A frozen wake at m samples and N strips, left tip first.
 
     Attributes:
-        time: (m,) of shedding [s].
-        position: (m, N, 3) trailing edges in world axes when they shed [m].
-        bound: (m, N) circulation of the strips [m2/s].
-        wind: that it drifts with.
+        time: (m,) time of shedding [s].
+        position: (m, N, 3) position of the strips' trailing edges at that time, world axes [m].
+        bound: (m, N) bound circulation of the strips [m2/s].
+        wind: wind with which the wake drifts.
     """
 
     time: Array
@@ -42,22 +44,22 @@ class Wake:
 
     @property
     def shed(self) -> Array:
-        """Circulation (m - 1, N) shed across the flow between samples [m2/s]: minus the change of the bound one."""
+        """Circulation (m - 1, N) shed across the flow between samples [m2/s]: minus the change of bound circulation."""
         return -np.diff(self.bound, axis=0)
 
     @property
     def trailing(self) -> Array:
         """Circulation (m, N + 1) of the vortices along the flow, between strips and outside the tips [m2/s].
 
-        Positive turns as the bound circulation does when it is bent backward at the left end of a strip.
+        Positive is the sense of rotation of a positive bound vortex bent backward at the left end of its strip.
         """
         return np.diff(self.bound, axis=1, prepend=0.0, append=0.0)
 
     def mean_trailing(self, start: float, end: float) -> Array:
         """Return the mean strength (N + 1,) [m2/s] of the trailing vortices shed from `start` to `end` [s].
 
-        Over whole flaps of a steady flight this is the structure that stays behind: minus the spanwise change of the
-        mean bound circulation, while what is shed across the flow cancels.
+        Over whole flaps of a steady flight, the vortices shed across the flow cancel and these mean trailing vortices
+        remain: minus the spanwise change of the mean bound circulation.
         """
         chosen = (self.time >= start - 1e-9) & (self.time < end - 1e-9)
         return np.asarray(self.trailing[chosen].mean(axis=0))
@@ -67,20 +69,20 @@ def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
     """Read the wake from a simulated flight.
 
     Args:
-        log: with its truth.
+        log: log of a simulated flight, with its truth.
         robot: the robot that flew.
-        air: the air it flew in; number of strips and wind.
+        air: air settings of the flight; the number of strips and the wind are used.
 
     Raises:
-        LogError: the log has no truth, or other strips.
+        LogError: the log has no truth, or its number of strips differs from `air.strips`.
     """
     if log.truth is None:
-        raise LogError("the wake needs the bound circulation: this log has no group 'truth', only a simulation has")
+        raise LogError("the wake needs the bound circulation: this log has no group 'truth'; only simulated flights do")
     bound, incidence = (np.asarray(log.truth[name].values, float) for name in ("circulation", "incidence"))
     placed = robot_air(robot.wing, air)
     if bound.shape[1] != air.strips:
         raise LogError(f"the log has {bound.shape[1]} strips, air.strips = {air.strips}")
-    # What trails is the rear edge, or the front one where the flow comes from behind.
+    # The trailing edge is the rear edge, or the front edge where the flow comes from behind.
     aft = np.where(np.cos(incidence) >= 0.0, -0.5, 0.5) * placed.line.chord
     data, joints = robot.model.createData(), [robot.model.getFrameId(link) for link in LINKS]
     position = np.empty((*bound.shape, 3))

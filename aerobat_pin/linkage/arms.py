@@ -1,10 +1,10 @@
-"""The linkage as arms: each pin, and each loop, is a constant plus arms that turn with the seven angles.
+"""The linkage as arms: each pin, and the gap of each loop, is a constant plus arms that turn with the bars.
 
-With e = exp(i t), t = [t1, t2, t3, t5, t6, t8, t9], pins and loops are linear in e:
+With e = exp(i t), t = [t1, t2, t3, t5, t6, t8, t9], the pins P and the gaps of the loops are linear in e:
 
-    P = p + V e      open = c + W e = 0      P' = i V e t'      P'' = V (i t'' - t'^2) e
+    P = p + V e      gap = c + W e = 0       P' = i V e t'      P'' = V (i t'' - t'^2) e
 
-and a derivative by a length is one by V or W. Nothing here knows how the loops are closed.
+Only V and W depend on the lengths of the bars. How the loops are closed is the subject of `chain`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from aerobat_description.position_closure import elbow
 from aerobat_pin.linkage.moving import Complex
 from aerobat_pin.numerics import Array
 
-ANGLES = ("t1", "t2", "t3", "t5", "t6", "t8", "t9")  # named after the pin where the bar begins
+ANGLES = ("t1", "t2", "t3", "t5", "t6", "t8", "t9")  # each is numbered like the pin at which its bar begins
 PINS = tuple(f"J{i}" for i in range(1, 11))
 T1, T2, T3, T5, T6, T8, T9 = np.eye(7)
 
 
 class Arms(NamedTuple):
-    """The bent bars' arms in their own frames [m], outboard + i up, by the pins at their ends."""
+    """Arms of the bent bars [m], named after the pins at their ends, each as x + i y in the frame of its bar."""
 
     J2_J3: complex
     J5_J4: complex
@@ -47,7 +47,7 @@ def bent_arms(bars: LinkageLengths) -> Arms:
 
 
 class Linear(NamedTuple):
-    """Points as `constant` (n,) + `arms` (n, 7) e [m]."""
+    """Points (n,) in the plane [m] as functions of the seven angles: `constant` (n,) + `arms` (n, 7) exp(i angles)."""
 
     constant: Complex
     arms: Complex
@@ -57,16 +57,16 @@ class Linear(NamedTuple):
         return np.asarray(self.constant + np.exp(1j * angles) @ self.arms.T)
 
     def by_angles(self, angles: Array) -> Complex:
-        """Return the Jacobian (..., n, 7) by the angles [m/rad]."""
+        """Return the Jacobian (..., n, 7) of the points with respect to the angles [m/rad]."""
         return np.asarray(1j * np.exp(1j * angles)[..., None, :] * self.arms)
 
     def centripetal(self, angles: Array, rates: Array) -> Complex:
-        """Return the acceleration (..., n) that the rates (..., 7) alone make [m/s2]."""
+        """Return the points' acceleration (..., n) [m/s2] at rates (..., 7) [rad/s], without angular acceleration."""
         return np.asarray(-(rates**2 * np.exp(1j * angles)) @ self.arms.T)
 
 
 def pins(bars: LinkageLengths) -> Linear:
-    """Return the ten pins, J4, J7 and J10 by their first bar."""
+    """Return the ten pins; J4, J7 and J10, where two bars meet, are reached along the first of these bars."""
     arm = bent_arms(bars)
     p1, p5, p8 = (complex(*pivot) for pivot in (bars.P1, bars.P5, bars.P8))
     zero = np.zeros(7)
@@ -78,7 +78,7 @@ def pins(bars: LinkageLengths) -> Linear:
 
 
 def loops(bars: LinkageLengths) -> Linear:
-    """Return what is open at J4, J7 and J10: by the first bar minus by the second."""
+    """Return the gaps at J4, J7 and J10: the pin reached along the first bar minus the pin along the second bar."""
     arm, way = bent_arms(bars), pins(bars)
     ends = np.array([arm.J5_J4 * T5, arm.J8_J7 * T8, arm.J5_J6 * T5 + arm.J6_J10 * T6])
     pivots = np.array([complex(*bars.P5), complex(*bars.P8), complex(*bars.P5)])
@@ -87,7 +87,7 @@ def loops(bars: LinkageLengths) -> Linear:
 
 
 def loops_by_lengths(bars: LinkageLengths, angles: Array) -> Complex:
-    """Return the derivatives (..., 3, 3) of the loops by L3b, L5a and L5b, a column each, at fixed angles."""
+    """Return the derivatives (..., 3, 3) of the gaps at fixed angles; the columns are for L3b, L5a and L5b."""
     turn = np.exp(1j * angles)
     by = np.zeros((*angles.shape[:-1], 3, 3), complex)
     by[..., 0, 0] = np.exp(-1j * bars.alpha3) * turn[..., ANGLES.index("t5")]
@@ -97,5 +97,5 @@ def loops_by_lengths(bars: LinkageLengths, angles: Array) -> Complex:
 
 
 def real_rows(equations: Complex) -> Array:
-    """Return complex equations (..., 3, k) as real ones (..., 6, k)."""
+    """Return complex equations (..., 3, k) as real equations (..., 6, k): real parts, then imaginary parts."""
     return np.concatenate([equations.real, equations.imag], axis=-2)

@@ -14,11 +14,11 @@ def close_dyads(bars: LinkageLengths, crank_angle: Array) -> tuple[dict[str, Ang
     """Close the dyads at J4, J7 and J10 one after the other.
 
     Args:
-        bars: lengths and pivots.
-        crank_angle: any shape [rad].
+        bars: bar lengths and pivots.
+        crank_angle: absolute t1, any shape [rad].
 
     Returns:
-        The bars' angles and the pins, NaN from the first dyad on that cannot close.
+        The angles of the bars, and the pins. If a dyad cannot close, its values and all that follow are NaN.
     """
     arm = bent_arms(bars)
     t1 = Angle(crank_angle[()], np.ones_like(crank_angle)[()], np.zeros_like(crank_angle)[()])

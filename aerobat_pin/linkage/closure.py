@@ -1,4 +1,4 @@
-"""The closed linkage: where every bar and pin is, and how it moves."""
+"""The closed linkage: position, velocity and acceleration of every bar and pin."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from aerobat_pin.linkage.arms import ANGLES, loops
 from aerobat_pin.linkage.moving import Angle, Pin, opening, wrapped
 from aerobat_pin.numerics import Array
 
-DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}  # pin: where its two bars come from
+DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}  # pin: the pins at the other ends of its two bars
 
 
 class _JointPart:
-    """A property: an angle of shoulder or elbow, or one of its derivatives by crank angle or by time."""
+    """A property of `Closure`: the shoulder or elbow angle, or a derivative of it by crank angle or by time."""
 
     def __init__(self, joint: str, part: str, meaning: str) -> None:
         self.joint, self.part, self.__doc__ = joint, part, meaning
@@ -34,16 +34,16 @@ class _JointPart:
 class Closure:
     """The closed linkage at one or many crank angles.
 
-    Every quantity has the shape of the crank angle (pins one axis more: outboard, up). With suffix `_dot` and `_ddot`
-    it is differentiated by time [per s, per s2], with prefix `d` and `d2` by crank angle [per rad, per rad2].
+    Every quantity has the shape of the crank angle; pins have one more axis (outboard, up). The suffixes `_dot` and
+    `_ddot` are derivatives by time [per s, per s2], the prefixes `d` and `d2` by crank angle [per rad, per rad2].
 
     Attributes:
-        lengths: of the linkage.
+        lengths: bar lengths and pivots of the linkage.
         crank_angle, crank_velocity, crank_acceleration: t1 [rad] and its derivatives by time.
         bars: the absolute angles t1, t2, t3, t5, t6, t8, t9 with their derivatives by crank angle.
         points: the pins J1..J10 as complex numbers with their derivatives by crank angle.
-        theta_s, theta_e: shoulder angle t5 and elbow angle t6 - t5, the latter in [-pi, pi) [rad], and their
-            derivatives.
+        theta_s, theta_e: shoulder angle t5 and elbow angle t6 - t5 [rad], the elbow angle in [-pi, pi); both with
+            derivatives as above.
     """
 
     lengths: LinkageLengths
@@ -65,7 +65,7 @@ class Closure:
     theta_e_ddot = _JointPart("elbow", "acceleration", "Elbow acceleration [rad/s2].")
 
     def __repr__(self) -> str:
-        """Say how many crank angles, and how far the joints go."""
+        """Give the number of crank angles, the ranges of the joint angles, and the residual."""
         if np.size(self.crank_angle) == 0:
             return "Closure(no crank angle)"
         ranges = {"t1": self.crank_angle, "theta_s": self.theta_s, "theta_e": self.theta_e}
@@ -74,12 +74,12 @@ class Closure:
 
     @property
     def angles(self) -> dict[str, Array]:
-        """Absolute bar angles [rad]."""
+        """Absolute angles of the bars, by name [rad]."""
         return {name: bar.at for name, bar in self.bars.items()}
 
     @property
     def pins(self) -> dict[str, Array]:
-        """Pin positions [m]."""
+        """Positions (..., 2) of the pins, by name: outboard, up [m]."""
         return {name: np.stack([pin.at.real, pin.at.imag], axis=-1) for name, pin in self.points.items()}
 
     @property
@@ -103,13 +103,13 @@ class Closure:
 
     @cached_property
     def transmission(self) -> dict[str, Array]:
-        """Angle between the two bars that meet at J4, J7 and J10 [rad], in [0, pi]; singular at both ends."""
+        """Angle between the two bars that meet at J4, J7 and J10 [rad], in [0, pi]; 0 and pi are singular."""
         at = self.points
         return {name: opening(at[start], at[name], at[end]) for name, (start, end) in DYADS.items()}
 
     @property
     def residual(self) -> float:
-        """What is left open at J4, J7 or J10, the largest over all crank angles [m]."""
+        """Largest gap at J4, J7 and J10 over all crank angles [m]."""
         angles = np.stack([self.bars[name].at for name in ANGLES], axis=-1)
         return float(np.max(np.abs(loops(self.lengths).at(angles)), initial=0.0))
 
@@ -119,10 +119,11 @@ class Closure:
         return shoulder * self.dtheta_s + elbow * self.dtheta_e
 
     def joint_torques(self, crank_torque: ArrayLike) -> tuple[Array, Array]:
-        """Spread a crank torque over one wing's joints: shoulder and elbow torque [N m].
+        """Distribute a crank torque over one wing's joints: return shoulder and elbow torque [N m].
 
-        tau = tau_crank d / (d.d) with d = [dtheta_s, dtheta_e]. Any pair with tau.d = tau_crank does the crank's work;
-        this is the smallest of them, free of parts that only strain the linkage. `crank_torque` undoes it.
+        tau = tau_crank d / (d.d) with d = [dtheta_s, dtheta_e]. Every pair with tau.d = tau_crank does the same work as
+        the crank. The pair returned is the smallest: it has no part that only strains the linkage. `crank_torque` is
+        the inverse.
         """
         share = np.asarray(crank_torque, float) / (self.dtheta_s**2 + self.dtheta_e**2)
         return share * self.dtheta_s, share * self.dtheta_e

@@ -1,4 +1,4 @@
-"""The Kinetic Sculpture closed at any crank angle, dyad by dyad."""
+"""The Kinetic Sculpture, the linkage of one wing, closed dyad by dyad at any crank angle."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from aerobat_pin.linkage.chain import close_dyads
 from aerobat_pin.linkage.closure import DYADS, Closure
 from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
 
-NEAR_SINGULAR = np.radians(15.0)  # transmission angles this near to 0 or 180 deg are warned of [rad]
+NEAR_SINGULAR = np.radians(15.0)  # [rad]: a transmission angle closer than this to 0 or 180 deg causes a warning
 
 
 class KineticSculpture:
-    """The linkage of one wing in its (+,+,+) assembly.
+    """The linkage of one wing in its (+,+,+) assembly: each dyad closes left of the ray between its ends (see `meet`).
 
     Args:
         lengths: bar lengths and pivots; those of the default morphology when omitted.
     """
 
     def __init__(self, lengths: LinkageLengths | None = None) -> None:
-        """Keep the lengths; `check` tells whether the crank can turn."""
+        """Store the lengths without checking them; `check` tests whether the crank can turn."""
         self.lengths = lengths if lengths is not None else Morphology.load("aerobat").linkage
         self._judged = False
 
     def solve(
         self, crank_angle: ArrayLike, crank_velocity: ArrayLike = 0.0, crank_acceleration: ArrayLike = 0.0
     ) -> Closure:
-        """Close the linkage.
+        """Close the linkage at one or many crank angles.
 
-        Warns with `NearSingularWarning`, once, where a dyad's two bars come within 15 deg of one line.
+        Issues a `NearSingularWarning`, once, if the two bars of a dyad come within 15 deg of a straight line.
 
         Args:
             crank_angle: absolute t1 [rad], scalar or any shape.
-            crank_velocity: [rad/s], broadcast against the angle.
-            crank_acceleration: [rad/s2], broadcast against the angle.
+            crank_velocity: rate of t1 [rad/s], broadcast against the angle.
+            crank_acceleration: acceleration of t1 [rad/s2], broadcast against the angle.
 
         Raises:
-            LinkageError: a dyad cannot close; the message names its pin, the crank angle and what would help.
+            LinkageError: a dyad cannot close; the message names its pin, the crank angle and lengths that would help.
             ShapeError: an angle, velocity or acceleration is not finite.
         """
         t1, rate, acceleration = np.broadcast_arrays(
@@ -64,7 +64,7 @@ class KineticSculpture:
         """Differentiate the closed linkage by the lengths that morphing control changes: L3b, L5a and L5b.
 
         Args:
-            crank_angle: absolute t1 [rad], scalar or any shape; it is held.
+            crank_angle: absolute t1 [rad], scalar or any shape; it is kept constant in the derivatives.
 
         Raises:
             LinkageError, ShapeError: as `solve`.
@@ -78,7 +78,7 @@ class KineticSculpture:
         self._judged = True
 
     def _open(self, closed: Closure, dyad: str) -> LinkageError:
-        """Return the error that names the dyad that is open, where it is first, and which lengths would help."""
+        """Return the error for a dyad that cannot close, with the first such crank angle and helpful lengths."""
         bars, arm = self.lengths, bent_arms(self.lengths)
         start, end = (np.ravel(closed.points[name].at) for name in DYADS[dyad])
         first = int(np.argmax(np.isnan(np.ravel(closed.points[dyad].at))))
@@ -96,7 +96,7 @@ class KineticSculpture:
         return LinkageError(message, dyad, crank_angle, nearest)
 
     def _judge(self, closed: Closure) -> None:
-        """Warn of the worst transmission angle if it is nearly singular, once in the life of this linkage."""
+        """Warn of the worst transmission angle if it is nearly singular, at most once for each linkage."""
         if closed.crank_angle.size == 0:
             return
         angles = np.array([np.ravel(angle) for angle in closed.transmission.values()])

@@ -32,21 +32,22 @@ class Angle(NamedTuple):
     d2: Array
 
     def carry(self, arm: complex) -> Pin:
-        """Return the path of `arm` [m], fixed in the bar's frame: R(t) arm."""
+        """Return R(t) arm: the moving tip of an `arm` [m] that is fixed in the bar's frame and starts at the origin."""
         at = np.exp(1j * self.at) * arm
         return Pin(at, 1j * self.d * at, (1j * self.d2 - self.d**2) * at)
 
 
 def still(point: complex, like: Array) -> Pin:
-    """Return a point that does not move, in the shape of an array."""
+    """Return a point that does not move, repeated in the shape of `like`."""
     at = np.full(like.shape, point)
     return Pin(at, np.zeros_like(at), np.zeros_like(at))
 
 
 def meet(a: Pin, reach_a: float, b: Pin, reach_b: float) -> Pin:
-    """Close a dyad: the pin C with |C - A| = reach_a, |C - B| = reach_b, left of the ray A -> B; NaN where none is.
+    """Close a dyad: return the pin C with |C - A| = reach_a, |C - B| = reach_b, left of the ray A -> B.
 
-    Its derivatives follow from the two constraints, (C - A).(C' - A') = 0 and once more by t1.
+    C is NaN where no such point exists. Its derivatives come from differentiating both constraints by t1 once,
+    (C - A).(C' - A') = 0, and twice.
     """
     ray = b.at - a.at
     d = np.abs(ray)
@@ -60,7 +61,7 @@ def meet(a: Pin, reach_a: float, b: Pin, reach_b: float) -> Pin:
 
 
 def bar_angle(start: Pin, end: Pin, arm: complex) -> Angle:
-    """Return the angle of the bar whose `arm`, in its own frame, points from start to end."""
+    """Return the angle of the bar from start to end; `arm` is the vector between these pins in the bar's frame."""
     bar, bar_d, bar_d2 = (e - s for e, s in zip(end, start, strict=True))
     length2 = abs(arm) ** 2
     return Angle(np.angle(bar / arm), _cross(bar, bar_d) / length2, _cross(bar, bar_d2) / length2)

@@ -1,23 +1,23 @@
-"""Sigma_K as the paper writes it: accelerations of the linkage's angles, to be integrated.
+"""Sigma_K in the form of the paper: differential equations for the linkage's angles.
 
     x' = f_k(x) + g_k(x) u_k        y = C_k (f_k(x) + g_k(x) u_k)        x = [t, t'], u_k = t1''
 
-(paper, section II-A). Equal accelerations of J4, J7 and J10 by their two ways are six equations, J t'' = W t'^2 e in
-the arms of `aerobat_pin.linkage.arms`, for the six angles that follow the crank.
+(paper, section II-A). J4, J7 and J10 are each reached along two chains of bars. Equal accelerations along both chains
+are six equations, J t'' = W t'^2 e in the notation of `aerobat_pin.linkage.arms`, for the six angles other than t1.
 
-Names. The paper numbers nine angles q1..q9 after the pins J1..J9 and does not say more. Seven bars have seven angles;
-each of ours is named after the pin where its bar begins:
+Names. The paper numbers nine angles q1..q9 like the pins J1..J9, without further definition. Seven bars have seven
+angles; here each angle is numbered like the pin at which its bar begins:
 
     q1 = t1 crank    q2 = t2 (L2)    q3 = t3 (L4)    q5 = t5 (L3, shoulder)    q6 = t6 (L7, elbow)
     q8 = t8 (L5)     q9 = t9 (L6)    q4, q7: at J4 and J7 two of these bars meet, no bar begins
 
-q4 and q7 can only be relative angles, t5 - t2 and t8 - t3; as states of their own they would be two freedoms without
-equations. The printed output y = [q6'', q7''], "at the shoulder and elbow joints", is ours as [theta_s'', theta_e'']
-= [t5'', t6'' - t5'']: shoulder and elbow are J5 and J6.
+q4 and q7 can only be the relative angles t5 - t2 and t8 - t3; as separate states they would be two degrees of freedom
+without equations. The paper prints the output y = [q6'', q7''], "at the shoulder and elbow joints". Here the output is
+[theta_s'', theta_e''] = [t5'', t6'' - t5''], because shoulder and elbow are J5 and J6.
 
-Equal accelerations keep nothing closed that rounding or the integrator opens: the loops drift. The stabilisation of
-Baumgarte (Computer Methods in Applied Mechanics and Engineering 1, 1972), open'' + 2 s open' + s^2 open = 0, pulls them
-shut at the rate s.
+Equal accelerations do not close a gap that rounding or the integrator has opened, so the loops drift apart. The
+stabilisation of Baumgarte (Computer Methods in Applied Mechanics and Engineering 1, 1972) closes the gaps at the rate
+s: gap'' + 2 s gap' + s^2 gap = 0.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ STATE_SIZE = 2 * len(ANGLES)
 
 
 class SculptureDynamics:
-    """f_k, g_k and C_k of the linkage of one wing.
+    """The functions f_k and g_k and the matrix C_k of the linkage of one wing.
 
     A state is x (..., 14): the angles t1, t2, t3, t5, t6, t8, t9 [rad], then their rates [rad/s].
 
     Args:
         lengths: bar lengths and pivots; those of the default morphology when omitted.
-        stabilisation: rate s at which open loops close [1/s]; 0 is the paper's form.
+        stabilisation: rate s at which gaps close [1/s]; 0 is the paper's form.
     """
 
     def __init__(self, lengths: LinkageLengths | None = None, stabilisation: float = 0.0) -> None:
-        """Lay out the loops."""
+        """Set up the loop equations and the output matrix."""
         self.sculpture = KineticSculpture(lengths)
         self.stabilisation = stabilisation
         self._loops = loops(self.sculpture.lengths)
@@ -52,12 +52,12 @@ class SculptureDynamics:
         self.C_k = np.array([shoulder, elbow - shoulder])
 
     def state(self, crank_angle: float, crank_velocity: float = 0.0) -> Array:
-        """Return the closed state x (14,). Raises LinkageError where the linkage cannot close."""
+        """Return the state x (14,) of the closed linkage. Raises LinkageError if the linkage cannot close."""
         closed = self.sculpture.solve(crank_angle, crank_velocity)
         return np.array([*closed.angles.values(), *map(closed.rate, closed.bars.values())], float)
 
     def f_k(self, x: ArrayLike) -> Array:
-        """Return the rate (..., 14) of a state whose crank turns steadily."""
+        """Return the time derivative (..., 14) of a state while the crank turns at constant rate."""
         angles, rates = self._parts(x)
         jacobian = self._loops.by_angles(angles)
         wanted = -self._loops.centripetal(angles, rates)
@@ -69,14 +69,14 @@ class SculptureDynamics:
         return np.concatenate([rates, np.zeros_like(rates[..., :1]), dependent], axis=-1)
 
     def g_k(self, x: ArrayLike) -> Array:
-        """Return what a unit of crank acceleration adds to the rate (..., 14)."""
+        """Return the change of the state's time derivative (..., 14) per unit of crank acceleration."""
         angles, rates = self._parts(x)
         J = real_rows(self._loops.by_angles(angles))
         dependent = np.linalg.solve(J[..., 1:], -J[..., :1])[..., 0]
         return np.concatenate([np.zeros_like(rates), np.ones_like(rates[..., :1]), dependent], axis=-1)
 
     def gap(self, x: ArrayLike) -> Array:
-        """Return the largest opening (...) of the loops at J4, J7 and J10 [m]."""
+        """Return the largest gap (...) of the loops at J4, J7 and J10 [m]."""
         return np.asarray(np.max(np.abs(self._loops.at(self._parts(x)[0])), axis=-1))
 
     @staticmethod

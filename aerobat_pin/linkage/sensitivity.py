@@ -1,4 +1,4 @@
-"""How the closed linkage answers to its adjustable lengths, by the implicit function theorem on its loops."""
+"""Derivatives of the closed linkage by its adjustable lengths, from the implicit function theorem on its loops."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from aerobat_pin.numerics import Array
 class Sensitivity:
     """Derivatives of the closed linkage by one length, at a fixed crank angle.
 
-    `theta_s`, `theta_e` and `angles` t1, t2, t3, t5, t6, t8, t9 [rad/m] have the shape of the crank angle, `pins`
-    J1..J10 (..., 2) [m/m] one axis more (outboard, up).
+    `theta_s`, `theta_e` and `angles` t1, t2, t3, t5, t6, t8, t9 [rad/m] have the shape of the crank angle. `pins`
+    J1..J10 (..., 2) [m/m] have one more axis (outboard, up).
     """
 
     theta_s: Array
@@ -28,19 +28,19 @@ class Sensitivity:
 
 
 def sensitivities(bars: LinkageLengths, angles: Array) -> dict[str, Sensitivity]:
-    """Differentiate the closed linkage by L3b, L5a and L5b: J dt/dL = -d(open)/dL with t1 held.
+    """Differentiate the closed linkage by L3b, L5a and L5b: J dt/dL = -d(gap)/dL at constant t1.
 
     Args:
-        bars: the lengths.
-        angles: (..., 7) closed, in the order of `ANGLES` [rad].
+        bars: bar lengths and pivots.
+        angles: (..., 7) angles of the closed linkage, in the order of `ANGLES` [rad].
 
     Returns:
-        Length -> derivatives.
+        The derivatives, by the name of the length.
     """
     jacobian = real_rows(loops(bars).by_angles(angles))
     dependent = -np.linalg.solve(jacobian[..., 1:], real_rows(loops_by_lengths(bars, angles)))
     by_length = np.concatenate([np.zeros_like(dependent[..., :1, :]), dependent], axis=-2)
-    points = pins(bars).by_angles(angles) @ by_length  # no adjustable length lies on a first way to a pin
+    points = pins(bars).by_angles(angles) @ by_length  # `pins` reaches no pin along an adjustable length
     found = {}
     for i, length in enumerate(ADJUSTABLE):
         of_angle = {name: by_length[..., k, i] for k, name in enumerate(ANGLES)}

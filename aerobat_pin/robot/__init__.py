@@ -1,4 +1,4 @@
-"""The robot in Pinocchio: description and linkage become models, frames, wing and prescribed-joint dynamics."""
+"""The robot in Pinocchio: models, frames, wing and prescribed-joint dynamics, made from description and linkage."""
 
 from aerobat_pin.robot.aerobat import FORCE_POINTS, JOINTS, Aerobat, load_aerobat, load_morphology
 from aerobat_pin.robot.closing_bars import place_bars, visual_model_with_bars

@@ -31,10 +31,11 @@ STANDARD_GRAVITY = 9.81  # [m/s2]
 
 @dataclass(frozen=True, repr=False)
 class Aerobat:
-    """One robot. `q` is [position (3), quaternion xyzw (4), joints (4)], `v` the body twist in LOCAL axes, then rates.
+    """A robot: its morphology, Pinocchio model, linkage and wing.
 
-    Joints are reached through `idx_q` and `idx_v`, in the order of `JOINTS`; never by counting.
-    `text` is the URDF that the model was read from.
+    A configuration `q` is [position (3), quaternion xyzw (4), joint angles (4)]; a velocity `v` is the body twist (6)
+    in LOCAL axes, then the joint rates (4). The entries of the joints are at `idx_q` and `idx_v`, in the order of
+    `JOINTS`; their order in q and v can differ from that. `text` is the URDF from which the model was read.
     """
 
     morphology: Morphology
@@ -46,7 +47,7 @@ class Aerobat:
     idx_v: tuple[int, ...]
 
     def __repr__(self) -> str:
-        """Say which robot it is, its size, and what it stands on in Pinocchio."""
+        """Name the morphology, mass, span and size of the Pinocchio model."""
         return (
             f"Aerobat({self.morphology.name!r}, {1e3 * self.mass:.1f} g, span {1e3 * self.wing.span:.0f} mm, "
             f"nq {self.model.nq}, nv {self.model.nv})"
@@ -54,12 +55,12 @@ class Aerobat:
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
-        """Visible parts, built in memory when first asked for: a changed robot shows its change without any file."""
+        """Visible parts, built in memory on first use, so that a changed robot needs no mesh files."""
         return visual_model(self.model, self.morphology)
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
-        """Collision boxes."""
+        """Collision boxes of the links."""
         return pin.buildGeomFromUrdfString(self.model, self.text, pin.GeometryType.COLLISION)
 
     @property
@@ -69,16 +70,16 @@ class Aerobat:
         return self.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], start.theta_s, start.theta_e)
 
     def with_changes(self, changes: Mapping[str, Any]) -> Aerobat:
-        """Return a consistent new robot under the same gravity, without touching the disk.
+        """Return a new, consistent robot under the same gravity, without writing files.
 
-        Where the linkage changes, joint limits and proximal stations that are not changed too follow it.
+        If the linkage is changed, joint limits and proximal stations are adapted to it, unless `changes` sets them too.
 
         Args:
-            changes: nested values laid over the morphology, such as
+            changes: nested values that replace those of the morphology, such as
                 `{"linkage": {"L3b": 6.8e-3}, "wing": {"offset_x": 0.0}, "scale": {"span": 1.1}, "tail": None}`.
 
         Raises:
-            MorphologyFileError: a change that no robot can have.
+            MorphologyFileError: the changed values are not a valid morphology.
         """
         try:
             shape = self.morphology.with_changes(changes)
@@ -92,7 +93,7 @@ class Aerobat:
         return float(pin.computeTotalMass(self.model))
 
     def configuration(self, placement: ArrayLike, theta_s: ArrayLike, theta_e: ArrayLike) -> Array:
-        """Return q (..., nq) of a base placement (..., 7) with both wings at the same shoulder and elbow angles."""
+        """Return q (..., nq) for a base placement (..., 7) and equal shoulder and elbow angles in both wings."""
         placement = np.asarray(placement, float)
         q = np.empty((*placement.shape[:-1], self.model.nq))
         q[..., :7] = placement
@@ -101,7 +102,7 @@ class Aerobat:
         return q
 
     def velocity(self, twist: ArrayLike, theta_s_dot: ArrayLike, theta_e_dot: ArrayLike) -> Array:
-        """Return v (..., nv) of a base twist (..., 6) with both wings at the same joint rates (also accelerations)."""
+        """Return v (..., nv) for a base twist (..., 6) and equal joint rates in both wings; likewise accelerations."""
         twist = np.asarray(twist, float)
         v = np.empty((*twist.shape[:-1], self.model.nv))
         v[..., :6] = twist
@@ -117,8 +118,8 @@ def load_aerobat(
 
     Args:
         morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
-        changes: nested values laid over it, such as `{"wing": {"offset_x": -0.06}}`.
-        gravity: downward, along -z of the world [m/s2].
+        changes: nested values that replace those of the morphology, such as `{"wing": {"offset_x": -0.06}}`.
+        gravity: gravitational acceleration along -z of the world [m/s2].
 
     Raises:
         MorphologyFileError: as `load_morphology`.
@@ -127,10 +128,10 @@ def load_aerobat(
 
 
 def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = None) -> Morphology:
-    """Read a morphology, as `Morphology.load` does, with an error of this package that names the file.
+    """Read a morphology as `Morphology.load` does; errors are of this package and name the file.
 
     Raises:
-        MorphologyFileError: no such morphology, or one that no robot can have, or whose crank cannot turn.
+        MorphologyFileError: the morphology does not exist or is not valid, or its crank cannot turn.
     """
     try:
         return Morphology.load(morphology, changes)
@@ -139,7 +140,7 @@ def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = 
 
 
 def _with_file(message: str, morphology: str) -> str:
-    """Return what is wrong with a morphology, with the file it came from, if it came from one of the user's own."""
+    """Return an error message, with the file name added if the morphology comes from a file of the user."""
     if morphology in MORPHOLOGIES or message.startswith("morphology file"):
         return message
     if Path(morphology).is_file():
@@ -169,7 +170,7 @@ def _build(shape: Morphology, gravity: Array) -> Aerobat:
 
 
 def _limit_free_flyer(model: pin.Model, limits: FreeFlyer) -> None:
-    """Replace the free-flyer's infinite limits; its effort is zero, for nothing drives a free base."""
+    """Replace the infinite limits of the free-flyer joint; its effort limit is zero, since no motor drives the base."""
     bound = np.concatenate([np.full(3, limits.position), np.ones(4)])
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
     lower[:7], upper[:7] = -bound, bound

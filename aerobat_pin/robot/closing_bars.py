@@ -1,10 +1,10 @@
-"""The bars that close the linkage's loops: a tree cannot hold them, so they are placed by the crank angle.
+"""The bars that close the linkage's loops: they cannot be links of a tree, so the crank angle gives their placements.
 
     picture = visual_model_with_bars(robot)
     place_bars(robot, picture, crank_angle)
     pin.updateGeometryPlacements(robot.model, data, picture, picture_data)
 
-The bars L3 and L7 are links of the tree and need none of this.
+The bars L3 and L7 are links of the tree, and Pinocchio places them.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from aerobat_description.bars import closing_bars
 from aerobat_pin.robot.aerobat import CRANK_START, Aerobat
 from aerobat_pin.robot.visual_model import geometry_object
 
-BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # of the bars, as the paper counts them
+BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # bar, as numbered in the paper: its angle
 
 
 def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = None) -> dict[str, pin.SE3]:
-    """Place the frames of the bars L1, L2, L4, L5 and L6 of both wings, `left_L1`, `right_L1` and so on.
+    """Return the frames of the bars L1, L2, L4, L5 and L6 of both wings, named `left_L1`, `right_L1` and so on.
 
-    A frame has its origin at the bar's first pin and y along the bar; the right one mirrors the left one.
+    A frame has its origin at the bar's first pin and its y axis along the bar; right frames mirror left frames.
 
     Args:
-        robot: whose linkage it is.
+        robot: the robot with the linkage.
         crank_angle: absolute t1 [rad].
-        base: placement of `base_link` in the axes wanted; those of `base_link` itself when left out.
+        base: placement of `base_link`; when omitted, the frames are relative to `base_link`.
 
     Raises:
         LinkageError: the linkage cannot close.
@@ -45,7 +45,7 @@ def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = No
 
 
 def visual_model_with_bars(robot: Aerobat) -> pin.GeometryModel:
-    """Return the robot's visible parts and, carried by the base, the bars as they are with the crank straight down."""
+    """Return the robot's visible parts plus the closing bars, attached to the base, with the crank straight down."""
     picture = robot.visual_model.copy()
     for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
         material = "crank" if bar.name == "L1" else "bar"
@@ -55,7 +55,9 @@ def visual_model_with_bars(robot: Aerobat) -> pin.GeometryModel:
 
 
 def place_bars(robot: Aerobat, picture: pin.GeometryModel, crank_angle: float) -> None:
-    """Move the bars of `picture`, in place, to a crank angle [rad]; updateGeometryPlacements then follows the base.
+    """Move the bars of `picture`, in place, to a crank angle [rad].
+
+    `pin.updateGeometryPlacements` then moves them with the base.
 
     Raises:
         LinkageError: the linkage cannot close.

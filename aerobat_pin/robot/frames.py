@@ -15,18 +15,18 @@ from aerobat_pin.numerics import Array, frame_id
 def joint_wrench(
     model: pin.Model, data: pin.Data, frame: str, wrench: ArrayLike, reference_frame: pin.ReferenceFrame
 ) -> tuple[int, pin.Force]:
-    """Move a wrench at a frame to the joint that carries it, in the joint's own axes, as `fext` wants it.
+    """Express a wrench given at a frame at the joint that carries the frame, in joint axes, as `fext` requires.
 
     Args:
-        model: any model.
-        data: its data, after `forwardKinematics` (uses `oMi`).
+        model: any Pinocchio model.
+        data: data of the model after `forwardKinematics`; `oMi` is read.
         frame: name of the frame.
         wrench: (6,) force [N] and moment [N m]. LOCAL: frame axes, about the frame's origin; LOCAL_WORLD_ALIGNED:
             world axes, about the frame's origin; WORLD: world axes, about the world's origin.
-        reference_frame: which of the three.
+        reference_frame: LOCAL, LOCAL_WORLD_ALIGNED or WORLD.
 
     Returns:
-        Joint index, and the wrench about the joint's origin in the joint's axes.
+        Index of the joint, and the wrench about the joint's origin in the joint's axes.
 
     Raises:
         FrameNotFoundError: the model has no such frame.
@@ -48,7 +48,7 @@ def joint_wrench(
 
 
 def rotations(q: Array) -> Array:
-    """Return the base's rotation matrices (m, 3, 3), body to world, of configurations (m, nq): quaternion at 3 to 6."""
+    """Return the base's rotation matrices (m, 3, 3), body to world, for configurations (m, nq)."""
     x, y, z, w = q[:, 3:7].T
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -59,7 +59,7 @@ def rotations(q: Array) -> Array:
 
 
 def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]]) -> list[pin.Force]:
-    """Collect joint wrenches into the `fext` list of `pin.rnea` and `pin.aba`; several on one joint add up."""
+    """Collect joint wrenches into the `fext` list of `pin.rnea` and `pin.aba`; wrenches on the same joint are added."""
     fext = [pin.Force.Zero() for _ in range(model.njoints)]
     for joint, wrench in wrenches:
         fext[joint] += wrench
@@ -67,7 +67,7 @@ def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]])
 
 
 def euler_angles(q: Array) -> Array:
-    """Return roll, pitch (nose-up positive) and yaw (m, 3) [rad] of configurations (m, nq)."""
+    """Return roll, pitch (nose up is positive) and yaw (m, 3) [rad] for configurations (m, nq)."""
     R = rotations(q)
     up = np.hypot(R[:, 2, 1], R[:, 2, 2])
     return np.stack(
@@ -76,5 +76,5 @@ def euler_angles(q: Array) -> Array:
 
 
 def world_velocity(q: Array, v: Array) -> Array:
-    """Return the base's velocity in world axes (m, 3) [m/s]."""
+    """Return the base's velocity in world axes (m, 3) [m/s] for q (m, nq) and v (m, nv)."""
     return np.asarray(np.einsum("mij,mj->mi", rotations(q), v[:, :3]))

@@ -1,4 +1,4 @@
-"""Kinematics of the five links, compiled: placements, and wrenches carried up the tree."""
+"""Compiled kernels for the five links: their placements, and the generalised force of wrenches on them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from aerobat_pin.robot.link_tree import Tree
 
 @kernel
 def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
-    """Carry link wrenches (5, 6) up the tree (in place) and write the generalised force sum J^T f (nv,)."""
+    """Write the generalised force (nv,), the sum of J^T f over all links, from the wrenches f (5, 6) on the links.
+
+    Each wrench is added to that of the parent link, so `wrenches` is overwritten.
+    """
     joint_of, parent_of, row_of, axis = tree.joint, tree.parent, tree.row, tree.axis
     for link in range(joint_of.shape[0] - 1, 0, -1):
         joint, parent, row = joint_of[link], parent_of[link], row_of[link]
@@ -32,7 +35,7 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
 
 @kernel
 def chain(tree: Tree, liMi: Array, rotation: Array, origin: Array) -> None:
-    """Write rotations (5, 3, 3) of the links to body axes and their origins (5, 3) in the body's frame."""
+    """Write the rotations (5, 3, 3) from link axes to body axes, and the links' origins (5, 3) in the body's frame."""
     joint_of, parent_of = tree.joint, tree.parent
     for i in range(3):
         origin[0, i] = 0.0

@@ -1,4 +1,4 @@
-"""The five links in a Pinocchio model, as tables that kernels walk along."""
+"""The five links of a Pinocchio model, as tables for compiled kernels."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from aerobat_pin.robot.wing import LINKS
 
 
 class Tree(NamedTuple):
-    """The five links in the order of `LINKS`, each field (5,) but `axis`.
+    """The five links in the order of `LINKS`.
 
-    `joint` in Pinocchio's count; `parent` link, -1 for the body; `row`, the joint's first one in v; `angle` of the
-    linkage that the joint follows, 0 shoulder or 1 elbow; `axis` (5, 3) of the joints, in their links' frames.
+    For each link: index of its `joint` in Pinocchio (5,); index of its `parent` link (5,), -1 for the body; first `row`
+    of its joint in v (5,); `angle` (5,), 0 if the joint is a shoulder and 1 if it is an elbow; `axis` (5, 3) of its
+    joint in the link's frame.
     """
 
     joint: Integers
@@ -27,7 +28,7 @@ class Tree(NamedTuple):
 
 
 def tree_of(model: pin.Model) -> Tree:
-    """Find the links in a model."""
+    """Return the tree of the five links in a model."""
     joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
     axis = np.zeros((len(LINKS), 3))
     for link, joint in enumerate(joints[1:], 1):

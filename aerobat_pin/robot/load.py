@@ -1,4 +1,4 @@
-"""The robots that a scenario names: the one that flies, and the one that its observers believe in."""
+"""The robots of a scenario: the robot that flies, and the robot that its observers assume (the believed robot)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from aerobat_pin.scenario import Scenario
 
 
 def load_robot(scenario: Scenario) -> Aerobat:
-    """Load a scenario's robot, with its changes and its gravity. Raises as `load_aerobat`."""
+    """Load the robot that flies in a scenario, with the scenario's changes and gravity. Raises as `load_aerobat`."""
     chosen = scenario.robot
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
 
 
 def believed_robot(scenario: Scenario) -> Aerobat:
-    """Load the robot that a scenario's observers believe in. Raises as `load_aerobat`."""
+    """Load the robot that a scenario's observers assume. Raises as `load_aerobat`."""
     chosen = scenario.believed_robot
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)

@@ -1,11 +1,11 @@
-"""Prescribed-joint forward dynamics.
+"""Forward dynamics with prescribed joint motion.
 
-The linkage prescribes the joints, so with the rows split into base (b) and joints (j)
+The linkage prescribes the joint angles theta. With the rows of M a + nle = F + u_m split into base (b) and joints (j):
 
     M_bb a_b = F_b - nle_b - M_bj theta''                      six equations for the base acceleration
     u_m      = M_jb a_b + M_jj theta'' + nle_j - F_j           the motor's generalised torque at the joints
 
-where F is the sum of all other generalised forces and nle = C v + g, so that M a + nle = F + u_m.
+Here nle = C v + g, and F is the sum of all generalised forces other than the motor torque u_m.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import numpy as np
 from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
 
-BASE_SIZE = 6  # velocities of a free-flyer base
+BASE_SIZE = 6  # number of velocities of a free-flyer base
 
 
 def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_acceleration: Array) -> tuple[Array, Array]:
-    """Solve for the base when the joints follow a given motion.
+    """Compute base acceleration and motor torque for joints that follow a given motion.
 
     Args:
         M: (nv, nv) joint-space inertia, base rows first.
         nle: (nv,) C v + g.
-        force: (nv,) sum of the generalised forces other than the motor.
+        force: (nv,) sum of the generalised forces other than the motor torque.
         joint_acceleration: (nv - 6,) prescribed theta'' [rad/s2].
 
     Returns:
@@ -40,7 +40,7 @@ def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_accelera
 
 
 def joint_table(closure: Closure) -> Array:
-    """Stack angle, rate and acceleration of shoulder and elbow as (n, 3, 2)."""
+    """Return angle, rate and acceleration of shoulder and elbow as one array (n, 3, 2)."""
     return np.stack(
         [
             np.stack([closure.theta_s, closure.theta_e], axis=-1),

@@ -1,4 +1,4 @@
-"""Pinocchio's geometry objects from the description's triangles."""
+"""Pinocchio's geometry objects, made from the meshes of the robot description."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aerobat_pin.numerics import frame_id
 
 
 def visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
-    """Return the visible parts of the tree, each on the joint that carries its link."""
+    """Return the visible parts of the robot, each attached to the joint that carries its link."""
     visual = pin.GeometryModel()
     for name, part in parts(morphology).items():
         visual.addGeometryObject(geometry_object(model, name, part.link, part.mesh, part.material))
@@ -22,7 +22,7 @@ def visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
 
 
 def geometry_object(model: pin.Model, name: str, link: str, mesh: Mesh, material: str) -> pin.GeometryObject:
-    """Return one mesh, drawn in the frame of a link."""
+    """Return a geometry object for a mesh whose points are in the frame of a link."""
     frame = frame_id(model, link)
     placement = model.frames[frame].placement
     item = pin.GeometryObject(name, model.frames[frame].parentJoint, frame, placement, _bvh(mesh))

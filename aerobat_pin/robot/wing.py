@@ -1,7 +1,7 @@
-"""The wing as a lifting line sees it: a constant arc from tip to tip along the links, with chord and leading edge.
+"""The wing as input of a lifting line: an arc along the links from tip to tip, with chord and leading edge.
 
-The arc coordinate y runs from the right tip (-span/2) over the body to the left tip (+span/2). It does not shrink when
-the wings fold. The body between the shoulders carries the chord of the wing root.
+The arc coordinate y runs from the right tip (-span/2) over the body to the left tip (+span/2). The length of the arc
+stays the same when the wings fold. The body between the shoulders has the chord of the wing root.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Wing:
 
     @property
     def breaks(self) -> tuple[float, float, float]:
-        """Arc coordinate of the left shoulder, elbow and tip [m]."""
+        """Arc coordinates of the left shoulder, elbow and tip [m]."""
         shoulder = self.morphology.shoulder[1]
         elbow = shoulder + math.hypot(*self.morphology.elbow)
         return shoulder, elbow, elbow + self.morphology.wing.distal_stations[-1]
@@ -47,14 +47,14 @@ class Wing:
         return np.maximum(chord, self.morphology.wing.minimum_chord)
 
     def attach(self, y: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-        """Return which link carries each arc coordinate, and where.
+        """Return the link and the point on it that belong to each arc coordinate.
 
         Args:
             y: arc coordinates (n,) [m].
 
         Returns:
-            Indices into `LINKS` (n,), and the wing frame's origin line as points (n, 3) [m] in those links' frames:
-            add the chordwise x of the wing frame to get a point of the membrane.
+            Indices into `LINKS` (n,), and points (n, 3) [m] in the frames of these links, at x = 0 of the wing frame.
+            Add the chordwise x of the wing frame to get a point of the membrane.
         """
         y = np.atleast_1d(np.asarray(y, float))
         shoulder, elbow, _ = self.breaks
@@ -77,16 +77,16 @@ class Wing:
         return link, points
 
     def outline(self, link: str) -> Array:
-        """Return the corners (k, 3) of a link's membrane [m] in the link's frame, along the leading edge and back.
+        """Return the corners (k, 3) [m] of a link's membrane in the link's frame, out along the leading edge and back.
 
-        The body between the shoulders counts as a panel with the edges of the wing root. Unlike `chord`, which never
-        falls below a minimum, the membrane ends in a point.
+        The body between the shoulders counts as a panel with the edges of the wing root. The membrane ends in a point
+        at the tip, whereas `chord` never falls below a minimum.
 
         Args:
             link: one of `LINKS`.
 
         Raises:
-            FrameNotFoundError: no such link.
+            FrameNotFoundError: `link` is not one of `LINKS`.
         """
         if link not in LINKS:
             raise FrameNotFoundError(link, list(LINKS))
@@ -94,7 +94,7 @@ class Wing:
         panel = link.rpartition("_")[2]
         inner, outer = {"link": (-shoulder, shoulder), "proximal": (shoulder, elbow), "distal": (elbow, tip)}[panel]
         y = np.array([inner, *(s for s in self._stations if inner < s < outer), outer])
-        edge = np.nextafter(y, 0.5 * (inner + outer))  # both ends belong to the panel, whichever link carries the axis
+        edge = np.nextafter(y, 0.5 * (inner + outer))  # moved inside, so that `attach` puts both ends on this link
         side = -1.0 if link.startswith("right") else 1.0
         line = self.attach(side * edge)[1]
         forward = np.array([1.0, 0.0, 0.0])
@@ -104,13 +104,13 @@ class Wing:
 
     @property
     def _stations(self) -> list[float]:
-        """Arc coordinates [m] of the edges' corners. The proximal panel is stretched to the distance of the axes."""
+        """Arc coordinates [m] of the corners of both edges; the proximal panel is stretched to reach the elbow."""
         wing, (shoulder, elbow, _) = self.morphology.wing, self.breaks
         stretch = (elbow - shoulder) / wing.proximal_stations[-1]
         return [shoulder + stretch * s for s in wing.proximal_stations] + [elbow + s for s in wing.distal_stations]
 
     def _edge(self, y: ArrayLike, edge: str) -> Array:
-        """Interpolate an edge's x in the wing frame."""
+        """Interpolate the x of an edge in the wing frame [m] at arc coordinates y [m]."""
         wing = self.morphology.wing
         edges = getattr(wing, f"proximal_{edge}") + getattr(wing, f"distal_{edge}")
         return np.asarray(np.interp(np.abs(np.asarray(y, float)), self._stations, edges))

@@ -155,7 +155,7 @@ def test_a_robots_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None
     ("setting", "message"),
     [
         ("unknown_force.0.frame=left_tip", "unknown_force.0.frame = 'left_tip': the robot's frames are"),
-        ("unknown_force.0.direction=[0, 0, 0]", "a direction is not zero"),
+        ("unknown_force.0.direction=[0, 0, 0]", "a direction must not be zero"),
         ("unknown_force.0.frame=universe", "unknown_force.0.frame = 'universe': the robot's frames are root_joint"),
         ("observers.frames=['universe']", "is fixed to the world"),
         ("observers.frames=['left_tip']", "no frame named 'left_tip'"),

@@ -1,7 +1,8 @@
-"""How the crank turns: drives give its angle, rate and acceleration at any time, before the flight is flown.
+"""Crank drives: they give the crank's angle, rate and acceleration at any time, independently of the flight.
 
-A drive is any function of time: `drive(time) -> (angle, rate, acceleration)`, arrays in, arrays out. The joints follow
-the closed linkage, so a drive decides their motion whatever pushes on the wings.
+A drive is any function of time: `drive(time) -> (angle, rate, acceleration)`, arrays in, arrays out. The linkage fixes
+the joint angles at each crank angle, so the drive alone decides how the joints move, however large the forces on the
+wings are.
 """
 
 from aerobat_pin.flight.crank.drives import ConstantRate, CrankDrive, CrankMotion, SpinUp, checked_motion

@@ -1,4 +1,4 @@
-"""Crank drives that are plain functions of time, and the check that any drive is a motion."""
+"""Crank drives given by formulas, and a check that a drive's angle, rate and acceleration agree."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import CrankError
 from aerobat_pin.numerics import Array
 
-MISMATCH = 0.01  # of the way turned (or of the speed gained): by how much an angle and its rate may differ
+MISMATCH = 0.01  # allowed gap between a change and the integral of its rate, as a share of the total variation
 
 
 class CrankMotion(NamedTuple):
@@ -28,7 +28,7 @@ CrankDrive = Callable[[Array], tuple[ArrayLike, ArrayLike, ArrayLike]]
 
 @dataclass(frozen=True)
 class ConstantRate:
-    """The crank turns steadily, at all times: `start` [rad] at t = 0, `rate` [rad/s]."""
+    """A crank that always turns at `rate` [rad/s], also before t = 0; its angle at t = 0 is `start` [rad]."""
 
     start: float
     rate: float
@@ -40,10 +40,10 @@ class ConstantRate:
 
 @dataclass(frozen=True)
 class SpinUp:
-    """The crank rests at `start` [rad] until t = 0 and turns at `rate` [rad/s] from t = `duration` [s] on.
+    """A crank that rests at `start` [rad] until t = 0 and turns at `rate` [rad/s] from t = `duration` [s] on.
 
-    In between the rate follows the quintic 10 s^3 - 15 s^4 + 6 s^5, s = t / duration, whose first and second derivative
-    vanish at both ends: neither torque nor its rate jumps.
+    In between, the rate grows as 10 s^3 - 15 s^4 + 6 s^5 with s = t / duration. The first and second derivatives of
+    this polynomial vanish at both ends, so the torque and its rate do not jump.
     """
 
     start: float
@@ -60,28 +60,28 @@ class SpinUp:
 
 
 def checked_motion(drive: CrankDrive, time: Array) -> CrankMotion:
-    """Return a drive's motion, checked.
+    """Evaluate a drive and check its result.
 
     Args:
         drive: any function of time.
         time: (n,) rising [s].
 
     Raises:
-        CrankError: not three quantities at these times, not finite, or the rate is not the angle's derivative, or the
-            acceleration not the rate's.
+        CrankError: the drive does not return three finite quantities at these times, or its rate is not the derivative
+            of its angle, or its acceleration is not the derivative of its rate.
     """
     motion = drive(time)
     if not isinstance(motion, tuple) or len(motion) != 3:
-        raise CrankError("a crank drive returns a tuple (angle, rate, acceleration) of the times that it is given")
+        raise CrankError("a crank drive must return a tuple (angle, rate, acceleration) at the times it is given")
     parts: list[Array] = []
     for part, name in zip(motion, CrankMotion._fields, strict=True):
         values = np.asarray(part, float)
         if values.shape not in ((), time.shape):
-            raise CrankError(f"crank drive: {name} has shape {values.shape}: {time.shape} was expected, as of the time")
+            raise CrankError(f"crank drive: {name} has shape {values.shape}: {time.shape} was expected, as for time")
         if not np.all(np.isfinite(values)):
             raise CrankError(
-                f"crank drive: {name} is not finite everywhere from t = {time[0]:g} to {time[-1]:g} s; before t = 0 "
-                "the air warms up"
+                f"crank drive: {name} is not finite everywhere from t = {time[0]:g} to {time[-1]:g} s; times before "
+                "t = 0 are needed to warm up the aerodynamic state"
             )
         parts.append(np.broadcast_to(values, time.shape))
     found = CrankMotion(*parts)
@@ -91,7 +91,10 @@ def checked_motion(drive: CrankDrive, time: Array) -> CrankMotion:
 
 
 def _derivative(name: str, of: str, values: Array, slopes: Array, time: Array) -> None:
-    """Raise CrankError unless slopes add up to the change of values, but for the sampling and for jumps."""
+    """Raise CrankError unless the integral of `slopes` matches the change of `values`, within sampling error and jumps.
+
+    `of` is what an error calls the values, `name` what it calls their slopes.
+    """
     step = np.diff(time)
     if step.size == 0:
         return

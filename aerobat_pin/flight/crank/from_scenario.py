@@ -12,7 +12,7 @@ from aerobat_pin.scenario import Scenario
 
 
 def crank_drive(robot: Aerobat, scenario: Scenario) -> CrankDrive:
-    """Build a scenario's drive; a motor turns this robot's wings."""
+    """Build a scenario's crank drive; `robot` gives the wing inertia that a motor has to turn."""
     crank = scenario.crank
     start, rate = float(np.radians(crank.start_deg)), 2.0 * np.pi * crank.frequency
     if crank.spin_up is not None:

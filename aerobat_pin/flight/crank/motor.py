@@ -1,15 +1,17 @@
-"""A motor that holds the crank's rate as well as it can, integrated ahead of the flight.
+"""A motor with a rate controller on the crank, integrated before the flight is simulated.
 
     I(t1) t1'' = torque - load(t1) - I'(t1) t1'^2 / 2               I = rotor + wings
     lag torque' = sat(order) - torque
     order = kp miss + ki z        z' = miss - (order - sat(order)) / kp        miss = rate - t1'
 
-z is the integral of the rate's miss, bled while the torque is at its limit so that it does not wind up.
+`miss` is the error of the crank rate and `order` the commanded torque. z is the integral of the rate error, reduced
+while the torque is at its limit so that it does not wind up.
 
-The model has the rotor, the wings' inertia while the body stands still, and a load that depends on the crank angle
-alone. It leaves out what a flight does to the wings (air, motion of the body, gravity, unknown forces), friction, and a
-torque limit that falls with speed. So the crank's motion is known before the flight; the motor torque in the flight's
-log includes all of that: it is the torque that this motion takes, not the torque that this motor gave.
+The model includes the rotor, the wings' inertia with the body at rest, and a load that depends on the crank angle
+alone. It omits the forces that act on the wings in flight (air, body motion, gravity, unknown forces), friction, and
+the fall of the torque limit with speed. The crank's motion is therefore known before the flight. The motor torque in
+the flight log does include the forces in flight: it is the torque that this crank motion requires, not the torque of
+this motor model.
 """
 
 from __future__ import annotations
@@ -23,35 +25,36 @@ from aerobat_pin.errors import CrankError
 from aerobat_pin.flight.crank.drives import CrankMotion
 from aerobat_pin.numerics import Array
 
-ACCURACY = 1.0e-9  # of the integration, relative
-STATE_SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # angle [rad], rate [rad/s], torque [N m], integral [rad]
+ACCURACY = 1.0e-9  # relative tolerance of the integration
+STATE_SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # typical angle [rad], rate [rad/s], torque [N m], integral [rad]
 
 
 def no_load(crank_angle: Array) -> Array:
-    """Return no load torque."""
+    """Return zero load torque."""
     return np.zeros_like(crank_angle)
 
 
 def no_wings(crank_angle: Array) -> tuple[Array, Array]:
-    """Return no inertia and no derivative of it."""
+    """Return zero inertia and zero derivative."""
     return np.zeros_like(crank_angle), np.zeros_like(crank_angle)
 
 
 @dataclass(frozen=True)
 class RateControlledMotor:
-    """A crank drive: a rate controller, a motor with a torque limit and a lag, and what it turns.
+    """A crank drive: a rate controller, a motor with torque limit and lag, and the inertia and load that it turns.
 
     Attributes:
         start: crank angle at t = 0 [rad].
-        rate: ordered [rad/s].
-        start_rate: at t = 0, and steadily before [rad/s].
-        rotor_inertia: of the motor as seen at the crank: the rotor's times the gear ratio squared [kg m2].
-        torque_limit: at the crank [N m].
+        rate: commanded crank rate [rad/s].
+        start_rate: crank rate at t = 0, constant at all times before [rad/s].
+        rotor_inertia: rotor inertia as seen at the crank: the rotor's own times the gear ratio squared [kg m2].
+        torque_limit: largest motor torque at the crank [N m].
         lag: time constant of the torque [s].
-        gain: kp [N m s/rad].
-        integral_gain: ki [N m/rad].
-        wings: crank angle -> inertia [kg m2] and its derivative by crank angle; see `WingInertia`.
-        load: crank angle -> torque that resists turning forward [N m].
+        gain: proportional gain kp [N m s/rad].
+        integral_gain: integral gain ki [N m/rad].
+        wings: function of the crank angle: the wings' inertia [kg m2] and its derivative by crank angle [kg m2/rad];
+            see `WingInertia`.
+        load: function of the crank angle: torque that resists turning forward [N m].
     """
 
     start: float
@@ -75,12 +78,12 @@ class RateControlledMotor:
         return np.asarray(self.states(time)[2])
 
     def states(self, time: Array) -> Array:
-        """Integrate from t = 0 and return angle, rate, torque and integral (4, n) at times (n,) [s].
+        """Integrate from t = 0; return angle, rate, torque and integral z (4, n) at times (n,) [s].
 
         Raises:
             CrankError: the integration failed.
         """
-        from scipy.integrate import solve_ivp  # a third of a second that other drives need not pay
+        from scipy.integrate import solve_ivp  # takes a third of a second to import; other drives do without
 
         begin = np.array([self.start, self.start_rate, 0.0, 0.0])
         states = np.tile(begin[:, None], len(time))
@@ -98,7 +101,7 @@ class RateControlledMotor:
                 atol=ACCURACY * STATE_SCALE,
             )
             if not solved.success or not np.all(np.isfinite(solved.y)):
-                raise CrankError(f"the motor's crank cannot be followed to t = {end:g} s: {solved.message}")
+                raise CrankError(f"the crank's motion cannot be integrated to t = {end:g} s: {solved.message}")
             states[:, flown] = solved.sol(time[flown])
         return states
 

@@ -1,4 +1,4 @@
-"""The wings' inertia as the crank feels it."""
+"""The wings' moment of inertia as seen by the crank."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
 
 SAMPLES = 360  # crank angles at which the inertia is computed
-HARMONICS = 60  # of its Fourier series; the robot's own fall by a factor of 1.8 each
+HARMONICS = 60  # number of harmonics kept; each is about 1.8 times smaller than the one before
 
 
 class WingInertia:
-    """Moment of inertia of both wings as the crank feels it while the body stands still, over the crank angle.
+    """Moment of inertia of both wings as seen by the crank with the body at rest, as a function of the crank angle t1.
 
-    I(t1) = d^T M d with d the joints' derivatives by t1 and M the joints' mass matrix: the wings' kinetic energy is
-    I t1'^2 / 2.
+    I(t1) = d^T M d, where d holds the derivatives of the joint angles by t1 and M is the joints' mass matrix. The
+    wings' kinetic energy is I t1'^2 / 2.
     """
 
     def __init__(self, robot: Aerobat) -> None:
-        """Compute it over a turn of the crank."""
+        """Compute the Fourier series of the inertia over one turn of the crank."""
         crank = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
         closed = robot.linkage.solve(crank)
         data, still = robot.model.createData(), np.zeros((SAMPLES, 6))

@@ -1,1 +1,1 @@
-"""The plant: the robot in its scenario, and the kernels that fly it."""
+"""The plant: the simulated robot in its scenario, and the kernels that integrate its motion."""

@@ -1,4 +1,4 @@
-"""The equations of motion as one compiled call after Pinocchio's M and nle; `plant` says what they are."""
+"""The equations of motion as one compiled call after Pinocchio's M and nle; `plant` states the equations."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def push(
     noisy: Array,
     clean: Array,
 ) -> None:
-    """Write the unknown forces as link wrenches (5, 6), and at their points (p, 3) with and without noise.
+    """Write the unknown forces: as wrenches on the links, and as forces at their points with and without noise.
 
     Args:
         unknown: the forces.
         elbow: elbow angle [rad].
         held: (2, f, intervals) mean noise and mean signal of each force [N].
-        k: interval.
-        world: (12,) placement of the body, rotation by columns.
-        rotation: (5, 3, 3) links to body.
-        wrenches: (5, 6) written.
-        noisy: (p, 3) written, world axes [N].
-        clean: (p, 3) written, world axes [N].
+        k: index of the interval.
+        world: (12,) placement of the body: rotation by columns, then position.
+        rotation: (5, 3, 3) rotations from link axes to body axes.
+        wrenches: (5, 6) written: wrench on each link, at the origin and in the axes of the link's frame.
+        noisy: (p, 3) written: forces with noise, world axes [N].
+        clean: (p, 3) written: forces without noise, world axes [N].
     """
     table, place = unknown.direction, unknown.point_place
     point_of, link_of, axes_of, amplitude = unknown.point, unknown.link, unknown.axes, unknown.elbow_amplitude
@@ -97,15 +97,15 @@ def equations_of_motion(
     """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
 
     Args:
-        plant: its `forces` and the robot's `loads` are written.
+        plant: the plant's memory; its `forces` and its robot's `loads` are written.
         joints: (3, 2) angle, rate and acceleration of shoulder and elbow.
-        wind: (2, 3) velocity of the air and its rate, world axes.
+        wind: (2, 3) wind velocity and its rate of change, world axes.
         held: (2, f, intervals) mean noise and mean signal of each unknown force [N].
-        k: interval.
-        state: (6 + S,) base twist in body axes, then the air.
-        rate: (6 + S,) written: base acceleration, then the rate of the air.
+        k: index of the interval.
+        state: (6 + S,) base twist in body axes, then the aerodynamic state.
+        rate: (6 + S,) written: base acceleration, then the rate of the aerodynamic state.
     """
-    # Fields are taken out first: a named tuple is loaded whole, in every other block that asks it for a field.
+    # Fields are unpacked first: every further block of compiled code that reads a field loads the whole named tuple.
     robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
     holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
     tree, found, links, mass = robot.tree, robot.found, robot.links, robot.added_mass
@@ -168,7 +168,7 @@ def equations_of_motion(
 
 @kernel
 def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array) -> None:
-    """Evaluate the equations of motion in a plant's memory; arguments as of `equations_of_motion`."""
+    """Evaluate the equations of motion in a plant's memory; the other arguments are those of `equations_of_motion`."""
     equations_of_motion(plant_in(memory), joints, wind, held, k, state, rate)
 
 
@@ -176,18 +176,18 @@ def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, sta
 def advance_stage(
     memory: Array, motion: Array, wind: Array, held: Array, dt: float, k: int, stage: int, means: Array, loads: Array
 ) -> None:
-    """Evaluate one stage of step k and lead on to the next, in the memory's `state`, `tangent` and `v`.
+    """Evaluate one Runge-Kutta stage of step k, and write `state`, `tangent` and `v` for the next stage.
 
     Args:
-        memory: of the plant, see `plant_in`.
-        motion: (2 n + 1, 3, 2) joints every half step.
-        wind: (2 n + 1, 2, 3) velocity of the air and its rate every half step, world axes.
+        memory: the plant's memory, see `plant_in`.
+        motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step.
+        wind: (2 n + 1, 2, 3) wind velocity and its rate of change at every half step, world axes.
         held: (2, f, n) mean noise and mean signal of each unknown force [N].
-        dt: step [s].
-        k: step.
-        stage: 0 to 3.
-        means: (n, size) row k gathers the mean of the forces.
-        loads: (n, 9, N) row k takes the strips' loads at the start of the step.
+        dt: time step [s].
+        k: index of the step.
+        stage: index of the stage, 0 to 3.
+        means: (n, size) forces averaged over each step; this stage's share is added to row k.
+        loads: (n, 9, N) strip loads at the start of each step; stage 0 writes row k.
     """
     plant = plant_in(memory)
     tree, state, start, rates, twists = plant.robot.tree, plant.state, plant.start, plant.rates, plant.twists
@@ -204,7 +204,7 @@ def advance_stage(
     next_state(stage, dt, rates, start, state)
     if stage == 3:
         copy_values(state, start)
-    # The joints follow the closed linkage: their part of the tangent leads from where it departs to where it ends.
+    # The closed linkage prescribes the joints: in their rows the tangent is the change of the joint angle.
     begin, end = 2 * k + DEPARTURES[stage], 2 * k + (HALF_STEPS[stage + 1] if stage < 3 else 2)
     copy_values(state[:6], v[row_of[0] : row_of[0] + 6])
     for link in range(1, row_of.shape[0]):

@@ -1,4 +1,4 @@
-"""Memory of the plant's kernels: the robot in its air, unknown forces, the hold, the integrator's stages, forces."""
+"""Memory layout of the plant's kernels: robot and air, unknown forces, attitude hold, integrator stages, results."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ DIRECTION_AXES = ("link", "body", "world")
 
 
 class UnknownForces(NamedTuple):
-    """Unknown forces (f) at points (p).
+    """The f unknown forces and the p points at which they act.
 
-    `point` (f,) at which a force acts, `link` (f,) that carries it, `axes` (f,) index into `DIRECTION_AXES`,
-    `direction` (f, 3), `elbow_amplitude` (f,) [N]; `point_link` (p,), `point_place` (p, 3) in the link's frame [m].
+    For each force: index of its `point` (f,), index of the `link` (f,) it acts on, index of the `axes` (f,) of its
+    direction in `DIRECTION_AXES`, `direction` (f, 3), `elbow_amplitude` (f,) [N]. For each point: index of its link
+    `point_link` (p,), position `point_place` (p, 3) in the link's frame [m].
     """
 
     point: Integers
@@ -33,12 +34,12 @@ class UnknownForces(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """What acts, at one instant, or averaged over each of n steps with a first axis (n,) more.
+    """All forces at one instant, or their means over n steps; means have an additional first axis (n,).
 
-    `aerodynamic`, `added_mass`, `thrusters`, `motor`, `unknown` are generalised forces (nv,); `force_W` and
-    `force_noise_free_W` (p, 3) [N] the unknown forces at their points in world axes; `link_wrench` (5, 6) what the air
-    does to each link, at and in its frame, without added mass; `motor_power` () [W] is torque times joint rates, and
-    `air_power` () [W] what the air does to the robot, added mass included.
+    `aerodynamic`, `added_mass`, `thrusters`, `motor` and `unknown` are generalised forces (nv,). `force_W` and
+    `force_noise_free_W` (p, 3) [N] are the unknown forces at their points in world axes. `link_wrench` (5, 6) is the
+    aerodynamic wrench on each link without added mass, at the origin and in the axes of the link's frame. `motor_power`
+    () [W] is motor torque times joint rates. `air_power` () [W] is the power of the air on the robot, with added mass.
     """
 
     aerodynamic: Array
@@ -54,12 +55,12 @@ class Forces(NamedTuple):
 
 
 class PlantMemory(NamedTuple):
-    """The plant.
+    """Memory of the plant's kernels.
 
-    `holds` () 1 where the hold acts. Scratch: `error_rotation` (3, 3) of the hold, `pushes` (5, 6) wrenches of the
-    unknown forces on the links, the base's equations `A` (6, 6) and `b` (6,). A step: base `twists` (4, 6) and `rates`
-    (4, 6 + S) at the stages, `start` and `state` (6 + S,), `tangent` (2, nv) that leads on, `v` (nv,) at the next
-    stage, `forces` of the stage.
+    `holds` () is 1 if the attitude hold `hold` acts. Scratch arrays: `error_rotation` (3, 3) for the attitude hold,
+    `pushes` (5, 6) for the wrenches of the unknown forces on the links, `A` (6, 6) and `b` (6,) for the equations of
+    the base. Integrator: base `twists` (4, 6) and `rates` (4, 6 + S) at the stages, `start` (6 + S,) at the start of
+    the step, `state` (6 + S,), `v` (nv,) and `tangent` (2, nv) for the next stage, `forces` at the current stage.
     """
 
     robot: RobotMemory
@@ -81,7 +82,7 @@ class PlantMemory(NamedTuple):
 
 @merged
 def plant_in(memory: Array) -> PlantMemory:
-    """Lay out a plant. Sizes: address of the robot's memory, nv, states of the air, forces, points."""
+    """Lay out a plant's memory. Sizes: address of the robot's memory, nv, number of air states, forces and points."""
     cursor = rewind(memory)
     robot, nv, states = next_size(cursor), next_size(cursor), next_size(cursor) + 6
     f, p = next_size(cursor), next_size(cursor)
@@ -137,14 +138,14 @@ def plant_in(memory: Array) -> PlantMemory:
 
 
 def split_forces(forces: Forces, rows: Array) -> Forces:
-    """Name the parts of rows (n, size), each of which lies like the `forces` of a plant's memory."""
+    """Split rows (n, size) into named forces; each row is laid out like `forces` in a plant's memory."""
     starts = [(part.ctypes.data - forces[0].ctypes.data) // part.itemsize for part in forces]
     parts = [rows[:, start : start + part.size] for start, part in zip(starts, forces, strict=True)]
     return Forces(*(part.reshape(len(rows), *one.shape) for part, one in zip(parts, forces, strict=True)))
 
 
 def unknown_forces(model: pin.Model, forces: tuple[PointForce, ...], points: tuple[str, ...]) -> UnknownForces:
-    """Place unknown forces on the links, at the frames named in `points`."""
+    """Return the tables of unknown forces that kernels read; `points` names the frames at which the forces act."""
     carriers = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
     frames = {name: model.frames[frame_id(model, name)] for name in points}
     links = {name: carriers.index(frame.parentJoint) for name, frame in frames.items()}

@@ -1,14 +1,16 @@
-"""The plant: the robot in its scenario, as one compiled call after Pinocchio's M and nle.
+"""The plant: the robot in its scenario; its equations of motion are one compiled call after Pinocchio's M and nle.
 
-At each instant the air, the hold and the unknown forces push on the links; their generalised forces run up the tree,
-and with the joints prescribed the base acceleration and the motor torque follow (see `prescribed_joints`):
+At each instant the air, the attitude hold and the unknown forces act on the links. Their wrenches are carried up the
+kinematic tree and give the generalised force F. The linkage prescribes the joint angles theta, so the equations of
+motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor torque u_m (see
+`prescribed_joints`):
 
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
-H and h are Pinocchio's M and nle with the wings' added mass (see `added_mass`).
+H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`).
 
-The kernel `advance_stage` is one stage of the integrator: it evaluates this, adds to the step's means, and leads on to
-the next stage.
+The kernel `advance_stage` is one stage of the integrator: it evaluates these equations, adds the forces to their means
+over the step, and prepares the next stage.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ from aerobat_pin.scenario import Scenario
 
 @dataclass(frozen=True)
 class State:
-    """Base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,)."""
+    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,)."""
 
     placement: Array
     twist: Array
@@ -46,14 +48,14 @@ class State:
 
 @dataclass(frozen=True)
 class Flown:
-    """A flight on n equal intervals, as arrays: samples at its n + 1 edges, means over its n intervals.
+    """A simulated flight of n equal intervals, as arrays: samples at the n + 1 edges, means over the n intervals.
 
     Attributes:
-        crank_angle: (n + 1,) [rad].
-        q, v: (n + 1, nq), (n + 1, nv).
+        crank_angle: (n + 1,) absolute crank angle t1 [rad].
+        q, v: configuration (n + 1, nq) and velocity (n + 1, nv).
         air: (n + 1, 3N) aerodynamic state.
-        forces: means over the intervals.
-        loads: (n, 9, N) of the strips at the start of each interval; `strips_of` names the rows.
+        forces: means of all forces over the intervals.
+        loads: (n, 9, N) strip loads at the start of each interval; `strips_of` names the rows.
     """
 
     crank_angle: Array
@@ -65,21 +67,21 @@ class Flown:
 
 
 class Plant:
-    """The robot in its scenario, ready to fly.
+    """The robot in its scenario, ready to be simulated.
 
     Args:
         robot: the robot.
-        scenario: what happens.
-        drive: how the crank turns, in place of the scenario's drive. While the air warms up it is asked for times
-            before zero.
+        scenario: start, air, crank, attitude hold and unknown forces.
+        drive: crank drive that replaces the scenario's. It is also called with times before zero, while the
+            aerodynamic state is warmed up.
 
     Raises:
-        CrankError: the drive is not a motion.
-        ScenarioError: a force acts at a frame that the robot does not have, or in no direction.
+        CrankError: the drive's angle, rate and acceleration do not agree.
+        ScenarioError: a force acts at a frame that the robot does not have, or its direction is zero.
     """
 
     def __init__(self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | None = None) -> None:
-        """Build air, hold and unknown forces, and lay out the kernel's arrays."""
+        """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
         self.drive = crank_drive(robot, scenario) if drive is None else drive
@@ -100,7 +102,7 @@ class Plant:
         self.start = self._warmed_up(rotation)
 
     def __repr__(self) -> str:
-        """Say who flies what."""
+        """Name scenario, robot, aerodynamic model, crank drive and unknown forces."""
         held = "held" if self.hold is not None else "free"
         return (
             f"Plant({self.scenario.name!r}, {self.robot!r},\n"
@@ -109,11 +111,11 @@ class Plant:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy as a fresh plant: the views of Pinocchio's results cannot travel."""
+        """Pickle and copy by building the plant anew, because views of Pinocchio's results cannot be pickled."""
         return type(self), (self.robot, self.scenario, self.drive)
 
     def closure(self, time: Array) -> Closure:
-        """Close the linkage at times (n,) [s] of the crank's drive."""
+        """Close the linkage at the crank angles that the drive gives for times (n,) [s]."""
         return self.robot.linkage.solve(*checked_motion(self.drive, time))
 
     def rates(
@@ -124,16 +126,16 @@ class Plant:
         Args:
             q: (nq,) configuration.
             v: (nv,) velocity.
-            joints: (3, 2) angle, rate and acceleration of shoulder and elbow, those of q and v.
+            joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v.
             air: (3N,) aerodynamic state.
             held: (2, f) mean noise and mean signal of each unknown force [N].
-            time: of the wind [s].
+            time: time at which the wind is evaluated [s].
 
         Returns:
-            Base acceleration (6,) in body axes, rate of the air's state (3N,), forces with n = 1.
+            Base acceleration (6,) in body axes, rate of the aerodynamic state (3N,), and the forces with n = 1.
 
         Raises:
-            ShapeError: an array does not fit.
+            ShapeError: an array has the wrong shape.
         """
         q, v = shaped(q, (self.model.nq,), "q"), shaped(v, (self.model.nv,), "v")
         joints, air = shaped(joints, (3, 2), "joints"), shaped(air, (self.air.state_size,), "air")
@@ -144,18 +146,19 @@ class Plant:
         return rate[:BASE_SIZE], rate[BASE_SIZE:], Forces(*(part[None].copy() for part in self.fields.forces))
 
     def evaluate(self, q: Array, v: Array, joints: Array, wind: Array, held: Array, state: Array, rate: Array) -> None:
-        """Evaluate the equations of motion into the caller's array and `fields.forces`, without allocating.
+        """Evaluate the equations of motion without allocating; write the result to `rate` and `fields.forces`.
 
-        Nothing is checked: contiguous arrays of doubles of the shapes below, or memory is overwritten. `rates` checks.
+        The arguments are not checked, as `rates` does. Arrays must be contiguous, of doubles and of the shapes below;
+        otherwise the kernel overwrites other memory.
 
         Args:
             q: (nq,) configuration.
             v: (nv,) velocity.
-            joints: (3, 2) angle, rate and acceleration of shoulder and elbow, those of q and v.
-            wind: (2, 3) velocity of the air and its rate, world axes.
+            joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v.
+            wind: (2, 3) wind velocity and its rate of change, world axes.
             held: (2, f, 1) mean noise and mean signal of each unknown force [N].
-            state: (6 + 3N,) base twist in body axes, that of v, then the air.
-            rate: (6 + 3N,) written: base acceleration, then the rate of the air.
+            state: (6 + 3N,) base twist in body axes, as in v, then the aerodynamic state.
+            rate: (6 + 3N,) written: base acceleration, then the rate of the aerodynamic state.
         """
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, v)
@@ -169,17 +172,17 @@ class Plant:
         progress: Callable[[float], None] | None = None,
         start: State | None = None,
     ) -> Flown:
-        """Fly.
+        """Integrate the equations of motion and return the flight.
 
         Args:
             count: number n of steps.
-            dt: step [s].
+            dt: time step [s].
             held: (2, f, n) mean noise and mean signal of each unknown force over each step [N].
-            progress: called with the share done, 0..1, about a hundred times.
-            start: where from; the scenario's start, air warmed up, when omitted.
+            progress: called about a hundred times with the completed share, 0..1.
+            start: initial state; when omitted, the scenario's start with its aerodynamic state warmed up.
 
         Raises:
-            ShapeError: `held` or `start` does not fit.
+            ShapeError: `held` or `start` has the wrong shape.
             SimulationError: the flight diverged.
         """
         held = shaped(held, (2, len(self.forces), count), "held")
@@ -225,13 +228,14 @@ class Plant:
         )
 
     def wind(self, time: Array) -> Array:
-        """Return velocity of the air and its rate (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
+        """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
         return wind_of(self.scenario.air).field(time)
 
     def _warmed_up(self, rotation: Array) -> State:
-        """Return the start, the air warmed up over whole cycles with the body held at its attitude and velocity.
+        """Return the initial state, its aerodynamic part warmed up over whole flaps at constant attitude and velocity.
 
-        The crank does what its drive says for the times before zero: where it rests, the air settles about still wings.
+        During this warm-up the crank follows its drive at times before zero. If the drive rests there, the aerodynamic
+        state settles with the wings at rest.
         """
         flight, air = self.scenario.flight, self.scenario.air
         placement = np.concatenate([flight.position, pin.Quaternion(rotation).coeffs()])
