@@ -16,7 +16,7 @@ def advance_air_stage(memory: Array, wind: Array, acceleration: Array, dt: float
     Args:
         memory: memory of the robot and its aerodynamic model, see `robot_in`. Before place 0, `state` and `start` are
             the aerodynamic states at the step's start; after place 2, those at its end.
-        wind: (2, 3) velocity and acceleration of the air, world axes [m/s, m/s2].
+        wind: (2, 3) velocity of the air and its time derivative, world axes [m/s, m/s2].
         acceleration: (nv,) mean acceleration of the robot over the step; used at place 1 only.
         dt: length of the step [s].
         place: 0 at the start of the step, 1 in its middle, 2 at its end.

@@ -35,7 +35,7 @@ class Motion:
         q: (m + 1, nq) configurations.
         v: (m + 1, nv) velocities.
         crank: (3, m + 1) angle, rate and acceleration of the crank [rad, rad/s, rad/s2]; None if it is not recorded.
-        wind: (m + 1, 2, 3) velocity and acceleration of the air, world axes [m/s, m/s2].
+        wind: (m + 1, 2, 3) velocity of the air and its time derivative, world axes [m/s, m/s2].
         source: quantity -> `measured` or `reconstructed`; the wind can also be `believed`, that is, assumed.
     """
 

@@ -61,9 +61,10 @@ class ObserverScores:
         gain: gain K [1/s]: a number, a list with one number for each filtered quantity, or a matrix as nested lists.
         rank: rank of the linear equations for the unknown components.
         condition: condition number of the same equations; None if it is infinite.
-        null_direction: combination of components that changes the measurements least, among those that do not change
-            them at all: (n, 3) if the components are n forces in world axes, else (c,). None at full rank.
-        unseen: description of every combination of components that does not change the measurements.
+        null_direction: combination of components that cannot be estimated because it has no effect on the equations;
+            of several, the one with the smallest singular value. Its shape is (n, 3) if the components are n forces in
+            world axes, else (c,). None at full rank.
+        unseen: a line of text about each combination of components that cannot be estimated.
     """
 
     points: Mapping[str, Mapping[str, AxisScore]]
