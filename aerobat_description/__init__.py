@@ -1,6 +1,6 @@
-"""Aerobat as data: morphologies, URDF, SRDF and meshes. Needs nothing but the standard library.
+"""The robot Aerobat as data: morphologies, URDF, SRDF and meshes. It needs only Python's standard library.
 
-The constants describe the default morphology, `aerobat`, under the names that robot_descriptions uses.
+The constants are the paths of the default morphology, `aerobat`, and have the names that robot_descriptions expects.
 """
 
 from pathlib import Path

@@ -1,9 +1,9 @@
-"""The bars of the linkage: which pins each joins, where these are in its own frame, and what it looks like.
+"""The bars of the linkage: the pins that each bar joins, the positions of these pins, and the mesh of the bar.
 
-A bar's frame has its origin at the bar's first pin and its x axis forward. On the left wing it is turned from the
-body's by the bar's angle about +x, so that y runs along the bar; on the right wing by as much about -x, and the bar is
-mirrored. The frames of the humerus L3 and the forearm L7 are those of the proximal and the distal link. Points are
-outboard + i up [m].
+Pins are given in the frame of their bar. This frame has its origin at the bar's first pin and its x axis forward. On
+the left wing it is rotated relative to the body frame by the bar's angle about +x, so that y runs along the bar; on the
+right wing it is rotated by the same angle about -x, and the bar is mirrored. The frames of the humerus L3 and of the
+forearm L7 are those of the proximal and of the distal link. Points are complex numbers, outboard + i up [m].
 """
 
 from __future__ import annotations
@@ -15,22 +15,29 @@ from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_description.position_closure import elbow
 from aerobat_description.solids import Mesh, disc, mirrored, slab, strut
 
-# The linkage planes of the two wings are 9.4 mm apart along x, the left one ahead [V8]. The axes of the shipped robot
-# are in one plane, being the mean of both, and only the bars as drawn keep their distance: they would cut each other.
+# On the robot, the linkage planes of the two wings are 9.4 mm apart along x, the left one ahead [V8]. The model has the
+# axes of both wings in the plane half way between. Only the meshes of the bars are drawn in two planes, since in a
+# common plane they would cut each other.
 STAGGER = 4.7e-3
-LAYER = 1.6e-3  # [own] step along x from bar to bar, away from the frame
+LAYER = 1.6e-3  # [own] distance along x between neighbouring layers of bars, away from the frame
 THICKNESS, BOSS_THICKNESS = 1.1e-3, 1.6e-3  # [own]; bosses of neighbouring bars touch
-FOREARM = 0.75  # [own] of L7a is drawn: as far as the membrane reaches behind it
+FOREARM = 0.75  # [own] drawn length of the forearm over L7a; the membrane behind it ends there
 HALF_WIDTH, BOSS_RADIUS = 1.3e-3, 2.2e-3  # [own]
-# Bars that meet at a pin lie in neighbouring layers, bars that pass each other within a turn in different ones.
+# Bars that meet at a pin lie in neighbouring layers; bars that pass each other within a turn lie in different layers.
 LAYERS = {"L1": 0, "L2": 1, "L3": 2, "L4": 2, "L5": 3, "L6": 2, "L7": 1}
-LINK_OF = {"L3": "proximal", "L7": "distal"}  # bars that are links of the URDF's tree
+LINK_OF = {"L3": "proximal", "L7": "distal"}  # bars that belong to links of the URDF
 CLOSING = tuple(bar for bar in LAYERS if bar not in LINK_OF)
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar: its pins in its own frame, the first at the origin, and the pairs of points joined by a strut."""
+    """A bar of the linkage.
+
+    Attributes:
+        name: name of the bar, L1 to L7.
+        pins: pin -> position in the bar's frame, outboard + i up [m]; the first pin is at the origin.
+        struts: pairs of points that a strut joins.
+    """
 
     name: str
     pins: dict[str, complex]
@@ -38,11 +45,11 @@ class Bar:
 
     @property
     def origin(self) -> str:
-        """The pin at the origin of its frame."""
+        """Name of the pin at the origin of the bar's frame."""
         return next(iter(self.pins))
 
     def mesh(self, side: str) -> Mesh:
-        """Return its triangles in its frame: struts, and a boss around every pin; `side` is left or right."""
+        """Return the mesh of the bar in its frame: struts, and a boss around every pin; `side` is left or right."""
         sign = 1.0 if side == "left" else -1.0
         centre = sign * layer(self.name)
         made: Mesh = []
@@ -54,12 +61,12 @@ class Bar:
 
 
 def layer(bar: str) -> float:
-    """Return the x of a left bar's middle plane [m] in its frame; the right one has the opposite sign."""
+    """Return the x coordinate of the middle plane of a left bar in its frame [m]; right bars have the opposite sign."""
     return STAGGER + LAYER * (LAYERS[bar] - 1.5)
 
 
 def linkage_bars(lengths: LinkageLengths) -> dict[str, Bar]:
-    """Return the bars L1..L7 by name."""
+    """Return the bars of a linkage: name, L1 to L7 -> bar."""
     crank, arm, push, pull = (complex(length) for length in (lengths.L1, lengths.L2a, lengths.L4, lengths.L6))
     coupler = complex(lengths.L2b, lengths.L2c)
     rocker = cmath.rect(1.0, -lengths.alpha3) * complex(-lengths.L3b, lengths.L3c)
@@ -79,6 +86,10 @@ def linkage_bars(lengths: LinkageLengths) -> dict[str, Bar]:
 
 
 def closing_bars(lengths: LinkageLengths) -> dict[str, tuple[Bar, str]]:
-    """Return bar and side of everything that the tree leaves out: left_L1, right_L1, left_L2, and so on."""
+    """Return the bars that are not part of the URDF tree, because they close its loops.
+
+    Returns:
+        Side and name, such as `left_L1` -> (bar, side).
+    """
     bars = linkage_bars(lengths)
     return {f"{side}_{name}": (bars[name], side) for name in CLOSING for side in ("left", "right")}

@@ -1,4 +1,4 @@
-"""A morphology as files of its own: URDF, SRDF, linkage and meshes in a folder, for tools that know nothing of us."""
+"""Export a morphology as URDF, SRDF, linkage and meshes in one folder, for tools that do not use this package."""
 
 from __future__ import annotations
 
@@ -14,15 +14,18 @@ MeshPaths = Literal["package", "relative", "absolute"]
 
 
 def export(morphology: Morphology, target: Path, meshes: MeshPaths = "package") -> dict[Path, bytes]:
-    """Return the files of a robot: path -> content. Nothing is written.
+    """Return the files of a robot without writing them.
 
-    The URDF goes to `target`, the SRDF beside it, linkage and meshes into `linkage/` and `meshes/` there. Paths of
-    meshes in the URDF are `package://<folder of target>/meshes/...`, relative to the URDF, or absolute.
+    The path of the URDF is `target`; the SRDF and the folders `linkage/` and `meshes/` are in the same folder. In the
+    URDF, the paths of the meshes are `package://<folder of target>/meshes/...`, relative to the URDF, or absolute.
 
     Args:
         morphology: the robot.
-        target: file of the URDF.
-        meshes: how the URDF names the meshes.
+        target: path of the URDF file.
+        meshes: kind of the mesh paths in the URDF.
+
+    Returns:
+        Path -> content of each file.
     """
     target = target.absolute()
     folder = target.parent
@@ -37,7 +40,7 @@ def export(morphology: Morphology, target: Path, meshes: MeshPaths = "package") 
         path = Path(name)
         if path.parent.name == "meshes":
             made[folder / "meshes" / path.name] = content
-        elif path.parent.name == "linkage":  # in a folder of its own, for beside the URDF there may lie the morphology
+        elif path.parent.name == "linkage":  # in a subfolder: the morphology beside the URDF can have the same name
             made[folder / "linkage" / f"{target.stem}.toml"] = content
         elif path.suffix != ".urdf":
             made[target.with_suffix(path.suffix)] = content
@@ -45,11 +48,11 @@ def export(morphology: Morphology, target: Path, meshes: MeshPaths = "package") 
 
 
 def shipped_urdf(morphology: Morphology, meshes: MeshPaths = "package") -> str | None:
-    """Return the URDF text of a shipped robot, whose meshes this package holds; None for any other robot.
+    """Return the URDF text of a shipped robot, whose meshes are in this package; None for any other robot.
 
     Args:
         morphology: the robot.
-        meshes: as in `export`; relative paths are seen from this package's `urdf` folder.
+        meshes: kind of the mesh paths, as in `export`; relative paths start at the `urdf` folder of this package.
     """
     if morphology.name not in MORPHOLOGIES or morphology != Morphology.load(morphology.name):
         return None

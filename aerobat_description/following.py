@@ -1,4 +1,4 @@
-"""Adapt to a changed linkage what depends on it: the joints' limits and the length of the proximal panel."""
+"""When the linkage changes, adapt what depends on it: the limits of the joints and the length of the proximal panel."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from aerobat_description.morphology_tables import Joints, LinkageLengths, WingSh
 from aerobat_description.position_closure import ClosureError, elbow, reach
 from aerobat_description.reading import MorphologyError, build, merge
 
-LIMIT_MARGIN = 0.1  # [rad] from what the linkage reaches to a limit that follows it
+LIMIT_MARGIN = 0.1  # [rad] between the linkage's range and an adapted limit
 
 
 def laid_over(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a morphology's nested values with changes laid over them, and with what follows a changed linkage.
+    """Return the nested values of a morphology with changes laid over them, and adapted to a changed linkage.
 
-    Limits widen to what the linkage reaches plus `LIMIT_MARGIN` where they are narrower; the proximal stations stretch
-    with the distance of the elbow. Keys that the changes state themselves keep their values. Values that no robot can
-    have stay too: building the robot refuses them with the reason.
+    Joint limits that are narrower than the linkage's range plus `LIMIT_MARGIN` are widened to it. The proximal stations
+    are stretched with the distance from shoulder to elbow. Keys that `changes` contains are not adapted. Values that no
+    robot can have are kept; building the robot then raises an error that explains them.
     """
     merged = merge(values, changes)
     if "linkage" not in changes:

@@ -1,8 +1,10 @@
-"""What the body looks like: pods ahead of and behind the linkage, the frame that carries it, the guard, the thrusters.
+"""Meshes of the body: two pods, the frame between them that carries the linkages, the guard and the thrusters.
+
+From front to rear, the parts are:
 
     nose pod | linkage of the left wing | frame | linkage of the right wing | electronics pod | booms
 
-The pods are joined below the cranks by a keel. Nothing is wider than the shoulders, where the wings swing down.
+A keel joins the pods below the cranks. The body is no wider than the shoulders, where the wings swing down.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Guard, Hull, Thruster
 from aerobat_description.solids import Mesh, Point, convex_hull, disc, elliptic_ring, lofted, rod, slab
 
-# All [own], for the eye [m].
+# All numbers are [own] and affect only the looks of the robot [m].
 PLATE = 0.9e-3  # half thickness of the frame
 LUG = 2.4e-3  # radius of the frame around its pivots
 PIVOT_RADIUS = 1.1e-3
@@ -24,7 +26,8 @@ ARM = 1.5e-3  # radius of the guard's arms
 MOTOR, PROPELLER = (4.0e-3, 6.0e-3), (16.0e-3, 0.5e-3)  # radius and half height
 
 Profile = tuple[tuple[float, float, float, float], ...]
-# Fractions (along from the bay, half width, half height, rise of the middle over the half height) of the pods.
+# Sections of the pods: position along the pod from the bay, half width, half height, rise of the middle; the position
+# is a fraction of the pod's length, the width and the other two are fractions of the hull's half width and half height.
 NOSE = (
     (0.0, 0.62, 1.0, 0.0),
     (0.25, 0.64, 0.96, 0.0),
@@ -37,7 +40,7 @@ REAR = ((0.0, 1.0, 1.0, 0.0), (0.55, 1.0, 1.0, 0.0), (0.8, 0.8, 0.72, 0.12), (1.
 
 
 def body(morphology: Morphology) -> Mesh:
-    """Return both pods, the keel, and booms to tail and fin, in body axes."""
+    """Return the mesh of both pods, the keel, and the booms to tail and fin, in body axes."""
     hull, bay = morphology.hull, morphology.wing.offset_x
     front, rear = ends(morphology)
     mesh = lofted(_pod(hull, NOSE, bay + BAY, front)) + lofted(_pod(hull, REAR, bay - BAY, rear)[::-1])
@@ -51,13 +54,16 @@ def body(morphology: Morphology) -> Mesh:
 
 
 def ends(morphology: Morphology) -> tuple[float, float]:
-    """Return the x of nose and rear end [m]: the hull's, or enough to enclose the bay of a wing moved beyond them."""
+    """Return the x coordinates of nose and rear end [m].
+
+    They are those of the hull, unless the wing is moved so far that a pod must be longer to reach the wing's bay.
+    """
     bay, half = morphology.wing.offset_x, morphology.hull.length / 2
     return max(half, bay + BAY + 20e-3), min(-half, bay - BAY - 20e-3)
 
 
 def frame(morphology: Morphology) -> Mesh:
-    """Return the plate between the two linkages with the pivots J1, J5 and J8 of both wings, in body axes."""
+    """Return the mesh of the plate between the two linkages, with the pivots J1, J5 and J8 of both, in body axes."""
     bars, bay, hull = morphology.linkage, morphology.wing.offset_x, morphology.hull
     pivots = {"L1": complex(*bars.P1), "L3": complex(*bars.P5), "L5": complex(*bars.P8)}
     corners = [complex(y, hull.drop - hull.height / 2) for y in (-3e-3, 3e-3)]
@@ -65,13 +71,13 @@ def frame(morphology: Morphology) -> Mesh:
     for name, pivot in pivots.items():
         for sign, at in ((1.0, pivot), (-1.0, -pivot.conjugate())):
             corners += disc(at, LUG)
-            aft, fore = sorted((bay, bay + sign * layer(name)))  # from within the plate to within the bar's boss
+            aft, fore = sorted((bay, bay + sign * layer(name)))  # from the plate's middle to the middle of the bar
             mesh += slab(disc(at, PIVOT_RADIUS), aft, fore)
     return mesh + slab(convex_hull(corners), bay - PLATE, bay + PLATE)
 
 
 def guard(morphology: Morphology, ring: Guard) -> Mesh:
-    """Return the ring, its arms from nose and rear, and a spoke to every thruster inside it, in body axes."""
+    """Return the mesh of the guard, in body axes: ring, arms from nose and rear, and spokes to thrusters inside it."""
     hull = morphology.hull
     front, rear = ends(morphology)
     a, b = ring.radius
@@ -88,12 +94,12 @@ def guard(morphology: Morphology, ring: Guard) -> Mesh:
 
 
 def motors(thrusters: tuple[Thruster, ...]) -> Mesh:
-    """Return the thrusters' motors, in body axes."""
+    """Return the mesh of the thrusters' motors, in body axes."""
     return [triangle for thruster in thrusters for triangle in _along(thruster, *MOTOR, 0.0, 10)]
 
 
 def propellers(thrusters: tuple[Thruster, ...]) -> Mesh:
-    """Return the discs that the thrusters' propellers sweep, ahead of their motors, in body axes."""
+    """Return the mesh of the discs that the propellers sweep, ahead of their motors, in body axes."""
     return [triangle for thruster in thrusters for triangle in _along(thruster, *PROPELLER, MOTOR[1] + 1e-3, 24)]
 
 
@@ -115,7 +121,10 @@ def _pod(hull: Hull, profile: Profile, start: float, end: float) -> list[list[Po
 
 
 def _rounded_square(corners: int = 20) -> list[tuple[float, float]]:
-    """Return a square of half width 1 with round corners, counter-clockwise seen from ahead: y^4 + z^4 = 1 or so."""
+    """Return the corners (y, z) of a square of half width 1 with round corners, counter-clockwise seen from ahead.
+
+    The curve is y^4 + z^4 = 1.
+    """
     turns = [2.0 * math.pi * (i + 0.5) / corners for i in range(corners)]
     return [tuple(math.copysign(math.sqrt(abs(c)), c) for c in (math.cos(t), math.sin(t))) for t in turns]  # type: ignore[misc]
 

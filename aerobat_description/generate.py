@@ -1,6 +1,6 @@
-"""Every generated file of a morphology; as a program, rewrite the committed ones.
+"""Generate the files of a morphology: URDF, SRDF, linkage and meshes.
 
-python -m aerobat_description.generate
+To rewrite the committed files of all shipped morphologies, run: python -m aerobat_description.generate
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from aerobat_description.write_urdf import mesh_name, srdf_text, urdf_text
 
 
 def files(morphology: Morphology) -> dict[str, bytes]:
-    """Return every generated file of a morphology: path relative to the package -> content."""
+    """Return all generated files of a morphology: path relative to the package -> content."""
     made = {
         f"urdf/{morphology.name}.urdf": urdf_text(morphology).encode(),
         f"srdf/{morphology.name}.srdf": srdf_text(morphology).encode(),

@@ -1,4 +1,4 @@
-"""The visible parts of a morphology as small closed triangle meshes, and their packing as binary STL in metres."""
+"""Build the visible parts of a morphology as small closed triangle meshes, and pack them as binary STL in metres."""
 
 from __future__ import annotations
 
@@ -15,16 +15,23 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Fin, Surface
 from aerobat_description.solids import Mesh, Point, lofted, mirrored, slab, thickened
 
-MEMBRANE_THICKNESS = 0.6e-3  # [m], for the eye only
-ROOT_GAP = 5.0e-3  # [m], the panels begin outside the lugs of the shoulders
-# They end short of the planform's point: its last part, 0.4 % of the area, would cross the other wing's under the body.
+MEMBRANE_THICKNESS = 0.6e-3  # [m]; affects only the looks
+ROOT_GAP = 5.0e-3  # [m] from the shoulder axis to the panels, which begin outside the lugs of the shoulders
+# Share of the distal panel that is not drawn. It is the pointed tip, 0.4 % of the area; under the body it would cross
+# the tip of the other wing.
 TIP_CUT = 0.07
-TAIL_SWEEP = 0.25  # of the tail's chord is cut off its front corners: the wings' trailing edges pass there
+TAIL_SWEEP = 0.25  # share of the tail's chord that is cut off its front corners, where the wings' trailing edges pass
 
 
 @dataclass(frozen=True)
 class Part:
-    """A visible part: the link in whose frame it is drawn, the name of its material, and its mesh."""
+    """A visible part.
+
+    Attributes:
+        link: name of the link; the mesh is drawn in its frame.
+        material: name of the material.
+        build: function that builds the mesh.
+    """
 
     link: str
     material: str
@@ -32,12 +39,16 @@ class Part:
 
     @property
     def mesh(self) -> Mesh:
-        """Its triangles, built when they are asked for."""
+        """The mesh of the part; it is built on each access."""
         return self.build()
 
 
 def parts(morphology: Morphology) -> dict[str, Part]:
-    """Return every visible part of the tree by name: body, frame, tail, guard, and both wings' panels and bones."""
+    """Return all visible parts of the URDF: name -> part.
+
+    These are body, frame, guard, motors, propellers, tail and fin, as far as the robot has them, and the panels and
+    bones (L3, L7) of both wings.
+    """
     made = {
         "body": Part("base_link", "carbon", partial(body, morphology)),
         "frame": Part("base_link", "frame", partial(frame, morphology)),
@@ -63,9 +74,12 @@ def parts(morphology: Morphology) -> dict[str, Part]:
 
 
 def panels(morphology: Morphology) -> dict[str, list[tuple[Point, Point]]]:
-    """Return leading and trailing edge points of the left panels as drawn, station by station, in their links' frames.
+    """Return the outlines of the left wing's panels as they are drawn.
 
     The proximal panel lies along the straight line from shoulder to elbow, so that the panels meet.
+
+    Returns:
+        Panel -> (leading edge point, trailing edge point) of each station, in the frame of the panel's link [m].
     """
     wing = morphology.wing
     _, along, up = morphology.elbow
@@ -79,19 +93,19 @@ def panels(morphology: Morphology) -> dict[str, list[tuple[Point, Point]]]:
 
 
 def plate(surface: Surface) -> Mesh:
-    """Return a thin plate with swept corners for a horizontal surface, in body axes."""
+    """Return the mesh of a horizontal surface: a thin plate with swept front corners, in body axes."""
     x, y, z = surface.position
     run, rise = math.cos(surface.incidence), math.sin(surface.incidence)
     front, half = surface.chord / 2, surface.span / 2
     swept = front - TAIL_SWEEP * surface.chord
     outline = ((swept, -half), (front, -half / 3), (front, half / 3), (swept, half), (-front, half), (-front, -half))
-    # Counter-clockwise from above needs y to rise on the way along the front: forward is x, left is y.
+    # Seen from above, x is forward and y to the left: the outline is counter-clockwise if y increases along the front.
     corners = [(x + u * run, y + v, z + u * rise) for u, v in outline]
     return thickened(corners, MEMBRANE_THICKNESS / 2)
 
 
 def blade(fin: Fin) -> Mesh:
-    """Return a thin square plate for a vertical surface, in body axes."""
+    """Return the mesh of a vertical surface: a thin square plate of the fin's area, in body axes."""
     x, y, z = fin.position
     half, thin = math.sqrt(fin.area) / 2, MEMBRANE_THICKNESS / 2
     return slab(
@@ -100,7 +114,7 @@ def blade(fin: Fin) -> Mesh:
 
 
 def membrane(stations: Sequence[tuple[Point, Point]]) -> Mesh:
-    """Cut a thin closed plate from leading and trailing edge points, station by station."""
+    """Return a thin closed plate from the leading and trailing edge points of each station."""
     half = MEMBRANE_THICKNESS / 2
     rim = ((0, half), (0, -half), (1, -half), (1, half))
     return lofted([[(*station[i][:2], station[i][2] + rise) for i, rise in rim] for station in stations])
@@ -122,7 +136,7 @@ def _edges(morphology: Morphology, panel: str) -> list[tuple[float, float, float
 
 
 def _cut(edges: Sequence[tuple[float, float, float]], start: float, end: float) -> list[tuple[float, float, float]]:
-    """Cut a planform (station, leading edge, trailing edge) to the stations between start and end."""
+    """Cut a planform, rows of (station, leading edge, trailing edge), to the stations from `start` to `end`."""
 
     def at(y: float) -> tuple[float, float, float]:
         (y0, *low), (y1, *high) = next(pair for pair in itertools.pairwise(edges) if y <= pair[1][0])

@@ -1,7 +1,7 @@
-"""A morphology: every number that makes one Aerobat, read from TOML and checked.
+"""Read and check morphologies: all the numbers that define one variant of Aerobat.
 
-Units are SI throughout; axes are x forward, y left, z up. Only the left wing is written down, the right one is its
-mirror image, so a morphology cannot be lopsided.
+Units are SI; axes are x forward, y left, z up. A morphology contains only the left wing; the right wing is its mirror
+image.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from aerobat_description.position_closure import ClosureError, elbow, reach, rem
 from aerobat_description.reading import MorphologyError, build, dotted, require
 from aerobat_description.scaling import stretched
 
-STRETCH = 0.05  # by which the proximal panel may miss the elbow, onto which it is stretched: as drawn it does by 2.5 %
+STRETCH = 0.05  # allowed relative difference of the last proximal station and the elbow's distance; 2.5 % as shipped
 PLANFORM_EDGES = ("proximal_leading_edge", "proximal_trailing_edge", "distal_leading_edge", "distal_trailing_edge")
 
 
 @dataclass(frozen=True)
 class Morphology:
-    """One robot. Build it with `load` or `from_mapping`; both check it."""
+    """The numbers of one robot. Create it with `load` or `from_mapping`, which check all values."""
 
     name: str
     description: str
@@ -66,17 +66,21 @@ class Morphology:
 
         Args:
             morphology: `"aerobat"`, `"aerobat_guard"`, `"aerobat_light"`, or the path of a TOML file.
-            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`. What they do not state
-                follows a changed linkage: see `laid_over`.
+            changes: nested values laid over the file, such as `{"wing": {"offset_x": -0.06}}`. If they change the
+                linkage, some other values are adapted to it: see `laid_over`.
 
         Raises:
-            MorphologyError: no such morphology, or one that fails a check.
+            MorphologyError: there is no such morphology, or it fails a check.
         """
         return cls.from_mapping(laid_over(_file_values(str(morphology)), changes or {}))
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Morphology:
-        """Build from nested plain values and apply their `scale`. Raises MorphologyError with key, value and rule."""
+        """Build a morphology from nested plain values, and apply the factors in its table `scale`.
+
+        Raises:
+            MorphologyError: a value fails a check; the message names key, value and rule.
+        """
         values = dict(values)
         scale = build(Scale, values.pop("scale", {}), "scale")
         made: Morphology = build(cls, values, "")
@@ -85,18 +89,18 @@ class Morphology:
         return made
 
     def with_changes(self, changes: Mapping[str, Any]) -> Morphology:
-        """Return a consistent new morphology, as `load` does with `changes`; nothing is read from disk.
+        """Return a new morphology with changes, adapted and checked as by `load`; nothing is read from disk.
 
         Args:
             changes: nested values, such as `{"linkage": {"L3b": 6.8e-3}, "scale": {"span": 1.1}, "tail": None}`.
 
         Raises:
-            MorphologyError: a change that no robot can have.
+            MorphologyError: the changed morphology fails a check.
         """
         return self.from_mapping(laid_over(asdict(self), changes))
 
     def _scaled(self, scale: Scale) -> Morphology:
-        """Return the scaled morphology, unchecked."""
+        """Return the morphology with scale factors applied, without checks."""
         wing, tip = self.wing, self.wing.distal_stations[-1]
         inner = 0.5 * self.span - tip
         stretch = (0.5 * scale.span * self.span - inner) / tip
@@ -114,7 +118,10 @@ class Morphology:
         )
 
     def check(self, where: str) -> None:
-        """Raise unless names are plain, left and right alike, and linkage, limits, planform and masses fit."""
+        """Raise MorphologyError unless names are valid, the body is symmetric, and all parts fit together.
+
+        The parts are linkage, joint limits, planform and masses.
+        """
         check_name(self.name, dotted(where, "name"))
         require(not any(self.body.com), "body.com", self.body.com, "base_link has its origin at the centre of mass")
         mirrored = self.body.inertia[3] == self.body.inertia[5] == 0.0
@@ -137,7 +144,7 @@ class Morphology:
             require(gyration < half_span, f"{part}.inertia", link.inertia, rule)
 
     def _check_panel(self, panel: str, length: float) -> None:
-        """Raise unless a panel has an area and its centre of mass lies within its outline."""
+        """Raise MorphologyError unless a panel has an area and its centre of mass lies within its outline."""
         stations, leading, trailing = self._outline(panel)
         area = _area(stations, leading, trailing)
         require(area > 0.0, f"wing.{panel}_leading_edge", leading, "the panel has no area")
@@ -146,7 +153,10 @@ class Morphology:
         require(inside, f"{panel}.com", com, "the centre of mass lies within the panel's outline")
 
     def _check_turning(self) -> None:
-        """Raise unless the crank can turn, naming the lengths that would do, and the joints' limits allow it."""
+        """Raise MorphologyError unless the crank can turn and the joint limits include the linkage's range.
+
+        If the crank cannot turn, the message names bar lengths with which it can.
+        """
         try:
             reached = reach(self.linkage)
         except ClosureError as error:
@@ -171,28 +181,28 @@ class Morphology:
 
     @property
     def shoulder(self) -> Vector:
-        """Left shoulder axis from the body COM [m], in body axes."""
+        """Position of the left shoulder axis relative to the body COM, in body axes [m]."""
         return (self.wing.offset_x, *self.linkage.P5)
 
     @property
     def force_point(self) -> Vector:
-        """Left point of application of unknown forces [m], in the distal frame."""
+        """Point of the left wing at which unknown forces act, in the distal frame [m]."""
         return self.distal.com if self.wing.force_point is None else self.wing.force_point
 
     @property
     def elbow(self) -> Vector:
-        """Left elbow axis from the shoulder axis [m], in the proximal frame: pin J6 at theta_s = 0."""
+        """Position of the left elbow axis (pin J6) relative to the shoulder axis, in the proximal frame [m]."""
         at = elbow(self.linkage)
         return (0.0, at.real, at.imag)
 
     @property
     def span(self) -> float:
-        """Length of the arc along the links from tip to tip [m]."""
+        """Span [m]: length of the path from tip to tip along the links."""
         return 2.0 * (self.shoulder[1] + math.hypot(*self.elbow) + self.wing.distal_stations[-1])
 
     @property
     def wing_area(self) -> float:
-        """Area of one wing's membranes, spread flat [m2]."""
+        """Area of the membranes of one wing, spread flat [m2]."""
         return sum(_area(*self._outline(panel)) for panel in ("proximal", "distal"))
 
 

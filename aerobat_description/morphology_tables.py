@@ -1,4 +1,7 @@
-"""The sections of a morphology. Units are SI; axes are x forward, y left, z up; only the left wing is written down."""
+"""The tables of a morphology file as checked dataclasses.
+
+Units are SI; axes are x forward, y left, z up. Only the left wing is described; the right wing is its mirror image.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,22 @@ from aerobat_description.reading import positive, require
 Vector = tuple[float, ...]
 Pair = tuple[float, float]
 Vector3 = tuple[float, float, float]
-MEETING = 1e-6  # [m] between ends that meet
+MEETING = 1e-6  # [m]: largest distance between two ends that count as meeting
 
 
 @dataclass(frozen=True)
 class Body:
-    """Mass [kg], inertia (xx, yy, zz, xy, xz, yz) [kg m2] about the centre of mass `com` [m] in the link frame."""
+    """Mass properties of a link: mass [kg], centre of mass `com` in the link frame [m], and inertia [kg m2].
+
+    The inertia (xx, yy, zz, xy, xz, yz) is taken about the centre of mass, along the axes of the link frame.
+    """
 
     mass: float
     inertia: tuple[float, float, float, float, float, float]
     com: Vector3 = (0.0, 0.0, 0.0)
 
     def check(self, where: str) -> None:
-        """Raise unless the mass is positive and the principal moments obey the strict triangle inequality."""
+        """Raise MorphologyError unless the mass is positive and a body with this inertia can exist."""
         require(self.mass > 0.0, f"{where}.mass", self.mass, "it must be positive")
         # The second-moment matrix tr(I)/2 - I is positive definite exactly when every principal moment is smaller
         # than the sum of the other two; Sylvester's criterion tests it without eigenvalues.
@@ -36,9 +42,14 @@ class Body:
 
 @dataclass(frozen=True)
 class Hull:
-    """Visible fuselage [m]: length, centred on the centre of mass, largest width and height.
+    """The visible fuselage, which is centred on the centre of mass along x.
 
-    `drop` is the height of its middle line; `boom` the radius of the booms to tail and fin.
+    Attributes:
+        length: length along x [m].
+        width: largest width [m].
+        height: largest height [m].
+        drop: z coordinate of the middle line [m].
+        boom: radius of the booms to tail and fin [m].
     """
 
     length: float
@@ -48,13 +59,13 @@ class Hull:
     boom: float
 
     def check(self, where: str) -> None:
-        """Raise unless every size is positive."""
+        """Raise MorphologyError unless every size is positive."""
         positive(self, where, "length", "width", "height", "boom")
 
 
 @dataclass(frozen=True)
 class Joints:
-    """Limits (lower, upper) [rad], effort [N m] and velocity [rad/s] of shoulder and elbow."""
+    """Limits of shoulder and elbow: angles (lower, upper) [rad], largest torque [N m] and largest rate [rad/s]."""
 
     shoulder_limits: Pair
     elbow_limits: Pair
@@ -62,7 +73,7 @@ class Joints:
     velocity: float
 
     def check(self, where: str) -> None:
-        """Raise unless limits rise and effort and velocity are positive."""
+        """Raise MorphologyError unless lower limits are below upper limits, and effort and velocity are positive."""
         for key in ("shoulder_limits", "elbow_limits"):
             limits = getattr(self, key)
             require(limits[0] < limits[1], f"{where}.{key}", limits, "the lower limit comes first")
@@ -71,22 +82,32 @@ class Joints:
 
 @dataclass(frozen=True)
 class FreeFlyer:
-    """Finite bounds of the free base, for tools that sample or plan: position +- [m], speeds [m/s, rad/s]."""
+    """Finite bounds of the free base, for tools that sample or plan.
+
+    They apply in both directions of each axis: position [m], velocity [m/s], angular velocity [rad/s].
+    """
 
     position: float
     velocity: float
     angular_velocity: float
 
     def check(self, where: str) -> None:
-        """Raise unless every bound is positive."""
+        """Raise MorphologyError unless every bound is positive."""
         positive(self, where, "position", "velocity", "angular_velocity")
 
 
 @dataclass(frozen=True)
 class WingShape:
-    """Planform of the left wing in its wing frames: stations along y, edges along x [m].
+    """Planform of the left wing.
 
-    `force_point`, in the distal frame, is where unknown forces are taken to act: the distal COM when left out.
+    Stations are y coordinates, edges are x coordinates at the stations, each in the frame of its panel [m].
+
+    Attributes:
+        offset_x: x coordinate of the wing's axes in the body frame [m].
+        proximal_stations, proximal_leading_edge, proximal_trailing_edge: outline of the proximal panel.
+        distal_stations, distal_leading_edge, distal_trailing_edge: outline of the distal panel.
+        minimum_chord: smallest chord that the lifting line uses, for the pointed tip [m].
+        force_point: point at which unknown forces act, in the distal frame [m]; the distal COM if None.
     """
 
     offset_x: float
@@ -100,7 +121,10 @@ class WingShape:
     force_point: Vector3 | None = None
 
     def check(self, where: str) -> None:
-        """Raise unless stations increase and the leading edge stays ahead of the trailing edge, and the parts meet."""
+        """Raise MorphologyError unless the planform is valid.
+
+        Stations increase, the leading edge is ahead of the trailing edge, and the panels meet at the elbow.
+        """
         for panel in ("proximal", "distal"):
             stations, leading, trailing = (
                 getattr(self, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge")
@@ -116,7 +140,7 @@ class WingShape:
         self._check_fit(where)
 
     def _check_fit(self, where: str) -> None:
-        """Raise unless the panels meet at the elbow, and minimum chord and force point fit them."""
+        """Raise MorphologyError unless the panels meet at the elbow and fit the minimum chord and the force point."""
         edges = []
         for edge in ("leading_edge", "trailing_edge"):
             inner, outer = getattr(self, f"proximal_{edge}"), getattr(self, f"distal_{edge}")
@@ -136,7 +160,11 @@ class WingShape:
 
 @dataclass(frozen=True)
 class LinkageLengths:
-    """Kinetic Sculpture: bar lengths [m], bend alpha3 [rad], ground pivots (outboard, up) [m] from the body's axis."""
+    """Dimensions of the linkage, which the paper calls Kinetic Sculpture.
+
+    Lengths L1 to L7c belong to the bars L1 to L7 [m]; alpha3 is the bend of the humerus L3 [rad]. P1, P5 and P8 are the
+    positions (outboard, up) of the pivots J1, J5 and J8 relative to the x axis of the body [m].
+    """
 
     L1: float
     L2a: float
@@ -160,13 +188,16 @@ class LinkageLengths:
     P8: Pair
 
     def check(self, where: str) -> None:
-        """Raise unless every bar has a positive length; offsets within a bar's own frame may have either sign."""
+        """Raise MorphologyError unless every bar has a positive length; offsets within a bar can have either sign."""
         positive(self, where, "L1", "L2a", "L3a", "L3b", "L4", "L5a", "L6", "L7a", "L7b")
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A flat quasi-steady surface: span, chord, centre from the body COM [m], incidence nose-up [rad]."""
+    """A horizontal surface such as the tail: a flat plate with quasi-steady aerodynamics.
+
+    Span, chord, and position of the centre relative to the body COM are in m; the incidence is positive nose up [rad].
+    """
 
     span: float
     chord: float
@@ -174,49 +205,64 @@ class Surface:
     incidence: float = 0.0
 
     def check(self, where: str) -> None:
-        """Raise unless span and chord are positive and the surface is centred."""
+        """Raise MorphologyError unless span and chord are positive and the surface is centred."""
         positive(self, where, "span", "chord")
         _centred(self.position, f"{where}.position")
 
 
 @dataclass(frozen=True)
 class Fin:
-    """A vertical quasi-steady surface in the body's plane of symmetry: area [m2], lift slope [1/rad], centre [m]."""
+    """A vertical surface in the body's plane of symmetry, with quasi-steady aerodynamics.
+
+    Area [m2], lift slope [1/rad], and position of the centre relative to the body COM [m].
+    """
 
     area: float
     lift_slope: float
     position: Vector3
 
     def check(self, where: str) -> None:
-        """Raise unless area and lift slope are positive and the surface is centred."""
+        """Raise MorphologyError unless area and lift slope are positive and the surface is centred."""
         positive(self, where, "area", "lift_slope")
         _centred(self.position, f"{where}.position")
 
 
 @dataclass(frozen=True)
 class Aerodynamics:
-    """Profile drag coefficient, drag area of the body [m2], tail downwash over centre-line downwash."""
+    """Aerodynamic coefficients.
+
+    Attributes:
+        profile_drag: profile drag coefficient of the wings' strips.
+        body_drag_area: drag area (coefficient times area) of the body [m2].
+        tail_downwash_factor: downwash at the tail divided by the downwash at the centre line of the wing.
+    """
 
     profile_drag: float
     body_drag_area: float
     tail_downwash_factor: float
 
     def check(self, where: str) -> None:
-        """Raise unless no coefficient is negative."""
+        """Raise MorphologyError if a coefficient is negative."""
         for key in ("profile_drag", "body_drag_area", "tail_downwash_factor"):
             require(getattr(self, key) >= 0.0, f"{where}.{key}", getattr(self, key), "it is not negative")
 
 
 @dataclass(frozen=True)
 class Guard:
-    """Propeller guard, a picture only: half axes (x, y) of the ring, x of its centre, and radius of its tube [m]."""
+    """The visible ring of the propeller guard; its mass is part of the body.
+
+    Attributes:
+        radius: half axes (x, y) of the ring [m].
+        centre: x coordinate of the ring's centre [m].
+        tube: radius of the ring's tube [m].
+    """
 
     radius: Pair
     centre: float
     tube: float
 
     def check(self, where: str) -> None:
-        """Raise unless the ring has a size and a hole."""
+        """Raise MorphologyError unless all sizes are positive and the tube is thinner than the ring."""
         require(min(self.radius) > 0.0, f"{where}.radius", self.radius, "both half axes are positive")
         positive(self, where, "tube")
         rule = f"it is smaller than the ring's half axes, {min(self.radius):g} m at least"
@@ -227,8 +273,12 @@ class Guard:
 class Thruster:
     """A propeller on the guard.
 
-    `position` from the body COM and unit `direction` of the thrust, in body axes; full `thrust` [N] and `torque`, the
-    reaction about the direction at full thrust [N m].
+    Attributes:
+        name: name of the thruster and of its frame.
+        position: position relative to the body COM, body axes [m].
+        direction: unit vector along the thrust, body axes.
+        thrust: full thrust [N].
+        torque: reaction torque about the direction at full thrust [N m].
     """
 
     name: str
@@ -238,7 +288,7 @@ class Thruster:
     torque: float = 0.0
 
     def check(self, where: str) -> None:
-        """Raise unless the name can name a frame, the direction is a unit vector and the thrust positive."""
+        """Raise MorphologyError unless name and thrust are valid and the direction is a unit vector."""
         check_name(self.name, f"{where}.name")
         unit = abs(sum(x * x for x in self.direction) - 1.0) < 1e-9
         require(unit, f"{where}.direction", self.direction, "a unit vector was expected")
@@ -247,11 +297,15 @@ class Thruster:
 
 @dataclass(frozen=True)
 class Scale:
-    """Factors on a morphology, 1 by default; `[scale]` of a file or of changes.
+    """Scale factors of a morphology, from the table `[scale]` of a file or of changes; all are 1 by default.
 
-    `span` stretches the arc from tip to tip. The linkage sets the length of the proximal panel, so the distal panel
-    takes all of it, with the mass in it. `chord` stretches both panels and their masses along x, about the wing
-    frame's y axis. `wing_mass` and `body_mass` multiply mass and inertia of the four wing links, and of the body.
+    Attributes:
+        span: factor of the span. The linkage determines the length of the proximal panel, so only the distal panel is
+            stretched, together with its mass distribution.
+        chord: factor by which both panels and their mass distributions are stretched along x, away from the y axis of
+            the wing frame.
+        wing_mass: factor of mass and inertia of the four wing links.
+        body_mass: factor of mass and inertia of the body.
     """
 
     span: float = 1.0
@@ -260,7 +314,7 @@ class Scale:
     body_mass: float = 1.0
 
     def check(self, where: str) -> None:
-        """Raise unless every factor is positive."""
+        """Raise MorphologyError unless every factor is positive."""
         positive(self, where, "span", "chord", "wing_mass", "body_mass")
 
 

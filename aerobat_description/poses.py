@@ -1,4 +1,4 @@
-"""Reference configurations: joint angles with names, the same in every tool that reads the SRDF."""
+"""Compute the reference configurations of the SRDF: named sets of joint angles."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from aerobat_description.position_closure import Pose, turn
 
 
 def poses(morphology: Morphology) -> dict[str, tuple[float, float]]:
-    """Return shoulder and elbow angle [rad] of every reference configuration by name, the same on both sides.
+    """Return the reference configurations: name -> (shoulder angle, elbow angle) [rad], equal on both sides.
 
-    `neutral` has both at zero: spread flat, which the linkage cannot reach. The others it can: `glide` has the tips
-    farthest out, `folded` nearest to the body; `mid_downstroke` and `mid_upstroke` have the shoulder halfway between
-    its extremes.
+    In `neutral` both angles are zero: the wing is spread flat, which the linkage does not allow. The linkage reaches
+    all others: in `glide` the tips are farthest from the body, in `folded` nearest to it, and in `mid_downstroke` and
+    `mid_upstroke` the shoulder angle is halfway between its extremes.
     """
     cycle = turn(morphology.linkage)
     tip = morphology.wing.distal_stations[-1]

@@ -1,8 +1,9 @@
-"""Close the Kinetic Sculpture at one crank angle, with the standard library's complex numbers alone.
+"""Close the linkage (the paper's Kinetic Sculpture) at one crank angle, with only Python's standard library.
 
-It gives positions for poses, pictures and the check that the crank can turn; `aerobat_pin.linkage` has rates and
-arrays. A point of the left wing's plane is outboard + i up. Three dyads close one after the other, at J4, J7 and J10,
-each left of the ray between the pins that its bars start from.
+The resulting positions are used for poses, pictures, and the check that the crank can turn; `aerobat_pin.linkage` also
+computes rates, for arrays of crank angles. Points in the plane of the left wing are complex numbers, outboard + i up.
+The linkage has three dyads (pairs of bars that share a pin), which are closed one after the other at the pins J4, J7
+and J10. Each of these pins lies to the left of the line between the two pins at which its bars start.
 """
 
 from __future__ import annotations
@@ -17,17 +18,29 @@ from typing import Any
 from aerobat_description.morphology_tables import LinkageLengths
 
 CRANK_ANGLES = tuple(math.radians(0.5 * i) for i in range(720))
-EDGE = 1e-8  # [m]: the search for a length ends this close to one that does not turn
-# What may be changed where a dyad cannot close: the robot's adjustable lengths, then the dyad's own bars.
+EDGE = 1e-8  # [m]: the search for a length ends this close to a length with which the crank cannot turn
+# Lengths to change if a dyad cannot close: the adjustable lengths of the robot, then the bars of the dyad.
 ADJUSTABLE = ("L3b", "L5a", "L5b")
 BARS_OF = {"J4": ("L1", "L2a"), "J7": ("L4",), "J10": ("L6", "L7b")}
 
 
 class ClosureError(ValueError):
-    """A dyad cannot close: `dyad` names its pin, `crank_angle` is in rad, `span` and `reaches` are in m."""
+    """Two bars cannot be joined.
+
+    Attributes:
+        dyad: name of the pin that should join the bars.
+        crank_angle: crank angle at which they cannot be joined [rad].
+    """
 
     def __init__(self, dyad: str, crank_angle: float, span: float, reaches: tuple[float, float]) -> None:
-        """Make the message from the bars and the distance."""
+        """Build the message.
+
+        Args:
+            dyad: name of the pin that should join the bars.
+            crank_angle: crank angle [rad].
+            span: distance that the two bars should span [m].
+            reaches: lengths of the two bars [m].
+        """
         first, second = (1e3 * reach for reach in reaches)
         super().__init__(
             f"the linkage cannot close at {dyad} for a crank angle of {math.degrees(crank_angle):.1f} deg: its bars "
@@ -39,24 +52,29 @@ class ClosureError(ValueError):
 
 @dataclass(frozen=True)
 class Pose:
-    """The linkage at one crank angle: pins J1..J10 (outboard + i up) [m], absolute angles of the bars L1..L7 [rad]."""
+    """The linkage at one crank angle.
+
+    Attributes:
+        pins: pin, J1 to J10 -> position, outboard + i up [m].
+        angles: bar, L1 to L7 -> absolute angle [rad].
+    """
 
     pins: Mapping[str, complex]
     angles: Mapping[str, float]
 
     @property
     def theta_s(self) -> float:
-        """Shoulder angle [rad], positive up: the humerus L3."""
+        """Shoulder angle [rad], positive up: the angle of the humerus L3."""
         return self.angles["L3"]
 
     @property
     def theta_e(self) -> float:
-        """Elbow angle [rad]: the forearm L7 against the humerus, within half a turn."""
+        """Elbow angle [rad]: the angle of the forearm L7 relative to the humerus L3, from -pi to pi."""
         return math.remainder(self.angles["L7"] - self.angles["L3"], 2.0 * math.pi)
 
 
 def close_linkage(bars: LinkageLengths, crank_angle: float) -> Pose:
-    """Close the linkage at an absolute crank angle t1 [rad]. Raises ClosureError where it cannot."""
+    """Return the pose of the linkage at an absolute crank angle t1 [rad]. Raises ClosureError if it cannot close."""
 
     def dyad(name: str, a: complex, reach_a: float, b: complex, reach_b: float) -> complex:
         ray = b - a
@@ -93,35 +111,47 @@ def close_linkage(bars: LinkageLengths, crank_angle: float) -> Pose:
 
 
 def elbow(bars: LinkageLengths) -> complex:
-    """Return pin J6 in the humerus' frame (outboard + i up) [m], origin at J5."""
+    """Return the position of pin J6 in the frame of the humerus, whose origin is J5, outboard + i up [m]."""
     return complex(bars.L3a + bars.L3c * math.sin(bars.alpha3), bars.L3c * math.cos(bars.alpha3))
 
 
 @lru_cache(maxsize=64)
 def turn(bars: LinkageLengths) -> tuple[Pose, ...]:
-    """Close the linkage every half degree of a turn. Raises ClosureError where the crank cannot turn through."""
+    """Close the linkage at every half degree of a turn. Raises ClosureError if the crank cannot turn all the way."""
     return tuple(close_linkage(bars, angle) for angle in CRANK_ANGLES)
 
 
 def reach(bars: LinkageLengths) -> dict[str, tuple[float, float]]:
-    """Return the lowest and the highest shoulder and elbow angle [rad] of a turn. Raises ClosureError as `turn`."""
+    """Return joint -> (lowest angle, highest angle) [rad] in a turn, for `shoulder` and `elbow`.
+
+    Raises:
+        ClosureError: the crank cannot turn all the way.
+    """
     angles = {"shoulder": [pose.theta_s for pose in turn(bars)], "elbow": [pose.theta_e for pose in turn(bars)]}
     return {joint: (min(values), max(values)) for joint, values in angles.items()}
 
 
 def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
-    """Return lengths [m] that, changed one at a time, let the crank turn; `dyad` names the pin that does not close."""
+    """Return new lengths that let the crank turn if only one of them is changed.
+
+    Args:
+        bars: lengths with which the crank cannot turn.
+        dyad: name of the pin at which the linkage does not close.
+
+    Returns:
+        Name of the length -> new value [m].
+    """
     found = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}
     return {key: value for key, value in found.items() if value is not None}
 
 
 def can_turn(bars: LinkageLengths) -> bool:
-    """Say whether the crank can turn through a full circle."""
+    """Return whether the crank can turn through a full circle."""
     return _stuck_at(bars) is None
 
 
 def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
-    """Return a crank angle [rad] at which the linkage cannot close, or None; `first` is tried before the others."""
+    """Return a crank angle [rad] at which the linkage cannot close, or None; the angle `first` is tried first."""
     for angle in (first, *CRANK_ANGLES):
         try:
             close_linkage(bars, angle)
@@ -131,16 +161,20 @@ def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
 
 
 def nearest_length(bars: LinkageLengths, key: str) -> float | None:
-    """Return the value of one bar nearest to its own with which the crank can turn, or None within 0.2 to 5 times it.
+    """Return the value of one length, nearest to its present value, with which the crank can turn.
 
-    It is a whole number of micrometres, rounded away from its own, so that it still turns when printed and typed.
+    The value is rounded to whole micrometres, away from the present value, so that the crank can still turn when the
+    value is printed and typed in again.
 
     Args:
-        bars: lengths with which it cannot.
-        key: the bar to change, such as `"L3b"`.
+        bars: lengths with which the crank cannot turn.
+        key: name of the length to change, such as `"L3b"`.
+
+    Returns:
+        The value [m], or None if there is none from 0.2 to 5 times the present value.
     """
     own = getattr(bars, key)
-    stuck = 0.0  # where it was last: most lengths are refused at the first look
+    stuck = 0.0  # [rad]: the last crank angle that failed; trying it first rejects most lengths at once
 
     def turns(length: float) -> bool:
         nonlocal stuck
@@ -157,7 +191,7 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
                 break
             inside = outside * step
             if turns(inside):
-                while abs(inside - outside) > EDGE:  # the edge of what turns lies between
+                while abs(inside - outside) > EDGE:  # between both lies the limit up to which the crank can turn
                     middle = 0.5 * (inside + outside)
                     inside, outside = (middle, outside) if turns(middle) else (inside, middle)
                 away = math.ceil if step > 1.0 else math.floor

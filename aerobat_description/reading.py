@@ -1,4 +1,4 @@
-"""Make checked dataclasses of nested plain values, as TOML gives them; each error names key, value and rule."""
+"""Build checked dataclasses from nested plain values, as read from TOML; errors name key, value and rule."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any, get_args, get_type_hints
 
-LARGEST = 1e30  # its powers are doubles still, and it is a float of a mesh
+LARGEST = 1e30  # powers of such numbers are still finite doubles, and they fit the single precision of a mesh
 
 
 class MorphologyError(ValueError):
-    """A morphology that cannot be read, or that no robot can have. The message names key, value and rule."""
+    """A morphology cannot be read, or no robot can have its values. The message names key, value and rule."""
 
 
 def require(holds: bool, key: str, value: object, rule: str) -> None:
-    """Raise MorphologyError with key, value and rule unless the rule holds."""
+    """Raise MorphologyError with key, value and rule if `holds` is False."""
     if not holds:
         raise MorphologyError(f"morphology: {key} = {value}: {rule}")
 
 
 def positive(section: object, where: str, *keys: str) -> None:
-    """Raise MorphologyError unless every named value of a section is positive."""
+    """Raise MorphologyError unless the values of all given keys of a section are positive."""
     for key in keys:
         value = getattr(section, key)
         require(value > 0.0, f"{where}.{key}", value, "it must be positive")
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return nested values with changes laid over them."""
+    """Return nested values with changes laid over them: tables are merged key by key, other values are replaced."""
     merged = dict(base)
     for key, value in changes.items():
         below = merged.get(key)
@@ -37,7 +37,13 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def build(kind: Any, values: object, where: str) -> Any:
-    """Turn plain TOML values into `kind`: a dataclass, a number, a string or a vector of numbers."""
+    """Convert plain TOML values to `kind`: a dataclass, a number, a string or a vector of numbers.
+
+    Args:
+        kind: type of the result; dataclasses are checked by their method `check`.
+        values: plain values.
+        where: dotted key of the values, for error messages.
+    """
     if not hasattr(kind, "__dataclass_fields__"):
         return _leaf(kind, values, where)
     if not isinstance(values, Mapping):
@@ -64,7 +70,7 @@ def build(kind: Any, values: object, where: str) -> Any:
 def _field(kind: Any, value: object, where: str) -> Any:
     choices = get_args(kind)
     if type(None) in choices:
-        if value is None or value is False:  # `tail = false` takes the tail off
+        if value is None or value is False:  # `tail = false` removes the tail
             return None
         kind = next(choice for choice in choices if choice is not type(None))
     if choices and hasattr(choices[0], "__dataclass_fields__") and Ellipsis in choices:
@@ -91,5 +97,5 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
 
 
 def dotted(where: str, key: object) -> str:
-    """Return the full name of a key within a section."""
+    """Return the dotted key of `key` within the section `where`."""
     return f"{where}.{key}" if where else str(key)

@@ -1,4 +1,4 @@
-"""Stretch a body and change its mass consistently: centre of mass and inertia follow."""
+"""Stretch a body and multiply its mass, with consistent centre of mass and inertia."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from aerobat_description.morphology_tables import Body
 
 
 def stretched(body: Body, mass: float, x: float, y: float) -> Body:
-    """Return a body whose every particle was moved to (x X, y Y, Z) and made `mass` times as heavy.
+    """Return a body with every particle (X, Y, Z) moved to (x X, y Y, Z) and made `mass` times as heavy.
 
     The second moments of mass S = tr(J)/2 1 - J stretch as diag(x, y, 1) S diag(x, y, 1), and J = tr(S) 1 - S.
     """

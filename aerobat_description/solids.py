@@ -1,7 +1,7 @@
-"""Closed triangle meshes of simple solids, in metres.
+"""Build closed triangle meshes of simple solids, in metres.
 
-A mesh is a list of triangles, a triangle three points, a point three floats; the corners turn counter-clockwise seen
-from outside. Solids of one mesh may overlap, but share no edge.
+A mesh is a list of triangles, a triangle is three points, and a point is three floats. Seen from outside, the corners
+of a triangle are counter-clockwise. Solids of one mesh can overlap, but they share no edge.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ Mesh = list[Triangle]
 
 
 def mirrored(mesh: Mesh) -> Mesh:
-    """Reflect a mesh in the x-z plane; the corners change order so that outside stays outside."""
+    """Mirror a mesh in the x-z plane; the corners are reversed so that the outside remains outside."""
     return [tuple((x, -y, z) for x, y, z in reversed(triangle)) for triangle in mesh]  # type: ignore[misc]
 
 
 def lofted(sections: Sequence[Sequence[Point]]) -> Mesh:
-    """Skin a row of convex sections of equally many points and close both ends.
+    """Connect a row of convex sections to a solid, and close both ends.
 
     Args:
-        sections: each counter-clockwise seen from where the row leads to.
+        sections: sections with equal numbers of points, counter-clockwise when seen from the end of the row.
     """
     mesh: Mesh = []
     for near, far in itertools.pairwise(sections):
@@ -38,22 +38,22 @@ def lofted(sections: Sequence[Sequence[Point]]) -> Mesh:
 
 
 def thickened(outline: Sequence[Point], half: float) -> Mesh:
-    """Thicken a convex outline, counter-clockwise seen from above (+z), by `half` [m] up and down."""
+    """Make a plate from a convex outline, counter-clockwise seen from above, that extends `half` [m] up and down."""
     return lofted([[(x, y, z + side) for x, y, z in outline] for side in (-half, half)])
 
 
 def slab(outline: Sequence[complex], aft: float, fore: float) -> Mesh:
-    """Stretch a convex outline y + i z, counter-clockwise seen from ahead, from x = aft to x = fore."""
+    """Extrude a convex outline y + i z, counter-clockwise seen from ahead, from x = aft to x = fore."""
     return lofted([[(x, at.real, at.imag) for at in outline] for x in (aft, fore)])
 
 
 def disc(centre: complex, radius: float, corners: int = 12) -> list[complex]:
-    """Return a circle's corners y + i z, counter-clockwise seen from ahead."""
+    """Return the corners y + i z of a circle, counter-clockwise seen from ahead."""
     return [centre + radius * _unit(2.0 * math.pi * i / corners) for i in range(corners)]
 
 
 def strut(start: complex, end: complex, half: float) -> list[complex]:
-    """Return the corners of a bar of half width `half` between two points y + i z."""
+    """Return the corners y + i z of a straight bar of half width `half` between two points."""
     across = 1j * half * (end - start) / abs(end - start)
     return [start - across, end - across, end + across, start + across]
 
@@ -96,7 +96,14 @@ def rod(start: Point, end: Point, radius: float, corners: int = 8) -> Mesh:
 
 
 def elliptic_ring(centre_x: float, half_axes: tuple[float, float], tube: float, around: int = 64) -> Mesh:
-    """Return a ring in the x-y plane with the given half axes (x, y) and radius of its tube [m]."""
+    """Return an elliptic ring in the x-y plane.
+
+    Args:
+        centre_x: x coordinate of the centre [m].
+        half_axes: half axes along x and y [m].
+        tube: radius of the tube [m].
+        around: number of sections around the ring.
+    """
     sides = 8
 
     def point(i: int, j: int) -> Point:

@@ -1,7 +1,7 @@
-"""A morphology as URDF and SRDF text.
+"""Write a morphology as URDF and SRDF text.
 
-Written with the standard library's XML tools: the package must work in a ROS workspace or beside any other simulator
-without a single dependency, and every number is printed so that reading it back gives the same double.
+Only the standard library's XML tools are used, so that the package needs no dependency in a ROS workspace or beside
+another simulator. The numbers of the URDF are printed such that reading them gives exactly the same doubles.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ MATERIALS = {  # red, green, blue, alpha
 
 
 def urdf_text(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str = "../meshes") -> str:
-    """Return the floating-base tree as URDF text; `base_link` has its origin at the body's centre of mass.
+    """Return the robot as URDF text; the origin of its root link `base_link` is the body's centre of mass.
 
     Args:
         morphology: the robot.
-        meshes: folder of the meshes as their URI begins.
-        meshdir: the same for MuJoCo: a path, relative to the URDF or absolute.
+        meshes: URI of the folder with the meshes.
+        meshdir: path of the same folder for MuJoCo, relative to the URDF or absolute.
     """
     robot = ET.Element("robot", name=morphology.name)
     # Without this MuJoCo merges the base into the world and drops its mass; other tools ignore it.
@@ -66,7 +66,11 @@ def urdf_text(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str
 
 
 def srdf_text(morphology: Morphology) -> str:
-    """Return the reference configurations (see `poses`) with the base at the origin as SRDF text."""
+    """Return the robot's SRDF text.
+
+    It contains the reference configurations (see `poses`), with the base at the origin, and disables collisions among
+    the links of body and wings.
+    """
     robot = ET.Element("robot", name=morphology.name)
     joints = [f"{side}_{joint}" for side, _ in SIDES for joint in ("shoulder", "elbow")]
     group = ET.SubElement(robot, "group", name="all")
@@ -101,7 +105,7 @@ def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> 
         ("elbow", f"{side}_proximal", f"{side}_distal", morphology.elbow, joints.elbow_limits),
     ):
         joint = _joint(robot, f"{side}_{name}", "revolute", parent, child, _mirror(position, sign))
-        # About +x on the left and -x on the right: a positive angle lifts either wing.
+        # The axis is +x on the left and -x on the right, so that a positive angle lifts the wing on both sides.
         ET.SubElement(joint, "axis", xyz=_spaced((sign, 0.0, 0.0)))
         bounds = {"lower": limits[0], "upper": limits[1], "effort": joints.effort, "velocity": joints.velocity}
         ET.SubElement(joint, "limit", {key: repr(value) for key, value in bounds.items()})
@@ -111,7 +115,7 @@ def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> 
 
 
 def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
-    """Add a link; sign -1 mirrors the body in the x-z plane, which flips y and the products xy and yz."""
+    """Add a link; sign -1 mirrors the body in the x-z plane, which changes the sign of y, xy and yz."""
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=_spaced(_mirror(body.com, sign)), rpy="0 0 0")
@@ -125,7 +129,7 @@ def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
 def _frame(
     robot: ET.Element, name: str, parent: str, position: Vector, sign: float, rpy: Vector = (0.0, 0.0, 0.0)
 ) -> None:
-    """Add a massless link fixed to its parent. The zero inertial is written out: some tools make a missing one 1 kg."""
+    """Add a massless link fixed to its parent; its inertia is written as 0, as some tools else assume 1 kg."""
     inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
     ET.SubElement(inertial, "mass", value="0")
     ET.SubElement(inertial, "inertia", ixx="0", ixy="0", ixz="0", iyy="0", iyz="0", izz="0")
@@ -149,7 +153,7 @@ def _joint(
 
 
 def _roll_pitch_yaw(direction: Vector) -> Vector:
-    """Return roll, pitch, yaw [rad] of a frame whose z axis points along a unit vector."""
+    """Return roll, pitch and yaw [rad] of a frame with its z axis along a given unit vector."""
     x, y, z = direction
     return 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
 
@@ -171,7 +175,7 @@ def _box(link: ET.Element, centre: Vector, size: Vector) -> None:
 
 
 def mesh_name(morphology: Morphology, part: str) -> str:
-    """Return the file name of a part's mesh; unique across morphologies, since some tools drop the folder."""
+    """Return the file name of a part's mesh; it is unique among all morphologies, as some tools ignore the folder."""
     return f"{morphology.name}_{part}.stl"
 
 

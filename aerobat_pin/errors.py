@@ -1,25 +1,27 @@
-"""The package's errors. Each also derives from the builtin error that fits it; its message says what to try."""
+"""The package's errors. Each also derives from the closest builtin error, and its message says what to try."""
 
 import math
 
 
 class AerobatError(Exception):
-    """Base class of errors in what the caller gave. A fault of the package itself is never an AerobatError."""
+    """Base class of errors in the caller's input or environment; a bug in the package never raises an AerobatError."""
 
 
 class MorphologyFileError(AerobatError, ValueError):
-    """A morphology cannot be read or cannot be a robot."""
+    """A morphology file cannot be read, or no robot can have its values."""
 
 
 class LinkageError(AerobatError, ValueError):
-    """The linkage cannot close.
+    """The linkage cannot close: at some crank angle two of its bars do not reach each other.
 
-    `dyad` names the pin, `crank_angle` the first angle [rad] at which it fails, `nearest` the lengths [m] that, each
-    changed alone, let the crank turn.
+    Attributes:
+        dyad: name of the pin that should join the two bars.
+        crank_angle: first crank angle at which the bars do not reach each other [rad].
+        nearest: bar length -> new value [m] that lets the crank turn if only this length is changed.
     """
 
     def __init__(self, message: str, dyad: str, crank_angle: float, nearest: dict[str, float]) -> None:
-        """Store the message, the place and the lengths that would help."""
+        """Store the message, the pin, the crank angle and the lengths that would help."""
         super().__init__(message)
         self.dyad = dyad
         self.crank_angle = crank_angle
@@ -27,17 +29,20 @@ class LinkageError(AerobatError, ValueError):
 
 
 class CrankError(AerobatError, ValueError):
-    """A crank drive's angle, rate and acceleration do not fit together."""
+    """The angle, rate and acceleration that a crank drive returns do not fit together."""
 
 
 class NearSingularWarning(UserWarning):
-    """The linkage comes close to locking: two bars nearly in line transmit hardly any torque.
+    """The linkage comes close to locking: two bars that are nearly in line transmit hardly any torque.
 
-    `dyad` names the pin, `transmission` the angle [rad] between its bars, `crank_angle` where that is [rad].
+    Attributes:
+        dyad: name of the pin that joins the two bars.
+        transmission: angle between the two bars [rad].
+        crank_angle: crank angle at which they are nearly in line [rad].
     """
 
     def __init__(self, dyad: str, transmission: float, crank_angle: float) -> None:
-        """Build the message from where it happens."""
+        """Build the message from the pin and the two angles."""
         super().__init__(
             f"the linkage is nearly singular at {dyad}: its bars make {math.degrees(transmission):.1f} deg at a crank "
             f"angle of {math.degrees(crank_angle):.1f} deg; it locks at 0 and 180"
@@ -48,54 +53,54 @@ class NearSingularWarning(UserWarning):
 
 
 class FrameNotFoundError(AerobatError, KeyError):
-    """The model has no frame of that name. `known` lists those it has."""
+    """The model has no frame of the requested name; the attribute `known` lists the frames of the model."""
 
     def __init__(self, name: str, known: list[str]) -> None:
-        """Build the message from the name and the frames there are."""
+        """Build the message from the requested name and the names of the model's frames."""
         super().__init__(f"no frame named '{name}' in the model; it has: {', '.join(known)}")
         self.name = name
         self.known = known
 
     def __str__(self) -> str:
-        """Return the message as it is: KeyError would print it in quotes."""
+        """Return the message without the quotes that KeyError would add."""
         return str(self.args[0])
 
 
 class ShapeError(AerobatError, ValueError):
-    """An array has the wrong shape, or holds NaN or infinity."""
+    """An array has the wrong shape, or contains NaN or infinity."""
 
 
 class ScenarioError(AerobatError, ValueError):
-    """A scenario, or a value set on the command line, is wrong. The message names the key, the value and the rule."""
+    """A scenario or a `--set` value is wrong. The message names the key, the value and the rule that it breaks."""
 
 
 class SweepError(AerobatError, ValueError):
-    """A sweep file is wrong. The message names the key, the value and the rule."""
+    """A sweep file is wrong. The message names the key, the value and the rule that it breaks."""
 
 
 class WorkersLostError(AerobatError, RuntimeError):
-    """Runs of a sweep are missing because the processes that fly them died or cannot be reached."""
+    """Runs of a sweep are missing because the processes that simulate them died or cannot be reached."""
 
 
 class ObserverError(AerobatError, ValueError):
-    """An observer cannot be built or fed as asked."""
+    """An observer cannot be built from its arguments, or cannot process the data it is given."""
 
 
 class LogError(AerobatError, ValueError):
-    """A file is not a flight log, or the log lacks channels."""
+    """A file is not a flight log, or the log lacks a channel that is needed."""
 
 
 class OutputError(AerobatError, OSError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the requested file or folder."""
 
 
 class BrowserError(AerobatError, RuntimeError):
-    """No browser is installed to take pictures with. The message says what to install."""
+    """No browser can take pictures of a replay. The message says what to install."""
 
 
 class SimulationError(AerobatError, ArithmeticError):
-    """The flight diverged."""
+    """The simulated flight diverged."""
 
 
 class TrimError(AerobatError, ArithmeticError):
-    """No periodic flight was found."""
+    """The trim search found no periodic flight."""

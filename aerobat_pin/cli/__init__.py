@@ -1,4 +1,4 @@
-"""The command line: parse, call, print, exit code."""
+"""The command line `aerobat`: parse the arguments, call the package, print the results, and set the exit code."""
 
 from aerobat_pin.cli.app import main
 

@@ -1,4 +1,7 @@
-"""The command line: parse, call, print, exit code. 0 success, 2 bad input, 1 a failure of our own."""
+"""The commands of the command line `aerobat`.
+
+Exit codes are 0 for success, 2 for bad input, and 1 for a failed check or a bug.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ def run_command(
     observers: ObserverNames = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Skip figures, report and replay.")] = False,
 ) -> None:
-    """Fly a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
+    """Simulate a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
     from aerobat_pin import experiments
     from aerobat_pin.scenario import load_scenario
 
@@ -75,8 +78,8 @@ def trim_command(
 ) -> None:
     """Find the frequency, wing offset and start of a flight that repeats itself every flap; write it as a scenario.
 
-    The horizontal velocity is kept. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate, with
-    or without --set, are first guesses: what is found differs from them.
+    The horizontal velocity is kept. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate are
+    only first guesses, even if they are given with --set: the search changes all of them.
     """
     from aerobat_pin.experiments import check_file, write_text
     from aerobat_pin.flight import find_trim
@@ -114,7 +117,7 @@ def urdf_command(
     ] = "package",
     force: Force = False,
 ) -> None:
-    """Turn a morphology into URDF, SRDF and meshes for other tools."""
+    """Convert a morphology to URDF, SRDF and meshes for other tools."""
     from aerobat_description.export import export, shipped_urdf
     from aerobat_pin.errors import OutputError
     from aerobat_pin.experiments import check_file, write_files
@@ -166,7 +169,7 @@ app.command("play")(play_command)
 
 @app.command("doctor")
 def doctor_command() -> None:
-    """Examine the installation: what is there, and what to do about what is not."""
+    """Check the installation, and say what to do about each problem."""
     from aerobat_pin.cli.doctor import check_installation
 
     findings = check_installation()
@@ -205,25 +208,25 @@ def list_command() -> None:
 
 
 def main() -> None:
-    """Run the command line; a mistake of the user's ends in one message and exit code 2."""
+    """Run the command line; an error in the user's input prints one message and exits with code 2."""
     from aerobat_pin.errors import AerobatError
 
     warnings.showwarning = _show_warning
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when the reader of a pipe closes it
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # leave as tidily as on Ctrl-C
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # clean up as on Ctrl-C
     try:
         app()
     except AerobatError as error:
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)
     finally:
-        gc.freeze()  # spares a quarter of a second: Python would search all libraries for garbage at exit
+        gc.freeze()  # saves a quarter of a second: without it Python searches all libraries for garbage at exit
 
 
 def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
 ) -> None:
-    """Print our own warnings without their place in the code; it helps only a developer, with any other warning."""
+    """Print a warning: those of this package without file and line, which users do not need, all others with them."""
     from aerobat_pin.errors import NearSingularWarning
 
     text = f"warning: {message}\n"

@@ -1,4 +1,4 @@
-"""What commands print: progress, scores, and the files they wrote."""
+"""Print what several commands show: progress, scores, and the files that were written."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import typer
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Scores
 
-INTERRUPTED = 130  # exit code of a program that Ctrl-C ended
+INTERRUPTED = 130  # exit code of a program that was ended by Ctrl-C
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """End on Ctrl-C with a line and exit code 130; for commands that write all of their files at the end."""
+    """On Ctrl-C, print one line and exit with code 130; for commands that write all their files at the end."""
     try:
         yield
     except KeyboardInterrupt:
@@ -28,7 +28,11 @@ def interruptible() -> Iterator[None]:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
-    """Give a function that shows a label and the share done in a bar; None where standard error is no terminal."""
+    """Show a progress bar during a `with` block.
+
+    Yields:
+        A function that updates the label and the share done, or None if standard error is not a terminal.
+    """
     if sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
@@ -41,19 +45,19 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
 
 
 def print_scores(scores: Scores, *, noisy: bool = False) -> None:
-    """Print the table of scores; where the sensors are `noisy` and an R2 is below 0, say what helps."""
+    """Print the table of scores, and an advice if the sensors are noisy and an R2 is below 0."""
     typer.echo(f"\n{scores}")
     if noisy and scores.worse_than_nothing:
         typer.echo("R2 below 0 is worse than no estimate: a smaller observers.gain follows the sensors' noise less")
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Return the files of a folder and those below it, relative to it, in order."""
+    """Return all files in a folder and its subfolders, sorted, as paths relative to the folder."""
     return sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
 
 
 def print_files(target: Path, files: list[Path]) -> None:
-    """Print the folder of the results and the files written into it."""
+    """Print the folder of the results and the files that were written into it."""
     typer.echo(f"\nresults in {target}/")
     for file in files:
         typer.echo(f"  {target / file}")

@@ -1,8 +1,8 @@
-"""Examine an installation: each finding says what is there, and what to do where it is wrong.
+"""Examine an installation: each finding says what is installed, and what to do if something is wrong.
 
-Most broken installations mix Pinocchio from several sources, with libraries that crash on each other. Pinocchio is
-therefore first imported in a process of its own. A check that cannot run, for instance because a package is missing
-that it needs, is a finding too; the other checks run all the same.
+Most broken installations mix copies of Pinocchio from several sources, and their libraries crash when they are loaded
+together. Pinocchio is therefore first imported in a separate process. If a check cannot run, for instance because a
+package that it needs is missing, this is reported as a finding, and the other checks still run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 
 PROJECT = "aerobat-pinocchio"
 PIN_RULE = ">=4.1,<5"
-# What a search path must not bring beside this installation.
+# Modules and libraries that other folders of the search paths must not contain.
 FOREIGN_MODULES = ("pinocchio", "eigenpy", "coal", "hppfcl", "numpy", "scipy", "numba")
 FOREIGN_LIBRARIES = ("libpinocchio*", "libeigenpy*", "libcoal*", "libhpp-fcl*")
 REINSTALL = f"pip install --force-reinstall --no-deps {PROJECT}"
@@ -33,7 +33,7 @@ print(json.dumps([p.__file__ or "", getattr(p, "__version__", "") if hasattr(p, 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was examined; `advice` is one line on what to do where it is not `ok`."""
+    """The result of one check; `advice` is a line that says what to do if the result is not `ok`."""
 
     name: str
     ok: bool
@@ -41,14 +41,14 @@ class Finding:
     advice: str
 
     def __str__(self) -> str:
-        """Return one line, and the advice on a second one where something is wrong."""
+        """Return the finding as one line of text; if it is not `ok`, a second line has the advice."""
         return f"ok   {self.name}: {self.detail}" if self.ok else f"BAD  {self.name}: {self.detail}\n  -> {self.advice}"
 
 
 def check_installation() -> list[Finding]:
-    """Examine the installation; all is well if every finding is `ok`."""
+    """Run all checks and return their findings; the installation works if every finding is `ok`."""
     findings = _run(_platform, _pinocchio, _search_paths, _requirements, _viewer, _description, _browser)
-    if all(finding.ok for finding in findings if finding.name == "pinocchio"):  # the rest needs it
+    if all(finding.ok for finding in findings if finding.name == "pinocchio"):  # the other checks import Pinocchio
         findings += _run(_urdf, _kernels)
     return findings
 
@@ -58,21 +58,21 @@ def _run(*checks: Callable[[], Iterator[Finding]]) -> list[Finding]:
     for check in checks:
         try:
             findings += list(check())
-        except Exception as error:  # whatever a broken installation can raise
+        except Exception as error:  # a broken installation can raise anything
             name = check.__name__.strip("_")
             findings.append(Finding(name, False, f"{type(error).__name__}: {error}", START_FRESH))
     return findings
 
 
 def satisfies(version: str, rule: str) -> bool:
-    """Tell whether an installed version obeys a rule such as `>=4.1,<5`; no version obeys none."""
+    """Return whether a version satisfies a rule such as `>=4.1,<5`; an empty version satisfies no rule."""
     from packaging.specifiers import SpecifierSet
 
     return bool(version) and SpecifierSet(rule).contains(version, prereleases=True)
 
 
 def _installed(name: str) -> str:
-    """Return the version of an installed distribution, or nothing."""
+    """Return the version of an installed distribution, or an empty string."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -91,13 +91,13 @@ def _platform() -> Iterator[Finding]:
 
 
 def _pinocchio() -> Iterator[Finding]:
-    """Tell which Pinocchio is imported, whether it is the right one, and whether there are several."""
+    """Report which Pinocchio is imported, whether its version is right, and whether several are installed."""
     probe = subprocess.run([sys.executable, "-P", "-c", PINOCCHIO_PROBE], capture_output=True, text=True, check=False)
     if probe.returncode == 0:
         file, version = json.loads(probe.stdout.splitlines()[-1])
         detail = f"{version or 'something else of that name'} from {Path(file).parent} (wanted: {PIN_RULE})"
     else:
-        crash = f"importing it ends the process with code {probe.returncode}"  # minus the signal
+        crash = f"importing it ends the process with code {probe.returncode}"  # negative: number of the signal
         file, version, detail = "", "", (probe.stderr.strip().splitlines() or [crash])[-1]
     advice = f"pip install 'pin{PIN_RULE}'; if it is there, {START_FRESH}"
     yield Finding("pinocchio", satisfies(version, PIN_RULE), detail, advice)
@@ -112,7 +112,7 @@ def _pinocchio() -> Iterator[Finding]:
 
 
 def _search_paths() -> Iterator[Finding]:
-    """Look for other installations where Python and the loader look first; a folder that holds us is our own."""
+    """Search PYTHONPATH and LD_LIBRARY_PATH for other installations; folders that contain this package are skipped."""
     for variable, patterns in (("PYTHONPATH", FOREIGN_MODULES), ("LD_LIBRARY_PATH", FOREIGN_LIBRARIES)):
         folders = [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
         others = [folder for folder in folders if not (folder / "aerobat_pin").is_dir()]
@@ -122,7 +122,7 @@ def _search_paths() -> Iterator[Finding]:
 
 
 def _requirements() -> Iterator[Finding]:
-    """Compare installed packages with what the project requires here, without its extras."""
+    """Compare the installed packages with the requirements of the project, without its extras."""
     from packaging.requirements import Requirement
 
     for requirement in map(Requirement, metadata.requires(PROJECT) or []):
@@ -133,7 +133,7 @@ def _requirements() -> Iterator[Finding]:
 
 
 def _viewer() -> Iterator[Finding]:
-    """Look for what the replay needs: meshcat's page, and the part of pyzmq that meshcat imports."""
+    """Check what the replay needs: the page of meshcat, and the part of pyzmq that meshcat imports."""
     meshcat, loop = find_spec("meshcat"), find_spec("zmq.eventloop.ioloop")
     page = Path((meshcat and meshcat.origin) or "").parent / "viewer" / "dist" / "main.min.js"
     parts = {"meshcat's viewer/dist/main.min.js": page.is_file(), "pyzmq's zmq.eventloop.ioloop": loop is not None}
@@ -143,7 +143,7 @@ def _viewer() -> Iterator[Finding]:
 
 
 def _description() -> Iterator[Finding]:
-    """Look for every file of every morphology; a mesh must be more than an STL header or a pointer to one."""
+    """Check every file of every morphology; an STL file of less than 200 bytes is no mesh (header or LFS pointer)."""
     from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
 
     folder = Path(PACKAGE_PATH)
@@ -157,7 +157,7 @@ def _description() -> Iterator[Finding]:
 
 
 def _browser() -> Iterator[Finding]:
-    """Look for what takes pictures of a replay, which is optional: any browser shows the replay itself."""
+    """Check what is needed to take pictures of a replay; this is optional, as any browser can show the replay."""
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     for name, found, advice in (
         ("chromium", chromium, "apt-get install chromium"),
@@ -168,7 +168,7 @@ def _browser() -> Iterator[Finding]:
 
 
 def _urdf() -> Iterator[Finding]:
-    """Read the URDF as any tool would, and weigh it."""
+    """Load the URDF with Pinocchio, and compare its mass with that of the morphology."""
     import pinocchio as pin
 
     from aerobat_description import URDF_PATH
@@ -181,7 +181,7 @@ def _urdf() -> Iterator[Finding]:
 
 
 def _kernels() -> Iterator[Finding]:
-    """Tell where numba keeps the compiled kernels."""
+    """Report the folder in which numba keeps the compiled kernels."""
     from aerobat_pin.flight import advance_stage
     from aerobat_pin.numerics import is_compiled
 

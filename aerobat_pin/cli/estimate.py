@@ -30,7 +30,7 @@ def estimate_command(
         typer.Option("--self-check", help="First, or without a log only, estimate known forces on a simulated flight."),
     ] = False,
 ) -> None:
-    """Estimate the unknown forces of a recorded flight, without knowing the truth.
+    """Estimate the unknown forces of a recorded flight, whose true forces need not be known.
 
     --set takes keys of robot, air and observers, and flight.gravity.
     """
@@ -63,7 +63,7 @@ def estimate_command(
 
 
 def _passes_self_check(belief: Scenario) -> bool:
-    """Estimate known forces, print them with their estimates, and tell whether all agree."""
+    """Run the self-check (known forces on a simulated flight), print its results, and return whether all are right."""
     from aerobat_pin.estimation import self_check
     from aerobat_pin.robot import believed_robot
 
@@ -76,7 +76,7 @@ def _passes_self_check(belief: Scenario) -> bool:
 
 
 def _print_inputs(scores: Scores) -> None:
-    """Print where each input of the observers comes from, and how large the estimated forces are."""
+    """Print the source of each input of the observers, and the root mean square of each estimated component."""
     for name, source in scores.inputs.items():
         typer.echo(f"{name:<14} {source}")
     for name, found in scores.observers.items():

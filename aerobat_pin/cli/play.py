@@ -13,7 +13,7 @@ from aerobat_pin.cli.options import BelievedMorphology, Force
 if TYPE_CHECKING:
     from aerobat_pin.visualization import Recording
 
-PICTURES_PER_SECOND = 30.0  # of a video made of the pictures
+PICTURES_PER_SECOND = 30.0  # frame rate of a video made from the pictures
 
 
 @interruptible()
@@ -33,7 +33,7 @@ def play_command(
     urdf: Annotated[Path | None, typer.Option(help="The robot of --from-csv.")] = None,
     force: Force = False,
 ) -> None:
-    """Show a flight in the browser: serve it until Ctrl-C, or write it as a page or as pictures."""
+    """Replay a flight in the browser: serve the page until Ctrl-C, or write it to a file or as pictures."""
     import numpy as np
 
     from aerobat_pin.experiments import check_file, output_folder, write_text
@@ -59,7 +59,7 @@ def play_command(
 
 
 def _recording(source: Path | None, morphology: str | None, table: Path | None, urdf: Path | None) -> Recording:
-    """Load what is to be played: a run, a log, or a table with its robot. Raises AerobatError for anything else."""
+    """Load a run, a log, or a CSV file with its robot. Raises AerobatError for any other combination of arguments."""
     from aerobat_pin import visualization
     from aerobat_pin.errors import LogError
 

@@ -13,7 +13,7 @@ import typer
 from aerobat_pin.cli.console import INTERRUPTED, progress_bar
 from aerobat_pin.cli.options import NameOrFile
 
-LINE_EVERY = 10.0  # [s], where there is no terminal
+LINE_EVERY = 10.0  # [s] between progress lines if there is no terminal
 
 
 def sweep_command(
@@ -27,7 +27,7 @@ def sweep_command(
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<sweep>.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Start anew, whatever the folder holds.")] = False,
 ) -> None:
-    """Fly a sweep of scenarios and write its tables; the same command resumes a sweep that was interrupted."""
+    """Simulate a sweep of scenarios and write its tables; the same command resumes an interrupted sweep."""
     from aerobat_pin.experiments import load_sweep, run_sweep
 
     planned = load_sweep(sweep)
@@ -51,7 +51,7 @@ def sweep_command(
 
 
 class _SweepProgress:
-    """How many runs are finished: shown in a bar, or without one in a line every ten seconds."""
+    """Show how many runs are finished: in a progress bar, or without a terminal in a line every ten seconds."""
 
     def __init__(self, bar: Callable[[str, float], None] | None) -> None:
         self.text = "nothing is finished"
@@ -60,7 +60,7 @@ class _SweepProgress:
         self._start = self._last_line = time.monotonic()
 
     def __call__(self, finished: int, count: int, failed: int) -> None:
-        """Take in the numbers of runs finished, in all, and failed."""
+        """Update the numbers of runs: finished, in total, and failed."""
         self.text = f"{finished} of {count} runs are finished" + (f", {failed} of them failed" if failed else "")
         now = time.monotonic()
         if self._resumed_at is None:

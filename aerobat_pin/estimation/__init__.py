@@ -1,4 +1,4 @@
-"""From a flight log and a believed robot to known inputs, estimates and their scores."""
+"""Run the observers on a flight log: prepare their inputs with an assumed robot model, and score their estimates."""
 
 from aerobat_pin.estimation.estimate import belief_about, check_names, describe_belief, estimate_log, read_log
 from aerobat_pin.estimation.flight_summary import FlightSummary, flight_summary

@@ -1,9 +1,10 @@
-"""Sigma_Aero along a recorded motion: what a believed air does to a believed robot, as interval means.
+"""Compute the aerodynamic forces that an assumed air exerts on an assumed robot along a recorded motion.
 
-Samples may lie too far apart for the air's states: an interval is flown in equal steps, on the geodesic between the
-samples' placements and the closed linkage at the crank's angle in between (or straight between the joint angles, where
-the crank is not recorded). How long a step may be follows from the fastest mode of the lifting line, whose rate grows
-with the airspeed and with the number of strips.
+The forces are interval means of the generalised force Sigma_Aero. The samples of a log can be too far apart to
+integrate the states of the aerodynamic model, so each interval is divided into equal steps. In between, the body
+follows the geodesic between its sampled placements, and the joints follow the closed linkage at the interpolated crank
+angle (or a straight line between the joint angles, if the crank is not recorded). The longest stable step follows from
+the fastest mode of the lifting line, whose rate grows with the airspeed and with the number of strips.
 """
 
 from __future__ import annotations
@@ -20,28 +21,29 @@ from aerobat_pin.numerics import Array, Integers
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table, rotations
 from aerobat_pin.scenario import AirSection
 
-LONGEST_STEP = 1.5e-3  # [s]: longer ones miss a thousandth of the lift at 5 m/s and 6.7 Hz
-LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times a step; the method is unstable from 2.785 on
-LARGEST_AIRSPEED = 100.0  # [m/s]: no wing meets faster air, but a log in millimetres does
-WARM_UP_ANGLES = 60  # crank angles of a turn at which the warm-up's airspeeds are computed
-WARM_UP_LIMIT = 3.0  # [s]: for a crank that hardly turns; the air remembers some ten chords of way
-LONGEST_GAP = 0.5  # [s]: what the wings did in a longer one is unknown
+LONGEST_STEP = 1.5e-3  # [s]: longer steps change the lift by more than a thousandth at 5 m/s and 6.7 Hz
+LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times the step; the method is unstable from 2.785 on
+LARGEST_AIRSPEED = 100.0  # [m/s]: no wing meets faster air; a log in millimetres is recognised by this limit
+WARM_UP_ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the warm-up are computed
+WARM_UP_LIMIT = 3.0  # [s]: for a crank that hardly turns; the wake matters for about ten chords of travel
+LONGEST_GAP = 0.5  # [s]: the motion of the wings during a longer gap is unknown
 
 
 def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[str, Array]:
-    """Return the generalised forces of the air as interval means.
+    """Return the generalised aerodynamic forces along a recorded motion, as interval means.
 
     Args:
-        robot: the believed robot.
-        air: the believed air. For its warm-up cycles, at the flight's median rate, the body is held as at the first
-            sample and the crank turns at its first rate.
+        robot: the assumed robot.
+        air: the assumed air. Before the first sample, `warm_up_cycles` flapping cycles are simulated: the body stays
+            as it is at the first sample, and the crank turns at its first rate. The length of a cycle is that of the
+            median crank rate of the flight.
         moved: the recorded motion.
 
     Returns:
-        `aerodynamic` and, where the air has added mass, `added_mass`: (m, nv).
+        Name -> (m, nv) generalised force: `aerodynamic` and, if the air has added mass, `added_mass`.
 
     Raises:
-        LogError: a gap in time is too long to be flown through, or the motion too fast to be one.
+        LogError: the log has a gap in time that is too long, or wings that move impossibly fast.
     """
     dt = np.diff(moved.time)
     if np.max(dt) > LONGEST_GAP:
@@ -58,31 +60,31 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
 
 
 class AirAlongMotion:
-    """The air on a robot along a recorded motion.
+    """The aerodynamic model of a robot, evaluated along a recorded motion.
 
     Args:
-        robot: the believed robot.
-        air: the believed air.
+        robot: the assumed robot.
+        air: the assumed air.
     """
 
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
-        """Lay the robot out in its air."""
+        """Set up the aerodynamic model, and find the rate of its fastest mode."""
         self.robot, self.section = robot, air
         self.in_air = RobotInAir(robot, robot_air(robot.wing, air))
         self.air = self.in_air.air
         modes = np.linalg.eigvals(self.air.line.state_space(1.0).A) if self.air.state_size else np.zeros(1)
-        self.fastest = float(np.max(np.abs(modes)))  # [1/m]: rate of a mode per airspeed
+        self.fastest = float(np.max(np.abs(modes)))  # [1/m]: rate of the fastest mode divided by the airspeed
 
     def airspeed(self, twists: Array) -> Array:
-        """Return the fastest strip's (n,) [m/s] at the links' twists against the air (n, 5, 6)."""
+        """Return the airspeed (n,) [m/s] of the fastest strip, from the links' twists relative to the air (n, 5, 6)."""
         return np.asarray(np.max(self.air.airspeed(twists), axis=1))
 
     def longest_step(self, airspeed: Array) -> Array:
-        """Return how long a step (n,) [s] may be, by the fastest strip's airspeed (n,) [m/s]."""
+        """Return the longest allowed step (n,) [s] for the airspeed (n,) [m/s] of the fastest strip."""
         return np.asarray(1.0 / np.maximum(1.0 / LONGEST_STEP, self.fastest * airspeed / LARGEST_MODE_STEP))
 
     def steps(self, moved: Motion) -> Integers:
-        """Return in how many steps each interval (m,) is flown."""
+        """Return the number of integration steps (m,) of each interval between samples."""
         v = moved.v.copy()
         v[:, :3] -= np.einsum("nji,nj->ni", rotations(moved.q), moved.wind[:, 0])
         airspeed = self.airspeed(self.in_air.link_twists(moved.q, v))
@@ -96,7 +98,7 @@ class AirAlongMotion:
         return np.asarray(np.maximum(np.ceil(np.diff(moved.time) / longest - 1e-9), 1), dtype=np.intp)
 
     def start(self, moved: Motion) -> Array:
-        """Return the air's state at the first sample, warmed up."""
+        """Return the state of the aerodynamic model at the first sample, after the warm-up cycles."""
         cycles = self.section.warm_up_cycles
         rate = 0.0 if moved.crank is None else float(np.median(np.abs(moved.crank[1])))
         if rate == 0.0 or cycles == 0 or not self.air.state_size:
@@ -114,7 +116,11 @@ class AirAlongMotion:
         return self.in_air.warmed_up(*body, motion, duration / count)
 
     def fly(self, moved: Motion) -> tuple[Array, Array]:
-        """Fly along; return the means (m, nv) of aerodynamic force and added mass over the intervals."""
+        """Integrate the aerodynamic model along the motion.
+
+        Returns:
+            Interval means (m, nv) of the aerodynamic force and of the force of the added mass.
+        """
         model, data, memory, fields = self.robot.model, self.in_air.data, self.in_air.memory, self.in_air.fields
         nle, steps = pin.nonLinearEffects, self.steps(moved)
         q, v, a, wind = _half_steps(moved, self.robot, steps)
@@ -126,7 +132,7 @@ class AirAlongMotion:
         for k, count in enumerate(steps.tolist()):
             if dt[k] > 0.0:
                 for i in range(half, half + 2 * count, 2):
-                    # Pinocchio's results are those of the start: the step before has ended here.
+                    # `data` already has Pinocchio's results for the step's start, where the previous step ended.
                     advance_air_stage(memory, wind[i], a[i + 1], dt[k], 0, means[k])
                     nle(model, data, q[i + 1], v[i + 1])
                     advance_air_stage(memory, wind[i + 1], a[i + 1], dt[k], 1, means[k])
@@ -138,9 +144,10 @@ class AirAlongMotion:
 
 
 def _half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, Array, Array, Array]:
-    """Return q, v, acceleration and wind at every half step, one row more than there are half steps.
+    """Return q, v, acceleration and wind at the beginning of every half step, and at the end of the last.
 
-    Between two samples the body moves straight and turns evenly, velocities and wind change evenly.
+    Between two samples the body moves along a straight line and turns at a constant rate; velocities and wind are
+    interpolated linearly.
     """
     k = np.append(np.repeat(np.arange(len(steps)), 2 * steps), len(steps) - 1)
     share = np.append(np.concatenate([np.arange(2 * n) / (2.0 * n) for n in steps]), 1.0)[:, None]
@@ -159,7 +166,7 @@ def _half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, 
 
 
 def _slerp(start: Array, end: Array, share: Array) -> Array:
-    """Turn evenly from unit quaternions start to end (n, 4), the shorter way."""
+    """Interpolate between unit quaternions `start` and `end` (n, 4) along the shorter arc at a constant rate."""
     cosine = np.sum(start * end, axis=1, keepdims=True)
     end, cosine = np.where(cosine < 0.0, -end, end), np.minimum(np.abs(cosine), 1.0)
     angle = np.arccos(cosine)
@@ -173,10 +180,17 @@ def _slerp(start: Array, end: Array, share: Array) -> Array:
 
 
 def _linkage_between(crank: Array, robot: Aerobat, dt: Array, k: Integers, share: Array) -> Array:
-    """Return angle, rate and acceleration (n, 3, 2) of shoulder and elbow at shares of the intervals k.
+    """Return angle, rate and acceleration (n, 3, 2) of shoulder and elbow between the samples of the crank.
 
-    The crank's angle follows the cubic through both ends' angles and rates. Its rate and acceleration change evenly:
-    those of the cubic make more of an angle's noise.
+    The crank angle is the cubic through the angles and rates of both samples. Its rate and acceleration are
+    interpolated linearly, because the derivatives of the cubic would amplify the noise of the angle.
+
+    Args:
+        crank: (3, m + 1) angle, rate and acceleration of the crank at the samples.
+        robot: the assumed robot.
+        dt: (m,) lengths of the intervals [s].
+        k: (n,) interval of each row.
+        share: (n,) position of each row within its interval, from 0 to 1.
     """
     angle, rate, acceleration = crank
     length = dt[k]

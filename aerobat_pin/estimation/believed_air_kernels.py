@@ -1,4 +1,4 @@
-"""The air along a recorded motion, compiled: one call after Pinocchio's bias at each place of a step."""
+"""The compiled part of `believed_air`: it is called at the start, the middle and the end of each integration step."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from aerobat_pin.robot import climb
 
 @kernel
 def advance_air_stage(memory: Array, wind: Array, acceleration: Array, dt: float, place: int, means: Array) -> None:
-    """Advance the air by the stages of a Runge-Kutta step that lie at one place of it, and add to the step's means.
+    """Evaluate the Runge-Kutta stages at one place of a step, and add their forces to the mean over the step.
+
+    Pinocchio's `nonLinearEffects` must have been called for the robot's motion at this place.
 
     Args:
-        memory: of the robot in its air, see `robot_in`; `state` and `start` are the air's at the step's start before
-            place 0, and at its end after place 2.
-        wind: (2, 3) velocity of the air and its rate, world axes.
-        acceleration: (nv,) of the robot, mean over the step; used in its middle.
-        dt: step [s].
-        place: half steps from the step's start: 0, 1 or 2.
-        means: (2, nv) gathers the aerodynamic generalised force and that of the added mass.
+        memory: memory of the robot and its aerodynamic model, see `robot_in`. Before place 0, `state` and `start` are
+            the aerodynamic states at the step's start; after place 2, those at its end.
+        wind: (2, 3) velocity of the air and its time derivative, world axes [m/s, m/s2].
+        acceleration: (nv,) mean acceleration of the robot over the step; used at place 1 only.
+        dt: length of the step [s].
+        place: 0 at the start of the step, 1 in its middle, 2 at its end.
+        means: (2, nv) sums to which the generalised forces are added: aerodynamic, and of the added mass.
     """
     robot = robot_in(memory)
     air, mass, tree, found, links = robot.air, robot.added_mass, robot.tree, robot.found, robot.links

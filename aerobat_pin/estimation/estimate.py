@@ -1,4 +1,8 @@
-"""From a flight log and a belief to estimates, for simulated and recorded flights alike."""
+"""Estimate the unknown forces from a flight log, simulated or recorded.
+
+What the observers assume about a flight (robot, air, gravity, settings) is called a belief; it has the form of a
+scenario.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +18,11 @@ from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
 
-BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # what may be set of a belief
+BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
 
 
 def read_log(path: Path) -> FlightLog:
-    """Read a flight: NetCDF of ours, or a recorded table. Raises LogError."""
+    """Read a flight log: a NetCDF file written by this package, or a recorded CSV table. Raises LogError."""
     if not path.is_file():
         raise LogError(f"flight log {path}: there is no such file")
     return read_csv(path) if path.suffix.lower() == ".csv" else FlightLog.load(path)
@@ -27,17 +31,20 @@ def read_log(path: Path) -> FlightLog:
 def belief_about(
     log: FlightLog | None, name: str, morphology: str | None, names: Sequence[str], settings: Iterable[str]
 ) -> Scenario:
-    """Return what is believed of a recorded flight, as a scenario; only its robot, air, observers and gravity count.
+    """Return what the observers assume about a recorded flight, as a scenario.
+
+    Only robot, air, observers and gravity of the returned scenario are used.
 
     Args:
-        log: the flight; the robot and air that it notes are believed by default. None for no flight.
-        name: of the result.
-        morphology: of the robot, shipped name or TOML file.
-        names: of the observers; those of the scenario's default when empty.
+        log: the flight log. By default, the robot and the air noted in its attributes are assumed. None if there is
+            no flight.
+        name: name of the returned scenario.
+        morphology: morphology of the robot, a shipped name or a TOML file.
+        names: names of the observers; empty for the default observers.
         settings: `dotted.key=value` texts.
 
     Raises:
-        ScenarioError: a value that breaks its rule, or a key that a belief does not have.
+        ScenarioError: a value breaks its rule, or a key cannot be set for a recorded flight.
     """
     settings = list(settings)
     _check_keys(settings)
@@ -60,15 +67,15 @@ def belief_about(
 
 
 def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
-    """Return a line that says which robot is believed, its mass, and why it is this one.
+    """Return a line with the assumed robot, its mass, and where the choice of this robot comes from.
 
     Args:
-        belief: as `belief_about` gives it.
-        morphology: as it was given.
-        settings: as they were given.
+        belief: belief that `belief_about` returned.
+        morphology: the argument given to `belief_about`.
+        settings: the argument given to `belief_about`.
 
     Raises:
-        MorphologyFileError: there is no such robot.
+        MorphologyFileError: the robot cannot be loaded.
     """
     chosen = belief.believed_robot
     shape = load_morphology(chosen.morphology, chosen.changes)
@@ -86,17 +93,20 @@ def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable
 def estimate_log(
     log: FlightLog, robot: Aerobat, belief: Scenario, progress: Callable[[float], None] | None = None
 ) -> tuple[KnownInputs, dict[str, Estimate]]:
-    """Run the observers of a belief on a log.
+    """Run observers on a flight log.
 
     Args:
-        log: the flight.
-        robot: the believed robot.
-        belief: the scenario whose believed air and observers count.
-        progress: called with the share done.
+        log: the flight log.
+        robot: the assumed robot.
+        belief: scenario of which the observers and the assumed air are used.
+        progress: called with the share of the observers that are done.
+
+    Returns:
+        The inputs of the observers, and observer -> estimate.
 
     Raises:
-        ScenarioError: an observer that there is not.
-        LogError, ObserverError, FrameNotFoundError: as `known_inputs` and the observers.
+        ScenarioError: there is no observer of a given name.
+        LogError, ObserverError, FrameNotFoundError: as raised by `known_inputs` and by the observers.
     """
     section = belief.observers
     check_names(section.names)
@@ -115,13 +125,13 @@ def estimate_log(
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Raise ScenarioError unless there are observers of these names."""
+    """Raise ScenarioError if no name is given, or if there is no observer of one of the names."""
     if not names or any(name not in OBSERVERS for name in names):
         raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
 
 
 def _check_keys(settings: Iterable[str]) -> None:
-    """Raise ScenarioError for a setting of what the recorded flight itself fixes, such as its crank or sensors."""
+    """Raise ScenarioError for a key that cannot be set because the recorded flight determines it, such as the crank."""
     for setting in settings:
         key = setting.partition("=")[0].strip()
         if key.partition(".")[0] not in BELIEF_TABLES and key != GRAVITY:

@@ -1,4 +1,4 @@
-"""What a flight was like, in a few numbers: the entry `flight` of `metrics.json`."""
+"""Summarise a flight in a few numbers, the entry `flight` of `metrics.json`."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ def _in(unit: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """Numbers of one flight, SI and radians; each field's metadata names its unit. None where the log cannot tell.
+    """Numbers that summarise one flight, in SI units and radians; the metadata of each field names its unit.
+
+    Numbers that the log does not determine are None.
 
     Attributes:
-        duration: of the flight.
-        position_end: of the body COM in the world, at the end.
+        duration: duration of the flight.
+        position_end: world position of the body COM at the end.
         z_range: lowest and highest height of the body COM.
         roll_range, pitch_range, yaw_range: smallest and largest angle; pitch is positive nose up.
-        thrusters_lift_over_weight: mean lift of the attitude hold, or of recorded thrusters, over the weight.
-        aerodynamic_lift_over_weight: mean lift of the air, added mass included, over the weight.
+        thrusters_lift_over_weight: mean lift of the attitude hold, or of recorded thrusters, divided by the weight.
+        aerodynamic_lift_over_weight: mean aerodynamic lift, added mass included, divided by the weight.
         motor_power_mean: mean power of the motor.
         incidence_range: smallest and largest angle of attack of any strip.
     """
@@ -45,7 +47,7 @@ class FlightSummary:
     incidence_range: Range | None = field(default=None, metadata=_in("rad"))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the numbers that are known, as they stand in `metrics.json`."""
+        """Return all numbers that are not None, as written to `metrics.json`."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {
             name: list(value) if isinstance(value, tuple) else value
@@ -58,8 +60,8 @@ def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
     """Summarise a flight.
 
     Args:
-        log: the flight.
-        mass: of the robot [kg].
+        log: the flight log.
+        mass: mass of the robot [kg].
     """
     measured, truth = log.measured, log.truth
     q = (measured if truth is None or "q" not in truth else truth)["q"].values

@@ -1,13 +1,14 @@
-"""From a flight log to the inputs of an observer: configuration, velocity, and known generalised forces.
+"""Prepare the inputs of an observer from a flight log: configuration, velocity, and known generalised forces.
 
-Each input notes its source: `measured`, or `reconstructed` from a believed robot and its air. Aerodynamic forces are
-never measured, so they are always reconstructed, for simulated flights too; a model error is a belief that differs
-from the robot and air that flew.
+The source of each input is noted: `measured`, or `reconstructed` from the assumed robot and air. Aerodynamic forces
+are never measured; they are always reconstructed, even for simulated flights. A model error is simulated by assuming a
+robot or an air that differs from those that flew.
 
-The known joint torque decides which forces can be found. The linkage prescribes the joints' motion, so the *measured*
-torque contains the reaction to the unknown force. A torque *modelled* from the motion alone does not, and hides exactly
-that part. *motor_only* is the crank's torque: it gives the power of all joints together, not the torque of each. With
-*none*, only the rows of the base can be used.
+The joint torque that is known decides which forces can be estimated. The linkage prescribes the joints' motion, so the
+*measured* torque contains the reaction to the unknown force. A torque *modelled* from the motion alone does not, so the
+part of the force that this reaction balances cannot be estimated. *motor_only* is the torque at the crank: it
+determines the power of all joints together, but not the torque of each. With *none*, only the rows of the base can be
+used.
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ class KnownInputs:
     """The inputs of an observer.
 
     Attributes:
-        time: (m + 1,) [s].
-        q, v: (m + 1, nq), (m + 1, nv).
+        time: (m + 1,) times of the samples [s].
+        q: (m + 1, nq) configurations.
+        v: (m + 1, nv) velocities.
         tau: (m, nv) motor torque at the joints, interval means.
         known: name -> (m, nv) other known generalised forces, interval means.
-        rows: rows of the residual that can be used.
-        source: input -> where it comes from. `q`, `v`, `wind` and the known forces are `measured` or `reconstructed`,
-            the wind also `believed`; `motor_torque` has the kind of torque that was chosen.
+        rows: rows of the equations of motion that the observer can use.
+        source: input -> its source. This is `measured` or `reconstructed` for `q`, `v`, `wind` and the known forces
+            (the wind can also be `believed`, that is, assumed), and the chosen kind of torque for `motor_torque`.
     """
 
     time: Array
@@ -63,16 +65,17 @@ class KnownInputs:
 def known_inputs(
     log: FlightLog, robot: Aerobat, torque: Torque = "measured", air: AirSection | None = None
 ) -> KnownInputs:
-    """Make an observer's inputs from the measured side of a log and a believed robot, without the log's truth.
+    """Prepare an observer's inputs from the measured channels of a log; its true values are not used.
 
     Args:
-        log: the flight.
-        robot: the believed robot; its linkage supplies joints, its inertia a torque, where they were not measured.
-        torque: which joint torque to use; `none` where the log has no torque at all.
-        air: the believed air along the recorded motion; by default the one that the log notes, else the default air.
+        log: the flight log.
+        robot: the assumed robot. Its linkage supplies joint angles that were not measured; its inertia supplies the
+            `modelled` torque.
+        torque: which joint torque to use; choose `none` if the log contains no torque.
+        air: the assumed air; when omitted the air noted in the log, or the default air if the log notes none.
 
     Raises:
-        LogError: there is no such kind of torque, the log lacks its channels, or a gap in time is too long.
+        LogError: there is no such kind of torque, the log lacks the channels for it, or a gap in time is too long.
     """
     if torque not in ROWS_OF_TORQUE:
         raise LogError(f"torque = {torque!r}: one of {', '.join(ROWS_OF_TORQUE)} was expected")
@@ -96,12 +99,12 @@ def known_inputs(
 
 
 def noted_air(log: FlightLog) -> AirSection:
-    """Return the believed air that a log notes, or the default air."""
+    """Return the assumed air noted in the attributes of a log, or the default air."""
     return AirSection.model_validate_json(log.measured.attrs.get("air", "{}"))
 
 
 def _recorded_torque(log: FlightLog, robot: Aerobat, moved: Motion, torque: Torque) -> Array:
-    """Return the recorded motor torque (m, nv): of the joints, or of the crank alone spread over them."""
+    """Return the recorded motor torque (m, nv): at the joints, or at the crank and then spread over the joints."""
     measured, at = log.measured, list(robot.idx_v)
     tau = np.zeros((len(moved.time) - 1, robot.model.nv))
     if "motor_torque" in measured:
@@ -124,17 +127,17 @@ def _recorded_torque(log: FlightLog, robot: Aerobat, moved: Motion, torque: Torq
 
 
 def _crank_halfway(moved: Motion) -> Array:
-    """Return the crank's angle, rate and acceleration (3, m) half way through the intervals."""
+    """Return angle, rate and acceleration (3, m) of the crank in the middle of each interval."""
     if moved.crank is None:
         raise LogError("flight log: no channel named crank_angle: a torque at the crank, or from its motion, needs it")
     return np.asarray(0.5 * (moved.crank[:, 1:] + moved.crank[:, :-1]))
 
 
 def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
-    """Return the motor torque (m, nv) that the prescribed motion needs when no unknown force acts.
+    """Return the motor torque (m, nv) that the prescribed joint motion needs if no unknown force acts.
 
     Args:
-        robot: the believed robot.
+        robot: the assumed robot.
         moved: the recorded motion.
         force: (m, nv) sum of the known generalised forces, interval means.
 
@@ -155,12 +158,15 @@ def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
 
 
 def spread_crank_torque(robot: Aerobat, moved: Motion, torque: Array) -> Array:
-    """Spread a torque at the crank (m,) over both wings' joints with the same power: (m, nv).
+    """Convert a torque at the crank to joint torques that have the same power.
 
     Args:
-        robot: the believed robot.
+        robot: the assumed robot.
         moved: the recorded motion.
-        torque: (m,) interval means [N m].
+        torque: (m,) torque at the crank, interval means [N m].
+
+    Returns:
+        Generalised force (m, nv); each wing receives half of the torque.
 
     Raises:
         LogError: the crank is not recorded.

@@ -1,13 +1,14 @@
-"""How the robot moved, from the measured channels of a log; the linkage supplies joints where only the crank is known.
+"""Gather the robot's motion from the measured channels of a log, and reconstruct quantities that were not measured.
 
-| quantity | measured as | otherwise |
+| quantity | channel | if it was not measured |
 |---|---|---|
-| base placement | `q`, or `pose` | must be there |
-| base twist | `v`, or `twist` | difference of placements: the mean of both neighbouring intervals |
-| joint angles | `q`, or `joint_angle` | the closed linkage at `crank_angle` |
-| joint rates | `v`, or `joint_rate` | the closed linkage at the crank's rate; else differences |
-| crank's rate | `crank_rate` | difference of `crank_angle`; its acceleration is that of the rate |
-| wind | `wind_W` | from `airspeed` along the body's x axis; else what is believed of it |
+| base placement | `q`, or `pose` | (must be in the log) |
+| base twist | `v`, or `twist` | differentiated placement: weighted mean over the two neighbouring intervals |
+| joint angles | `q`, or `joint_angle` | computed from `crank_angle` by closing the linkage |
+| joint rates | `v`, or `joint_rate` | computed from the crank's rate, or else differentiated joint angles |
+| crank rate | `crank_rate` | differentiated `crank_angle` |
+| crank acceleration | | differentiated crank rate |
+| wind | `wind_W` | computed from `airspeed` along the body's x axis, or else the assumed wind |
 """
 
 from __future__ import annotations
@@ -27,14 +28,15 @@ from aerobat_pin.scenario import AirSection
 
 @dataclass(frozen=True)
 class Motion:
-    """A flight's motion at its samples.
+    """The motion of a flight at its samples.
 
     Attributes:
-        time: (m + 1,) [s].
-        q, v: (m + 1, nq), (m + 1, nv).
-        crank: (3, m + 1) angle, rate and acceleration of the crank [rad, rad/s, rad/s2]; None where it is not recorded.
-        wind: (m + 1, 2, 3) velocity of the air and its rate, world axes [m/s, m/s2].
-        source: quantity -> `measured` or `reconstructed`; of the wind also `believed`.
+        time: (m + 1,) times of the samples [s].
+        q: (m + 1, nq) configurations.
+        v: (m + 1, nv) velocities.
+        crank: (3, m + 1) angle, rate and acceleration of the crank [rad, rad/s, rad/s2]; None if it is not recorded.
+        wind: (m + 1, 2, 3) velocity of the air and its time derivative, world axes [m/s, m/s2].
+        source: quantity -> `measured` or `reconstructed`; the wind can also be `believed`, that is, assumed.
     """
 
     time: Array
@@ -46,16 +48,16 @@ class Motion:
 
 
 def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
-    """Gather a log's motion.
+    """Gather the motion of a flight from its log.
 
     Args:
-        log: the flight.
-        robot: the believed robot, whose linkage supplies joints that were not measured.
-        air: the believed air, for a wind that was not measured.
+        log: the flight log.
+        robot: the assumed robot; its linkage supplies joint angles that were not measured.
+        air: the assumed air; it supplies the wind if that was not measured.
 
     Raises:
-        LogError: neither joints nor crank are recorded.
-        LinkageError: the believed linkage cannot close at a recorded crank angle.
+        LogError: the log contains neither the joint angles nor the crank angle.
+        LinkageError: the assumed linkage cannot close at a recorded crank angle.
     """
     measured, time = log.measured, log.time
     source: dict[str, str] = {}
@@ -115,7 +117,12 @@ def _wind(log: FlightLog, q: Array, v: Array, air: AirSection) -> tuple[Array, s
 
 
 def _differences(model: pin.Model, time: Array, q: Array) -> Array:
-    """Return velocities (m + 1, nv): means over both neighbouring intervals, each weighed by the other's length."""
+    """Differentiate configurations numerically.
+
+    Returns:
+        Velocities (m + 1, nv): at each sample the weighted mean of the rates over the two neighbouring intervals, in
+        which the shorter interval has the larger weight (the length of the other interval).
+    """
     dt = np.diff(time)
     steps = np.array([pin.difference(model, a, b) for a, b in itertools.pairwise(q)])
     rates = np.divide(steps, dt[:, None], out=np.zeros_like(steps), where=dt[:, None] > 0.0)
@@ -127,7 +134,7 @@ def _differences(model: pin.Model, time: Array, q: Array) -> Array:
 
 
 def _slope(values: Array, time: Array) -> Array:
-    """Return the derivative by time of values (m, ...); repeated stamps share one slope."""
+    """Return the time derivative of values (m, ...); samples with the same time have the same derivative."""
     stamps, index = np.unique(time, return_inverse=True)
     first = np.searchsorted(time, stamps)
     if len(stamps) < 2:

@@ -1,4 +1,4 @@
-"""Estimates against the truth: R2, error and lag per axis, and the whole content of `metrics.json` as a type."""
+"""Score estimates against the true forces (R2, error and lag for each axis); `Scores` is all of `metrics.json`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
 
 FORCE_AXES = ("Fx", "Fy", "Fz")
-NO_SIGNAL = 1.0e-3  # [N]: below this standard deviation of the truth an R2 says nothing
-LONGEST_LAG = 0.05  # [s]: longest delay that is searched
+NO_SIGNAL = 1.0e-3  # [N]: if the true force has a smaller standard deviation, R2 is meaningless
+LONGEST_LAG = 0.05  # [s]: the longest lag that the search can find
 TABLE_HEADER = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag")
 
 
@@ -26,7 +26,10 @@ def _quantity(unit: str, meaning: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class AxisScore:
-    """Scores of one axis of one force; each field's metadata names its unit. None where there is no signal."""
+    """Scores of one axis of one force; the metadata of each field names its unit.
+
+    R2 and lag are None if the true force hardly varies (see `NO_SIGNAL`); the lag also if none is found.
+    """
 
     r2: float | None = field(metadata=_quantity("1", "R2 against the true force with its noise"))
     r2_noise_free: float | None = field(metadata=_quantity("1", "R2 against the noise-free part of the true force"))
@@ -34,14 +37,14 @@ class AxisScore:
     lag_s: float | None = field(metadata=_quantity("s", "delay of the noise-free truth that fits the estimate best"))
 
     def texts(self) -> tuple[str, str, str, str]:
-        """Return the scores in the order of the table, for a reader."""
+        """Return the scores as text, in the order of the table's columns."""
         r2, noise_free = ("no signal" if score is None else f"{score:.5f}" for score in (self.r2, self.r2_noise_free))
         return r2, noise_free, f"{1e3 * self.rmse:.2f} mN", "-" if self.lag_s is None else f"{1e3 * self.lag_s:.2f} ms"
 
 
 @dataclass(frozen=True)
 class ComponentSize:
-    """How large an estimated component is: `name`, root mean square `rms` in its `unit` (N or N m)."""
+    """Name of an estimated force component, its root mean square `rms` over the flight, and the unit (N or N m)."""
 
     name: str
     rms: float
@@ -50,17 +53,18 @@ class ComponentSize:
 
 @dataclass(frozen=True)
 class ObserverScores:
-    """What one observer found: an entry of `observers` in `metrics.json`.
+    """Scores of one observer: an entry of `observers` in `metrics.json`.
 
     Attributes:
-        points: point -> axis (`Fx`, `Fy`, `Fz`) -> scores; empty where the log has no truth.
-        components: how large each estimated component is.
-        gain: K [1/s]: a number, one per filtered quantity, or a matrix as nested lists.
-        rank: of the equations for the unknown components.
-        condition: of the same equations; None where it is infinite.
-        null_direction: the faintest pattern that leaves no trace, (n, 3) where the components are n forces in world
-            axes, else (c,); None at full rank.
-        unseen: in words, every pattern that leaves no trace.
+        points: point -> axis (`Fx`, `Fy`, `Fz`) -> scores; empty if the log does not contain the true forces.
+        components: root mean square of each estimated component.
+        gain: gain K [1/s]: a number, a list with one number for each filtered quantity, or a matrix as nested lists.
+        rank: rank of the linear equations for the unknown components.
+        condition: condition number of the same equations; None if it is infinite.
+        null_direction: combination of components that cannot be estimated because it has no effect on the equations;
+            of several, the one with the smallest singular value. Its shape is (n, 3) if the components are n forces in
+            world axes, else (c,). None at full rank.
+        unseen: a line of text about each combination of components that cannot be estimated.
     """
 
     points: Mapping[str, Mapping[str, AxisScore]]
@@ -72,7 +76,7 @@ class ObserverScores:
     unseen: list[str]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the entry of `metrics.json`; the points stand beside the rest."""
+        """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
         rest = asdict(self)
         return {**rest.pop("points"), **rest, "components": list(rest["components"])}
 
@@ -90,17 +94,17 @@ class ObserverScores:
 
 @dataclass(frozen=True, repr=False)
 class Scores:
-    """Everything that `metrics.json` says of a flight; printed it is the table of the commands.
+    """The content of `metrics.json`; `print` shows it as the table that the commands print.
 
     Attributes:
         scenario: name of the scenario, or of the recorded flight.
-        seed: of the random numbers; None for a recorded flight.
+        seed: seed of the random numbers; None for a recorded flight.
         versions: package -> version.
-        torque: what was known of the joint torques.
-        inputs: input of the observers -> where it comes from.
+        torque: which joint torque the observers knew, as `observers.torque` of the scenario.
+        inputs: input of the observers -> its source, such as `measured`.
         note: a line about the flight.
-        observers: name -> what it found.
-        flight: what the flight was like; None for a recorded one.
+        observers: name -> scores of the observer.
+        flight: summary of the flight; None for a recorded flight.
     """
 
     scenario: str
@@ -121,24 +125,24 @@ class Scores:
         return values if flight is None else {**values, "flight": flight.to_json()}
 
     def rows(self) -> Iterator[tuple[str, ...]]:
-        """Give the table row by row under `TABLE_HEADER`; nothing where the log has no truth."""
+        """Yield the rows of the table, with the columns of `TABLE_HEADER`; none if the true forces are unknown."""
         for name, found in self.observers.items():
             yield from _table_rows(name, found)
 
     @property
     def title(self) -> str:
-        """Which flight it is, in a line."""
+        """One line about the flight: scenario, seed, note and joint torque."""
         seed = "" if self.seed is None else f", seed {self.seed}"
         return f"{self.scenario}{seed}: {self.note}; motor torque {self.torque}"
 
     @property
     def worse_than_nothing(self) -> bool:
-        """Whether an R2 is below 0, as in strong sensor noise: a constant would fit the truth better."""
+        """Whether any R2 is below 0, as with strong sensor noise: the true mean would then be a better estimate."""
         points = [axes for found in self.observers.values() for axes in found.points.values()]
         return any((score.r2_noise_free or 0.0) < 0.0 for axes in points for score in axes.values())
 
     def __repr__(self) -> str:
-        """Return title and table as text; patterns that cannot be seen stand before their observer's rows."""
+        """Return title and table as text; lines about forces that cannot be estimated precede an observer's rows."""
         lines = [self.title]
         if any(found.points for found in self.observers.values()):
             lines.append(_line(TABLE_HEADER))
@@ -160,7 +164,7 @@ def _line(cells: tuple[str, ...]) -> str:
 
 
 def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
-    """Score an estimate; against the truth only where the log knows it."""
+    """Score an estimate; R2, error and lag are included only if the log contains the true forces."""
     found = estimate.identifiability
     points = {}
     if log.truth is not None:
@@ -189,7 +193,14 @@ def point_label(frame: str) -> str:
 
 
 def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> AxisScore:
-    """Score one axis: series (m,) of interval means [N], dt [s] apart."""
+    """Score one axis of a force.
+
+    Args:
+        estimate: (m,) estimated force, interval means [N].
+        truth: (m,) true force with its noise, interval means [N].
+        noise_free: (m,) noise-free part of the true force, interval means [N].
+        dt: length of the intervals [s].
+    """
     return AxisScore(
         r2=r_squared(estimate, truth),
         r2_noise_free=r_squared(estimate, noise_free),
@@ -199,21 +210,22 @@ def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> A
 
 
 def r_squared(estimate: Array, truth: Array) -> float | None:
-    """Return 1 - SSE/SST of two series (m,), or None where the truth's standard deviation is below 1 mN."""
+    """Return R2 = 1 - SSE/SST of two series (m,) [N], or None if the standard deviation of `truth` is below 1 mN."""
     if np.std(truth) < NO_SIGNAL:
         return None
     return float(1.0 - np.sum((estimate - truth) ** 2) / np.sum((truth - np.mean(truth)) ** 2))
 
 
 def lag(estimate: Array, truth: Array, dt: float) -> float | None:
-    """Return the delay of `truth` (m,) that fits `estimate` (m,) best [s], between samples by a parabola.
+    """Return the lag of an estimate: the delay [s] of `truth` (m,) with the smallest squared error to `estimate` (m,).
 
-    None without a signal, or where the best delay lies at the end of the 50 ms searched.
+    A parabola interpolates between samples. The result is None if `truth` hardly varies, or if the best delay lies at
+    an end of the searched range, 0 to 50 ms (less for a short flight).
     """
     if np.std(truth) < NO_SIGNAL:
         return None
     longest = min(max(2, round(LONGEST_LAG / dt)), len(truth) // 4)
-    # Row i of the windows is the truth delayed by longest - i samples, seen over the estimate's window.
+    # Row i of `windows` is the truth at delay longest - i samples, cut to the samples in which every delay has data.
     windows = np.lib.stride_tricks.sliding_window_view(truth, len(truth) - 1 - longest)
     errors = np.mean((estimate[longest:-1] - windows[longest + 1 :: -1]) ** 2, axis=1)
     best = int(np.argmin(errors))

@@ -1,4 +1,4 @@
-"""A known force on a simulated robot: does the estimate have the right sign, frame and unit?"""
+"""Check sign, frame and unit of the estimates: apply known forces to a simulated robot and estimate them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,25 @@ from aerobat_pin.flight import simulate
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, parse_scenario
 
-SHARE = 0.1  # of the weight, applied as force
-FORCE_TOLERANCE = 0.02  # of the force, on every component
-SHORTEST_FLIGHT = 0.06  # [s]: a flight
-RISES = 20.0  # [1/K]: shortest flight for slow observers, whose estimates settle within half of it
-SETTLED_AFTER = 0.5  # share of the flight after which the mean is taken
+SHARE = 0.1  # applied force divided by the weight
+FORCE_TOLERANCE = 0.02  # allowed error of every component, divided by the applied force
+SHORTEST_FLIGHT = 0.06  # [s]: shortest simulated flight
+RISES = 20.0  # [1/K]: shortest flight for slow observers, whose estimates settle within half of this time
+SETTLED_AFTER = 0.5  # share of the flight after which the estimates are averaged
 
 
 @dataclass(frozen=True)
 class Check:
-    """One force applied at a frame along a world axis [N], and what an observer found there (3,) and elsewhere [N]."""
+    """Result of applying one known force.
+
+    Attributes:
+        observer: name of the observer.
+        frame: frame at which the force was applied.
+        axis: world axis along which the force was applied.
+        applied: applied force [N].
+        found: estimated force at the frame, world axes [N].
+        elsewhere: largest component of the estimated forces at all other frames [N].
+    """
 
     observer: str
     frame: str
@@ -32,13 +41,13 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """Whether the force was found where it acts, along its axis, and nowhere else."""
+        """Whether the estimate shows the force at its frame, along its axis, and no force elsewhere."""
         expected = np.array([self.applied * (axis == self.axis) for axis in "xyz"])
         worst = max(float(np.max(np.abs(np.array(self.found) - expected))), self.elsewhere)
         return worst <= FORCE_TOLERANCE * self.applied
 
     def __str__(self) -> str:
-        """Return a line about it."""
+        """Return the result as one line of text."""
         found = ", ".join(f"{force:+.4f}" for force in self.found)
         mark = "ok " if self.ok else "BAD"
         where = f"{self.frame} along world {self.axis}"
@@ -47,14 +56,14 @@ class Check:
 
 
 def self_check(robot: Aerobat, belief: Scenario) -> list[Check]:
-    """Push on a simulated robot with a tenth of its weight, at every frame of the observers and along every world axis.
+    """Apply a tenth of the weight to a simulated robot, at each frame of the observers and along each world axis.
 
     Args:
-        robot: the believed robot.
+        robot: the assumed robot.
         belief: scenario whose robot, air, gravity and observers are checked; all joint torques are taken as known.
 
     Raises:
-        ScenarioError: the robot weighs nothing.
+        ScenarioError: gravity is 0.
     """
     size = SHARE * robot.mass * belief.flight.gravity
     if size == 0.0:

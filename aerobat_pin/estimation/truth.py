@@ -1,4 +1,4 @@
-"""What really pushed on a simulated robot: forces as interval means, and the events among them."""
+"""The true unknown forces of a simulated flight, as interval means, and their events such as steps and pushes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from aerobat_pin.numerics import Array
 
 
 def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
-    """Return the true force and its noise-free part (m, 3) [N] in world axes at a frame; zero where nothing pushed."""
+    """Return the true unknown force at a frame and its noise-free part, (m, 3) each, in world axes [N].
+
+    Both are zero if no unknown force acts at the frame.
+    """
     assert log.truth is not None
     points = [str(name) for name in log.truth["point"].values]
     if frame not in points:
@@ -23,7 +26,7 @@ def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class TrueEvent:
-    """An event: its name, the frames at which the force acts, its start and end [s]; infinity where it does not end."""
+    """An event of the true forces: its name, frames, start [s] and end [s], which is infinite if it does not end."""
 
     name: str
     frames: tuple[str, ...]
@@ -32,7 +35,7 @@ class TrueEvent:
 
 
 def true_events(log: FlightLog) -> list[TrueEvent]:
-    """Return the events of the true forces in order of time; the same event at several frames is listed once."""
+    """Return the events of the true forces, sorted by time; an event at several frames is listed once."""
     if log.truth is None or "event" not in log.truth.dims:
         return []
     names, frames, starts, ends = (

@@ -1,4 +1,4 @@
-"""A scenario flown, estimated and written; sweeps of hundreds of them."""
+"""Run a scenario (simulate the flight, estimate the forces, score and write the results), or a sweep of many."""
 
 from aerobat_pin.experiments.experiment import Experiment, Progress, run, run_recorded, write
 from aerobat_pin.experiments.notes import flight_note, recorded_note

@@ -1,4 +1,4 @@
-"""One experiment from scenario to numbers: simulate, estimate, score, write."""
+"""Run one experiment: simulate a scenario or read a recorded flight, estimate the forces, score them, write files."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import RecordedForce, Scenario, scenario_toml
 
 VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
-Progress = Callable[[str, float], None]  # called with the name of the stage and the share of it that is done
+Progress = Callable[[str, float], None]  # called with the name of the stage and the share of the stage that is done
 
 
 @dataclass(frozen=True, repr=False)
 class Experiment:
-    """What one flight gave, simulated or recorded.
+    """The results of one flight, simulated or recorded.
 
     Attributes:
-        scenario: what happened; of a recorded flight, what is believed of it.
-        robot: that flew; of a recorded flight, the believed one.
-        log: the flight.
+        scenario: the simulated scenario; for a recorded flight, what is assumed about it (robot, air, observers).
+        robot: the robot that flew; for a recorded flight, the assumed robot.
+        log: the flight log.
         estimates: observer -> estimate.
-        scores: the estimates against the truth, and what the flight was like.
+        scores: how well the estimates match the true forces, and a summary of the flight.
     """
 
     scenario: Scenario
@@ -45,12 +45,12 @@ class Experiment:
 
     @cached_property
     def metrics(self) -> dict[str, Any]:
-        """The scores as plain values: the content of `metrics.json`."""
+        """The scores as plain values, as written to `metrics.json`."""
         return self.scores.to_json()
 
     @property
     def is_recorded(self) -> bool:
-        """Whether the flight was recorded, not simulated."""
+        """True if the flight was recorded, False if it was simulated."""
         return self.scores.flight is None
 
     def __repr__(self) -> str:
@@ -62,7 +62,7 @@ class Experiment:
         )
 
     def _repr_html_(self) -> str:
-        """Return the table of scores for a notebook."""
+        """Return the table of scores as HTML, for notebooks."""
         head = "".join(f"<th>{escape(cell)}</th>" for cell in TABLE_HEADER)
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self.scores.rows())
         body = "".join(f"<tr>{row}</tr>" for row in rows)
@@ -72,15 +72,15 @@ class Experiment:
 def run(
     scenario: Scenario, progress: Progress | None = None, robots: tuple[Aerobat, Aerobat] | None = None
 ) -> Experiment:
-    """Fly, estimate and score a scenario, in memory.
+    """Simulate a scenario, estimate the forces and score the estimates; no file is written.
 
     Args:
-        scenario: what happens.
-        progress: called with the name of the stage and the share of it that is done.
-        robots: the scenario's robot and the believed one, where they are loaded already.
+        scenario: the scenario to run.
+        progress: called with the name of the stage and the share of the stage that is done.
+        robots: the robot that flies and the robot that the observers assume; loaded from the scenario when omitted.
 
     Raises:
-        AerobatError: the scenario asks for what cannot be done.
+        AerobatError: the scenario cannot be run, for instance because it names an unknown observer.
     """
     check_names(scenario.observers.names)
     robot, believed = loaded(scenario) if robots is None else robots
@@ -91,22 +91,22 @@ def run(
 
 
 def run_recorded(log: FlightLog, belief: Scenario, progress: Progress | None = None) -> Experiment:
-    """Estimate on a recorded flight, and score where the log has a truth.
+    """Estimate the forces on a recorded flight, and score the estimates if the log contains the true forces.
 
     Args:
-        log: the flight.
-        belief: about it, as `estimation.belief_about` gives it.
+        log: the recorded flight.
+        belief: what is assumed about the flight (robot, air, observers), as `estimation.belief_about` returns it.
         progress: as in `run`.
 
     Raises:
-        AerobatError: the log or the belief does not give what is asked for.
+        AerobatError: the log or the belief lacks something that the observers need.
     """
     robot = believed_robot(belief)
     return _estimated(log, robot, belief, recorded_note(log, robot), progress)
 
 
 def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, progress: Progress | None) -> Experiment:
-    """Run a belief's observers on a log and score them."""
+    """Run the observers of a scenario or belief on a log, and score their estimates."""
     inputs, estimates = estimate_log(log, believed, belief, _stage(progress, "estimating"))
     scores = Scores(
         scenario=belief.name,
@@ -125,22 +125,26 @@ def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | No
 
 
 def loaded(scenario: Scenario) -> tuple[Aerobat, Aerobat]:
-    """Load a scenario's robot and the believed one: the same object where they do not differ. Raises AerobatError."""
+    """Load the robot that flies and the robot that the observers assume, one object if both are equal.
+
+    Raises:
+        AerobatError: one of the robots cannot be loaded.
+    """
     robot = load_robot(scenario)
     return robot, robot if scenario.believed_robot == scenario.robot else believed_robot(scenario)
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of the packages that make the numbers."""
+    """Return the versions of the packages that can change the results: package -> version."""
     return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
 
 
 def write(experiment: Experiment, folder: Path) -> None:
     """Write scenario, log, estimates and metrics into an existing folder.
 
-    The scenario's own files are copied beside it, so that the folder can be run again anywhere. Of a recorded flight
-    the belief is written in the scenario's place, and the estimates as text in the log's.
+    Files that the scenario names are copied into the folder, so that the run can be repeated on any machine. For a
+    recorded flight, `belief.toml` takes the place of the scenario, and `estimate.csv` that of the log.
     """
     if experiment.is_recorded:
         write_scenario(experiment.scenario, folder, "belief.toml")
@@ -153,7 +157,7 @@ def write(experiment: Experiment, folder: Path) -> None:
 
 
 def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:
-    """Write a scenario and copy beside it the user's own files that it names: morphology and recorded forces."""
+    """Write a scenario, and copy the user's files that it names (morphology, recorded forces) into the same folder."""
     if scenario.robot.morphology not in MORPHOLOGIES:
         shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
         robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})

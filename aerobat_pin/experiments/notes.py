@@ -1,4 +1,4 @@
-"""A line about a flight, printed wherever its results are shown."""
+"""One-line notes about a flight, shown with its results in tables, figures and pages."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from aerobat_pin.scenario import Scenario
 
 
 def flight_note(scenario: Scenario, robot: Aerobat) -> str:
-    """Return a line that names what holds the robot, its imperfect sensors, and forces that no observer looks for.
+    """Return a line that says whether the attitude is held, which sensors have errors, and which forces are not sought.
 
-    `attitude held, 79 % thruster-borne`: an ideal wrench at the body holds the attitude, and its constant lift is 79 %
-    of the weight. Its mean lift in flight is `thrusters_lift_over_weight` of the metrics.
+    For instance, `attitude held, 79 % thruster-borne` means that the attitude hold (an ideal controller, a wrench on
+    the body) is active, and that its constant lift is 79 % of the weight. The metrics contain its mean lift in flight,
+    `thrusters_lift_over_weight`.
     """
     weight = robot.mass * scenario.flight.gravity
     note = "free flight, nothing held"
@@ -26,6 +27,6 @@ def flight_note(scenario: Scenario, robot: Aerobat) -> str:
 
 
 def recorded_note(log: FlightLog, robot: Aerobat) -> str:
-    """Return a line with the length of a recorded flight and the robot that is believed to have flown it."""
+    """Return a line with the duration of a recorded flight and the robot that is assumed to have flown."""
     duration = log.time[-1] - log.time[0]
     return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}"

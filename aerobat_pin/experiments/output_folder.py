@@ -1,4 +1,4 @@
-"""Write results: all of them or none, and never over a file that is not a result."""
+"""Write results atomically (either all files or none), and never overwrite a file that is not a result."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ RESULTS = (
     "report.html",
     "replay.html",
 )
-WORK = ".aerobat-"  # begins the names of files and folders that are still being written
+WORK = ".aerobat-"  # prefix of files and folders that are still being written
 
 
 @contextmanager
 def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULTS) -> Iterator[Path]:
-    """Give a fresh folder to write into, and move its content to `target` when all went well.
+    """Provide an empty temporary folder, and move its content to `target` if the `with` block ends without an error.
 
-    Nothing appears at the target unless everything was written. With `force` the results of an earlier run are
+    Nothing appears at the target unless everything was written. With `force`, the results of an earlier run are
     replaced; other files in the folder are left alone.
 
     Args:
-        target: folder for the results; it and its parents are made when missing, and unmade on failure.
+        target: folder for the results. Missing folders are created, and removed again if the block fails.
         force: allow a target that is not empty.
-        replaces: patterns of what an earlier run leaves there.
+        replaces: glob patterns of an earlier run's results, which are deleted.
 
     Raises:
-        OutputError: the target is not empty (and not `force`), is a file, or cannot be written, now or while writing.
+        OutputError: the target is a file, is not empty (without `force`), or cannot be written, now or later.
     """
     target = Path(os.path.abspath(target))
     if target.exists() and not target.is_dir():
@@ -53,7 +53,7 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULT
                 raise OutputError(
                     f"output folder {target} is not empty; --force replaces an earlier run's results in it"
                 )
-            for stale in target.glob(f"{WORK}*"):  # of a run that was killed
+            for stale in target.glob(f"{WORK}*"):  # temporary folders of a run that was killed
                 shutil.rmtree(stale, ignore_errors=True)
             target.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(prefix=WORK, dir=target, ignore_cleanup_errors=True) as work:
@@ -67,7 +67,7 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULT
 
 @contextmanager
 def unmade_on_failure(folders: Iterable[Path]) -> Iterator[None]:
-    """Remove folders again that did not exist before a block, if the block fails and they are empty."""
+    """If the `with` block fails, remove those of the folders that did not exist before it and are empty."""
     missing = [folder for folder in folders if not folder.exists()]
     try:
         yield
@@ -79,7 +79,7 @@ def unmade_on_failure(folders: Iterable[Path]) -> Iterator[None]:
 
 
 def check_file(target: Path, *, force: bool) -> None:
-    """Raise OutputError where a file cannot be written, or exists and may not be replaced (not `force`)."""
+    """Raise OutputError if a file cannot be written, or if it exists and `force` is False."""
     if target.is_dir():
         raise OutputError(f"output {target}: is a folder; a file was expected")
     if target.exists() and not force:
@@ -91,10 +91,15 @@ def check_file(target: Path, *, force: bool) -> None:
 
 
 def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
-    """Choose where a picture goes: a file by its ending, or `name`.png and `name`.pdf in a folder.
+    """Return the picture files to write: `out` itself if it is a file name, else `name`.png and `name`.pdf in `out`.
+
+    Args:
+        out: file that ends in .png, .pdf or .svg, or a folder.
+        name: name of the files in a folder, without ending.
+        force: allow files that exist.
 
     Raises:
-        OutputError: no such kind of picture, or a file that is not to be written.
+        OutputError: the ending is none of these three, or a file cannot be written or exists (without `force`).
     """
     if out.is_dir() or not out.suffix:
         files = [out / f"{name}.png", out / f"{name}.pdf"]
@@ -111,12 +116,15 @@ def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
 
 
 def write_text(target: Path, text: str) -> None:
-    """Write a file whole or not at all. Raises OutputError when it cannot be written."""
+    """Write a file atomically: either completely or not at all. Raises OutputError if it cannot be written."""
     write_files({target: text.encode()})
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Write files, all of them whole or none at all; folders that are missing are made.
+    """Write files atomically: either all of them or none. Missing folders are created.
+
+    Args:
+        contents: path -> content.
 
     Raises:
         OutputError: a file or folder cannot be written.
@@ -140,7 +148,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
 
 
 def _replace(work: Path, target: Path, replaces: Sequence[str]) -> None:
-    """Remove an earlier run's files and move the new ones in."""
+    """Delete the results of an earlier run from `target`, and move the new ones there."""
     for pattern in replaces:
         for path in target.glob(pattern):
             path.unlink()

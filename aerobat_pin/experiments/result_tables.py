@@ -1,4 +1,4 @@
-"""Estimates as labelled tables: NetCDF and text."""
+"""Convert estimates to labelled tables, for NetCDF and CSV files."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from aerobat_pin.observers import Estimate
 
 
 def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
-    """Join the estimates of several observers of the same log and components, for `estimate.nc`."""
+    """Join the estimates of several observers into one dataset, the content of `estimate.nc`.
+
+    All estimates must belong to the same log and have the same components.
+    """
     return xr.concat([estimate.to_xarray() for estimate in estimates.values()], "observer", join="exact")
 
 
 def estimate_table(estimates: dict[str, Estimate]) -> str:
-    """Return the estimates as CSV: a row per interval, a column per observer and component."""
+    """Return the estimates as CSV text, with a row for each interval and a column for each observer and component."""
     first = next(iter(estimates.values()))
     columns = {"start [s]": first.time[:-1], "end [s]": first.time[1:]}
     for name, estimate in estimates.items():

@@ -1,4 +1,4 @@
-"""What happens, as checked text: the keys of a scenario file, their units, and the messages when one is wrong."""
+"""Read and check scenario files: their keys, units and defaults, and the messages that explain a wrong value."""
 
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.describe import describe_scenario

@@ -1,4 +1,4 @@
-"""Tables of text: a header and rows of numbers between commas, whose errors name the line as an editor counts it."""
+"""Read CSV files: a header line, then rows of numbers. Error messages name the line by its number in an editor."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from aerobat_pin.numerics import Array
 
 
 class TextTable:
-    """A table of text, read up to its header; empty lines do not count as rows.
+    """A CSV file. Creating the table reads only the header; empty lines do not count as rows.
 
     Args:
-        path: of the file.
-        what: it is, to begin a message with.
-        error: what to raise with a message.
+        path: path of the file.
+        what: what the file is, such as `motion`; every error message begins with it.
+        error: error class to raise.
 
     Raises:
-        AerobatError: of the given kind: there is no such file, it is no text, or another sign separates its cells.
+        AerobatError: of the class `error`: there is no such file, it is not text, or its cells are separated by
+            semicolons or tabs.
     """
 
     def __init__(self, path: Path, what: str, error: Callable[[str], AerobatError]) -> None:
@@ -36,17 +37,21 @@ class TextTable:
 
     @property
     def names(self) -> list[str]:
-        """The header's cells without units in brackets."""
+        """The column names: the cells of the header without the units in brackets."""
         return [cell.partition("[")[0].strip() for cell in self.header]
 
     def numbers(self, columns: Sequence[int] | None = None) -> Array:
-        """Return the finite numbers (rows, columns) below the header; of all columns, or of those given by their index.
+        """Return the numbers below the header as an array (rows, columns).
+
+        Args:
+            columns: indices of the columns to read; all columns when omitted.
 
         Raises:
-            AerobatError: of the table's kind: a cell is no finite number, or a row is too short or too long.
+            AerobatError: of the class given on creation: a cell is not a finite number, or a row is too short or too
+                long.
         """
         chosen = list(range(len(self.header)) if columns is None else columns)
-        try:  # from pandas 3.1 on, to the last bit what `float` reads
+        try:  # from pandas 3.1 on, the numbers are exactly those that Python's `float` reads
             frame = pd.read_csv(
                 self.path,
                 skiprows=self._header_line,
@@ -58,16 +63,16 @@ class TextTable:
         except ValueError:
             return self._numbers_by_cell(chosen)
         values = frame[chosen].to_numpy()
-        # An index of its own takes the cells of rows that are too long.
+        # Where rows are too long, pandas moves their surplus cells into the index, which is then no RangeIndex.
         good = isinstance(frame.index, pd.RangeIndex) and np.all(np.isfinite(values))
         return values if good else self._numbers_by_cell(chosen)
 
     def line(self, row: int) -> int:
-        """Return the line on which a row below the header stands, counted from 1."""
+        """Return the line number, counted from 1, of a row of data; row 0 is the first one below the header."""
         return [line for line, _ in self._rows()][row + 1]
 
     def _numbers_by_cell(self, columns: list[int]) -> Array:
-        """Read as `numbers` does, slowly, with a message for each mistake."""
+        """Read the numbers cell by cell: slower than `numbers`, but with a message for each kind of mistake."""
         rows = []
         infinite: list[tuple[int, str]] = []
         for line, row in list(self._rows())[1:]:
@@ -90,7 +95,7 @@ class TextTable:
         return np.array(rows, float).reshape(-1, len(columns))
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield the rows that are not empty, the header first, each with the number of its line."""
+        """Yield (line number, cells) of each row that is not empty, starting with the header."""
         try:
             with self.path.open(newline="", encoding="utf-8-sig") as file:
                 reader = csv.reader(file)

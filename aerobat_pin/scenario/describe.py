@@ -1,4 +1,7 @@
-"""Every key of a scenario file in words: type, unit, default and meaning, from pydantic's schema of the sections."""
+"""Describe every key of a scenario file (type, unit, default, meaning), as `aerobat describe scenario` prints it.
+
+The descriptions come from the JSON schema that pydantic makes of the classes in `tables`.
+"""
 
 from __future__ import annotations
 
@@ -11,26 +14,26 @@ from aerobat_pin.scenario.scenario import Scenario
 from aerobat_pin.scenario.tables import Section, sections_of
 from aerobat_pin.scenario.toml import scenario_value
 
-COLUMNS = 100  # of a terminal
+COLUMNS = 100  # width of the text in characters
 UNIT = re.compile(r"\s*\[([^\]]+)\](?=$|[,;])")
 NOUNS = {"number": "number", "integer": "whole number", "string": "text", "object": "table"}
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 
 
 def describe_scenario() -> str:
-    """Return all keys of a scenario file as text of `COLUMNS` columns."""
+    """Return the description of all keys of a scenario file, wrapped at `COLUMNS` characters."""
     head = "A scenario is a TOML file of these tables and keys. Only what is marked required must be written."
     return "\n".join([head, *_keys(Scenario), *_tables(Scenario, "")]) + "\n"
 
 
 def unit_and_meaning(description: str) -> tuple[str, str]:
-    """Split a description into the unit in its brackets, which may be missing, and the rest."""
+    """Split a description into the unit in brackets (empty if there is none) and the remaining text."""
     found = UNIT.search(description)
     return (found[1], UNIT.sub("", description, count=1).strip()) if found else ("", description)
 
 
 def kind_of(schema: dict[str, Any]) -> str:
-    """Return what values a key takes, such as `number > 0` or `3 numbers`, from its JSON schema."""
+    """Return the type of a key's values, such as `number > 0` or `3 numbers`, from its JSON schema."""
     count = ""
     while inner := schema.get("anyOf") or schema.get("prefixItems") or ([schema["items"]] if "items" in schema else []):
         if schema.get("type") == "array":
@@ -44,7 +47,7 @@ def kind_of(schema: dict[str, Any]) -> str:
 
 
 def _keys(section: type[Section], base: type[Section] = Section) -> Iterator[str]:
-    """Describe a section's keys, without those that its base has with the same rules and meaning."""
+    """Describe a section's keys; leave out those that the base class describes in the same way."""
     schema, inherited = section.model_json_schema(), base.model_json_schema().get("properties", {})
     fields = {
         key: schema["properties"][key]
@@ -65,7 +68,7 @@ def _keys(section: type[Section], base: type[Section] = Section) -> Iterator[str
 
 
 def _tables(section: type[Section], path: str) -> Iterator[str]:
-    """Describe the tables of a section; tables of the same kind share one description."""
+    """Describe the tables within a section; tables of the same class share one description."""
     named: dict[tuple[type[Section], ...], list[str]] = {}
     for key, field in section.model_fields.items():
         kinds = tuple(sections_of(field.annotation).values())

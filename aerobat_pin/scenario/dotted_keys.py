@@ -1,4 +1,7 @@
-"""Set dotted keys in plain values: an index counts into a list from 0, a `*` stands for every item of it."""
+"""Set values by dotted keys in nested dictionaries and lists.
+
+A part of a key that applies to a list is an index, counted from 0, or `*` for every item of the list.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from aerobat_pin.errors import ScenarioError
 
 
 def with_settings(values: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """Apply `dotted.key=value` texts to plain values, in place, and return them. Raises ScenarioError."""
+    """Apply `dotted.key=value` texts to nested values, in place, and return the values. Raises ScenarioError."""
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not equals or not key.strip():
@@ -20,7 +23,7 @@ def with_settings(values: dict[str, Any], settings: Iterable[str]) -> dict[str, 
 
 
 def parsed_value(text: str) -> Any:
-    """Read a value as TOML; what is not TOML is a bare word."""
+    """Read a value as TOML; return the text unchanged if it is not TOML, so that strings need no quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -28,16 +31,16 @@ def parsed_value(text: str) -> Any:
 
 
 def assign(values: Any, key: str, value: Any, source: str | None = None) -> None:
-    """Set a dotted key in plain values; tables that are missing on the way are made.
+    """Set the value of a dotted key, and create tables that are missing on its path.
 
     Args:
         values: nested dictionaries and lists, changed in place.
-        key: such as `unknown_force.*.noise`.
-        value: to set.
-        source: of the setting, to begin a message with; the key when omitted.
+        key: dotted key, such as `unknown_force.*.noise`.
+        value: new value.
+        source: where the setting comes from; error messages begin with it. The key itself when omitted.
 
     Raises:
-        ScenarioError: there is no such place.
+        ScenarioError: the key leads to a list item that does not exist, or into a value that is not a table.
     """
     _assign(values, key.split("."), 0, value, source or f"key '{key}'")
 

@@ -1,4 +1,4 @@
-"""Say in a line what one of pydantic's errors means: the key, the value, and what was expected."""
+"""Turn pydantic's validation errors into one-line messages that name the key, the value and what was expected."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerobat_pin.scenario.toml import scenario_value
 
 
 def explain(error: dict[str, Any], root: type[Section]) -> str:
-    """Return the message for an error in a scenario, whose tables begin at `root`."""
+    """Return the message for one of pydantic's errors in a scenario; `root` is the class of the outermost table."""
     parts, section = _place(error["loc"], root)
     where, kind = ".".join(parts), error["type"]
     if kind == "union_tag_invalid":
@@ -32,7 +32,13 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
 
 
 def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> str:
-    """Return the message for an error at a dotted key, in a table whose keys are `known`."""
+    """Return the message for one of pydantic's errors in any table.
+
+    Args:
+        error: pydantic's description of the error.
+        where: dotted key at which the error occurred.
+        known: keys that the table accepts, to suggest one for a misspelt key.
+    """
     if error["type"] == "extra_forbidden":
         close = difflib.get_close_matches(where.rpartition(".")[2], known, n=1)
         return f"unknown key '{where}'" + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}")
@@ -44,25 +50,25 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
 
 
 def _fixed_length(section: type[Section], key: str) -> int:
-    """Return how many entries a list has, or 0 where that is not fixed."""
+    """Return how many entries the list of a key must have, or 0 if any number is allowed."""
     field = section.model_fields.get(key)
     entries = () if field is None else get_args(field.annotation)
     return 0 if Ellipsis in entries else len(entries)
 
 
 def _as_list(given: Any, count: int) -> str:
-    """Write something else than a list as one: words and numbers between commas, zeros for missing numbers."""
+    """Suggest a list for a value that is not one: split text at commas, and fill up with zeros to `count` entries."""
     entries = [parsed_value(part.strip()) for part in given.split(",")] if isinstance(given, str) else [given]
     return scenario_value(entries + [0.0] * (count - len(entries)))
 
 
 def _place(loc: tuple[Any, ...], root: type[Section]) -> tuple[list[str], type[Section]]:
-    """Return the dotted key of a location of pydantic's, and the innermost section that it leads through."""
+    """Return the parts of the dotted key for a location in pydantic's notation, and the innermost section there."""
     section = root
     parts: list[str] = []
     kinds: dict[str, type[Section]] = {}
     for part in loc:
-        if part in kinds and len(kinds) > 1:  # not a key: which of several kinds of section it is
+        if part in kinds and len(kinds) > 1:  # not a key but pydantic's tag: it selects one of several section classes
             section, kinds = kinds[part], {}
             continue
         parts.append(str(part))

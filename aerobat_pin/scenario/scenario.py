@@ -1,6 +1,6 @@
-"""A scenario: which robot flies through what, and which observers estimate the forces on it; every value checked.
+"""A scenario: the robot, its flight, the forces on it and the observers that estimate them. Every value is checked.
 
-Units are SI; keys ending in `_deg` are degrees, because a person types them.
+Units are SI, except that keys ending in `_deg` are in degrees, which are easier to type.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MOST_WARM_UP = 60.0  # [s]
 
 
 class Scenario(Section):
-    """One experiment."""
+    """One experiment: the content of a scenario file."""
 
     name: str = Field(
         min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder"
@@ -63,12 +63,12 @@ class Scenario(Section):
 
     @property
     def believed_robot(self) -> RobotSection:
-        """The robot that the observers believe in."""
+        """The robot that the observers assume: the table `robot` with the values of `believed.robot` laid over it."""
         return _laid_over(self.robot, self.believed.robot)
 
     @property
     def believed_air(self) -> AirSection:
-        """The air that the observers believe in."""
+        """The air that the observers assume: the table `air` with the values of `believed.air` laid over it."""
         return _laid_over(self.air, self.believed.air)
 
     @model_validator(mode="after")
@@ -119,11 +119,12 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     """Read a scenario and apply settings.
 
     Args:
-        source: shipped name, or path of a TOML file.
-        settings: `dotted.key=value` texts; the value is TOML, or a bare word.
+        source: name of a shipped scenario, or path of a TOML file.
+        settings: `dotted.key=value` texts; the value is TOML, or a string without quotes.
 
     Raises:
-        ScenarioError: not found, not TOML, or a value that breaks its rule; the message names key, value and rule.
+        ScenarioError: the scenario is not found or is not TOML, or a value breaks its rule; the message then names
+            key, value and rule.
     """
     values = read_toml("scenario", str(source), SHIPPED_SCENARIOS, ScenarioError)
     if Path(source).is_file():
@@ -132,7 +133,10 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
 
 
 def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
-    """Make paths in plain values relative to the scenario's folder; names of shipped morphologies stay."""
+    """Make the paths of morphology and recorded forces absolute; relative ones start at the scenario's folder.
+
+    Names of shipped morphologies are left unchanged.
+    """
     robot, forces = values.get("robot"), values.get("unknown_force")
     named: list[tuple[Any, str]] = [(robot, "morphology")]
     named += [(force, "file") for force in forces] if isinstance(forces, list) else []
@@ -142,9 +146,10 @@ def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
 
 
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
-    """Make a scenario of plain values. Raises ScenarioError naming every broken rule."""
+    """Build a scenario from nested plain values. Raises ScenarioError, which names every broken rule."""
     try:
         return Scenario.model_validate(dict(values))
     except ValidationError as error:
-        lines = dict.fromkeys(explain(dict(item), Scenario) for item in error.errors())  # one per missing number
+        # A short list gives one error for each missing number, all with the same message: the keys keep one of them.
+        lines = dict.fromkeys(explain(dict(item), Scenario) for item in error.errors())
         raise ScenarioError(f"scenario {source}: " + "; ".join(lines)) from error

@@ -1,4 +1,4 @@
-"""The tables of a scenario file, each value with its default, rule, unit and meaning."""
+"""The tables of a scenario file as pydantic classes: every key with its default, rule, unit and meaning."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Limits = tuple[Positive, Positive, Positive]
 
 
 def _false_for_none(values: Any) -> Any:
-    """Write `tail = None` as `tail = false`, which means the same and can be written as TOML."""
+    """Replace every None by False: both remove a part such as the tail, but TOML has no None."""
     if isinstance(values, dict):
         return {key: _false_for_none(value) for key, value in values.items()}
     return False if values is None else values
@@ -28,7 +28,7 @@ RobotValues = Annotated[dict[str, Any], BeforeValidator(_false_for_none)]
 
 
 class Section(BaseModel):
-    """A table of a scenario file: no unknown keys, no changes after reading."""
+    """Base class of a scenario file's tables: unknown keys are errors, and values cannot change after reading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -53,13 +53,13 @@ class FlightSection(Section):
 
 
 class SpinUpSection(Section):
-    """A crank that rests until t = 0 and speeds up smoothly; see `aerobat_pin.flight.crank`."""
+    """A crank that is at rest until t = 0 and then speeds up smoothly; see `aerobat_pin.flight.crank`."""
 
     duration: Positive = Field(0.5, description="until the crank turns at its frequency [s]")
 
 
 class MotorSection(Section):
-    """A motor that holds the crank's rate against the wings' inertia; see `aerobat_pin.flight.crank.motor`."""
+    """A motor that controls the crank's rate against the wings' inertia; see `aerobat_pin.flight.crank.motor`."""
 
     start_frequency: NonNegative = Field(0.0, description="of the crank at t = 0, and steadily before [Hz]")
     rotor_inertia: Positive = Field(5.0e-5, description="seen at the crank: rotor times gear ratio squared [kg m2]")
@@ -70,7 +70,7 @@ class MotorSection(Section):
 
 
 class CrankSection(Section):
-    """How the crank turns; the table named after the drive holds its numbers."""
+    """How the crank turns; the drives `spin_up` and `motor` have further keys in a table of the same name."""
 
     drive: Literal["constant", "spin_up", "motor"] = Field("constant", description="steady, from rest, or by a motor")
     frequency: NonNegative = Field(4.75, description="flapping frequency, one turn a flap; where a drive leads to [Hz]")
@@ -81,7 +81,7 @@ class CrankSection(Section):
     @model_validator(mode="before")
     @classmethod
     def _drives_own_table(cls, values: Any) -> Any:
-        """Add a drive's table of defaults where none is written."""
+        """Add the table of the chosen drive, with default values, if the file does not contain it."""
         if isinstance(values, dict) and values.get("drive") in ("spin_up", "motor"):
             return {values["drive"]: {}, **values}
         return values
@@ -95,7 +95,7 @@ class CrankSection(Section):
 
 
 class GustSection(Section):
-    """A gust, the same everywhere: half a cosine up and half down."""
+    """A gust that is the same everywhere; over time its velocity rises and falls as (1 - cos) / 2."""
 
     amplitude: Triple = Field(description="largest velocity beside the wind, world axes [m/s]")
     start: Number = Field(0.5, description="of the gust [s]")
@@ -103,7 +103,7 @@ class GustSection(Section):
 
 
 class AirSection(Section):
-    """The air."""
+    """The air: density, wind, gust, and the aerodynamic model of the wings."""
 
     density: Positive = Field(1.225, description="of the air [kg/m3]")
     model: Literal["lifting_line", "quasi_steady"] = Field("lifting_line", description="what the strips obey")
@@ -116,7 +116,10 @@ class AirSection(Section):
 
 
 class HoldSection(Section):
-    """Ideal attitude hold about the flight's start, a known body wrench; see `aerobat_pin.flight.attitude_hold`."""
+    """Attitude hold: an ideal controller that keeps the attitude, height and speed of the start.
+
+    It acts as a wrench on the body that the observers know; see `aerobat_pin.flight.attitude_hold`.
+    """
 
     attitude_stiffness: tuple[NonNegative, NonNegative, NonNegative] = Field(description="roll, pitch, yaw [N m/rad]")
     attitude_damping: tuple[NonNegative, NonNegative, NonNegative] = Field(description="roll, pitch, yaw [N m s/rad]")
@@ -130,7 +133,7 @@ class HoldSection(Section):
 
 
 class SensorSection(Section):
-    """One sensor: its errors, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
+    """The errors of one sensor, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
 
     rate: Positive | None = Field(None, description="of its samples [Hz]; one at every time of the log, when left out")
     noise: PerAxis = Field((0.0,), description="standard deviation of each sample; one number, or one per axis [unit]")
@@ -142,7 +145,7 @@ class SensorSection(Section):
 
 
 class SensorsSection(Section):
-    """The sensors of the measured channels; a channel without a table is exact."""
+    """The sensors of the measured channels; a channel without a table is measured without error."""
 
     position: SensorSection | None = Field(None, description="of the body's COM in world axes [m]")
     attitude: SensorSection | None = Field(None, description="small turns about body axes; rounded: Euler angles [rad]")
@@ -169,7 +172,7 @@ class SensorsSection(Section):
 
     @property
     def fitted(self) -> dict[str, SensorSection]:
-        """The channels that are not exact: name -> sensor."""
+        """The sensors that are given, by channel: name -> sensor; all other channels are exact."""
         return {name: getattr(self, name) for name in AXES_OF_SENSOR if getattr(self, name) is not None}
 
 
@@ -187,7 +190,7 @@ AXES_OF_SENSOR = {
 
 
 class SimulationSection(Section):
-    """Time and chance."""
+    """Duration, time step and random seed of the simulation."""
 
     duration: Positive = Field(2.0, description="of the flight [s]")
     dt: Annotated[Number, Field(gt=0.0, le=0.02)] = Field(1.0e-3, description="integration and logging step [s]")
@@ -195,7 +198,7 @@ class SimulationSection(Section):
 
     @property
     def count(self) -> int:
-        """Number of steps."""
+        """Number of integration steps."""
         return round(self.duration / self.dt)
 
     @model_validator(mode="after")
@@ -207,7 +210,7 @@ class SimulationSection(Section):
 
 
 class KalmanSection(Section):
-    """What the observers `kalman` and `smoother` believe of sensors and models; see `aerobat_pin.observers.kalman`."""
+    """What the observers `kalman` and `smoother` assume of sensors and models; see `aerobat_pin.observers.kalman`."""
 
     sensor_noise: tuple[Positive, Positive, Positive] = Field(
         (0.02, 0.01, 0.05), description="deviation of a sample: velocity, gyro, joint rates [m/s, rad/s, rad/s]"
@@ -251,23 +254,26 @@ class ObserverSection(Section):
     super_twisting: SuperTwistingSection | None = Field(None, description="settings of the observer super_twisting")
 
     def settings(self, name: str) -> dict[str, Any]:
-        """Return an observer's own settings, as its keyword arguments; empty where none are written."""
+        """Return the settings of one observer as keyword arguments; empty if the file has no table of its name."""
         table = getattr(self, name, None)
         return table.model_dump(exclude_none=True) if isinstance(table, Section) else {}
 
 
 class BelievedSection(Section):
-    """What the observers believe of robot and air where it differs from what flies: a deliberate model error."""
+    """Deliberate model errors: values of robot and air that the observers assume in place of the true ones."""
 
     robot: RobotValues = Field(default_factory=dict, description="values laid over the table robot")
     air: dict[str, Any] = Field(default_factory=dict, description="values laid over the table air")
 
 
 def sections_of(annotation: Any) -> dict[str, type[Section]]:
-    """Return the sections that a field may hold: by their `signal` where there are several kinds, else by their name.
+    """Return the section classes that a field can contain, by name.
 
     Args:
-        annotation: of the field.
+        annotation: type annotation of the field.
+
+    Returns:
+        Name -> section class. The name is the value of the class's key `signal` if it has one, else the class name.
     """
     if isinstance(annotation, type) and issubclass(annotation, Section):
         signal = annotation.model_fields.get("signal")

@@ -1,4 +1,4 @@
-"""TOML in, by a path or a shipped name, and scenarios out as TOML."""
+"""Read TOML files by path or by shipped name, and write scenarios as TOML."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import tomli_w
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.scenario.tables import Section
 
-PLAIN_LIST = re.compile(r"\[\n((?: +[^\n\[\]{}]+,\n)+) *\]")  # as tomli_w writes it: each value on a line of its own
+PLAIN_LIST = re.compile(r"\[\n((?: +[^\n\[\]{}]+,\n)+) *\]")  # a list as tomli_w writes it, with one value on each line
 
 
 def shipped_names(folder: Path) -> list[str]:
-    """Return the names of the TOML files of a folder of this package."""
+    """Return the names, without ending, of the TOML files in a folder."""
     return sorted(path.stem for path in folder.glob("*.toml"))
 
 
@@ -25,13 +25,13 @@ def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], Aero
     """Read a TOML file.
 
     Args:
-        kind: of file, to begin a message with.
-        source: shipped name, or path.
+        kind: what the file describes, such as `scenario`; used in error messages.
+        source: name of a shipped file, or path.
         shipped: folder of the shipped files.
-        error: what to raise with a message.
+        error: error class to raise.
 
     Raises:
-        AerobatError: of the given kind: there is no such file, it cannot be read, or it is not TOML.
+        AerobatError: of the class `error`: there is no such file, it cannot be read, or it is not TOML.
     """
     file = shipped / f"{source}.toml"
     if "/" in source or not file.is_file():
@@ -49,7 +49,7 @@ def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], Aero
 
 
 def scenario_toml(scenario: Section) -> str:
-    """Write a resolved scenario, every default included, as TOML that `load_scenario` reads back."""
+    """Return a scenario with all its defaults as TOML text that `load_scenario` can read."""
 
     def in_one_line(found: re.Match[str]) -> str:
         return f"[{', '.join(line.strip(' ,') for line in found[1].splitlines())}]"
@@ -58,7 +58,7 @@ def scenario_toml(scenario: Section) -> str:
 
 
 def scenario_value(value: Any) -> str:
-    """Write one value as TOML, in one line."""
+    """Return one value as TOML on a single line."""
     if isinstance(value, tuple | list):
         return f"[{', '.join(scenario_value(item) for item in value)}]"
     return tomli_w.dumps({"value": value}).removeprefix("value = ").rstrip("\n")

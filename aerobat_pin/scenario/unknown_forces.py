@@ -1,9 +1,10 @@
-"""Unknown forces of a scenario file, one class per `signal`; each integrates its signal exactly, for interval means.
+"""The unknown forces of a scenario file, one class for each value of `signal`.
 
-The paper's signal (its section III-A): f_t = 0.2 sin(q_e) + noise, plus 0.15 while 1 s < t <= 1.6 s, with
-noise ~ N(0, 0.01^2). The sine follows the elbow continuously. Noise and the paper's step keep one value over each tick
-of a clock of their own, so they do not depend on the integrator's step. Every other signal acts with its mean over a
-step of the integrator, so that no impulse is lost between two steps.
+Each class integrates its signal over time exactly, so that the mean force over an interval is exact. The signal of the
+paper (section III-A) is f_t = 0.2 sin(q_e) + noise, plus 0.15 while 1 s < t <= 1.6 s, with noise ~ N(0, 0.01^2). Its
+sine follows the elbow angle q_e continuously. The noise and the paper's step change only at the ticks of a clock that
+is independent of the integrator, so they do not depend on the integrator's step. Every other signal acts with its mean
+over each step of the integrator, so that no impulse is lost between two steps.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Axes = Literal["link", "body", "world"]
 
 
 class UnknownForce(Section):
-    """One unknown force: a signal along a direction at a frame."""
+    """One unknown force: it acts at a frame, along a direction, and varies in time as its signal says."""
 
     frame: str = Field(description="frame at whose origin it acts; `base_link` is the body")
     signal: str = Field("paper", description="one of those below, each with keys of its own")
@@ -36,37 +37,41 @@ class UnknownForce(Section):
 
     @property
     def elbow_amplitude(self) -> float:
-        """Factor of sin(elbow angle) [N]; the plant adds this part itself."""
+        """Factor of sin(elbow angle) [N]; the simulation adds this part, as it follows the elbow at every instant."""
         return 0.0
 
     @property
     def event(self) -> tuple[str, float, float] | None:
-        """The signal's event, for figures and replay: name, start and end [s], infinity where it does not end."""
+        """Name, start and end [s] of the signal's event, for figures and replay; end is infinite if it stays on."""
         return None
 
     def impulse_until(self, time: Array) -> Array:
-        """Return the impulse (n,) [N s] from a fixed time until rising times (n,) [s], without noise and elbow part."""
+        """Return the integral of the force (n,) [N s] up to increasing times (n,) [s], without noise and elbow part.
+
+        The integral can start at any time, as long as it is the same for all entries: only differences are used.
+        """
         raise NotImplementedError
 
     def interval_means(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Draw the noise of a run, and average noise and signal over intervals.
+        """Draw the noise of a run, and average both noise and signal over intervals.
 
         Args:
             edges: (n + 1,) interval edges [s], from 0.
-            rng: source of the noise.
+            rng: random generator for the noise.
 
         Returns:
-            Mean noise (n,) and mean noise-free force (n,) [N] over each interval, without what follows the elbow.
+            Mean noise (n,) and mean noise-free force (n,) [N] over each interval, both without the part that follows
+            the elbow.
 
         Raises:
-            ScenarioError: a recorded series cannot be read.
+            ScenarioError: the file of a recorded force cannot be read.
         """
         noise = self.noise * rng.standard_normal(_ticks(edges, self.tick))
         return tick_means(noise, self.tick, edges), _mean_rates(self.impulse_until(edges), edges)
 
 
 class PaperForce(UnknownForce):
-    """The paper's: a sine of the elbow angle, noise and a step."""
+    """The force of the paper: a sine of the elbow angle, noise and a step."""
 
     signal: Literal["paper"] = Field("paper", description="the paper's: sine of the elbow angle, noise and step")
     noise: NonNegative = Field(0.01, description="standard deviation of white noise [N], drawn per force")
@@ -85,19 +90,19 @@ class PaperForce(UnknownForce):
 
     @property
     def event(self) -> tuple[str, float, float] | None:
-        """The step."""
+        """Name, start and end [s] of the step; None if its height is 0."""
         return ("step", self.step_start, self.step_end) if self.step != 0.0 else None
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate the step, which changes at ticks only."""
+        """Return the integral of the step (n,) [N s] up to times (n,) [s]; the step changes at ticks only."""
         start = np.arange(_ticks(time, self.tick)) * self.tick
-        # Half a tick in a thousand keeps 1.0 s out of "1 s < t" however it is rounded.
+        # The margin of 5e-4 ticks excludes t = 1.0 s from "1 s < t" even if the tick's time is rounded up.
         on = (start > self.step_start + 5e-4 * self.tick) & (start <= self.step_end + 5e-4 * self.tick)
         return _tick_integral(self.step * on, self.tick, time)
 
 
 class StepForce(UnknownForce):
-    """A force that comes, and may go."""
+    """A constant force that is switched on at one time and, if `end` is given, off at another."""
 
     signal: Literal["step"] = Field(description="on at a time, and perhaps off again")
     height: Number = Field(0.1, description="of the step [N]")
@@ -106,7 +111,7 @@ class StepForce(UnknownForce):
 
     @property
     def event(self) -> tuple[str, float, float] | None:
-        """The step."""
+        """Name, start and end [s] of the step; the end is infinite if it stays on."""
         return "step", self.start, self._off
 
     @model_validator(mode="after")
@@ -116,7 +121,7 @@ class StepForce(UnknownForce):
         return self
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate the step."""
+        """Return the integral of the step (n,) [N s] up to times (n,) [s], up to a constant."""
         return np.asarray(self.height * np.clip(time, self.start, self._off))
 
     @property
@@ -135,11 +140,11 @@ class ImpulseForce(UnknownForce):
 
     @property
     def event(self) -> tuple[str, float, float] | None:
-        """The push."""
+        """Name, start and end [s] of the push."""
         return "impulse", self.start, self.start + self.duration
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate the push."""
+        """Return the part of the impulse (n,) [N s] that the push has given by times (n,) [s]."""
         share = np.clip((time - self.start) / self.duration, 0.0, 1.0)
         return np.asarray(self.impulse * (share if self.shape == "boxcar" else 0.5 * (1.0 - np.cos(np.pi * share))))
 
@@ -153,13 +158,13 @@ class SineForce(UnknownForce):
     phase_deg: Number = Field(0.0, description="at t = 0 [deg]")
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate the sine."""
+        """Return the integral of the sine (n,) [N s] up to times (n,) [s], up to a constant."""
         rate = 2.0 * np.pi * self.frequency
         return np.asarray(-self.amplitude / rate * np.cos(rate * time + np.radians(self.phase_deg)))
 
 
 class OneCosineForce(UnknownForce):
-    """A gust's push: half a cosine up and half down."""
+    """A smooth push as from a gust: the force rises and falls as (1 - cos) / 2."""
 
     signal: Literal["one_cosine"] = Field(description="a gust's push: half a cosine up and half down")
     amplitude: Number = Field(0.1, description="largest force [N]")
@@ -168,18 +173,18 @@ class OneCosineForce(UnknownForce):
 
     @property
     def event(self) -> tuple[str, float, float] | None:
-        """The push."""
+        """Name, start and end [s] of the push."""
         return "push", self.start, self.start + self.duration
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate amplitude (1 - cos(2 pi share)) / 2."""
+        """Return the integral (n,) [N s] of amplitude (1 - cos(2 pi (t - start) / duration)) / 2 up to times (n,)."""
         share = np.clip((time - self.start) / self.duration, 0.0, 1.0)
         turn = 2.0 * np.pi
         return np.asarray(0.5 * self.amplitude * self.duration * (share - np.sin(turn * share) / turn))
 
 
 class RecordedForce(UnknownForce):
-    """A series from a file, linear between its samples, zero before the first and after the last."""
+    """A force recorded in a CSV file: linear between samples, zero before the first and after the last."""
 
     signal: Literal["recorded"] = Field(description="a series from a file, linear between its samples")
     file: str = Field(min_length=1, description="CSV with a header: time in s, rising, and columns in N")
@@ -187,11 +192,11 @@ class RecordedForce(UnknownForce):
 
     @cached_property
     def series(self) -> tuple[Array, Array]:
-        """Times (m,) [s] and forces (m,) [N]. Raises ScenarioError for a file that does not hold them."""
+        """Times (m,) [s] and forces (m,) [N] of the samples. Raises ScenarioError if the file does not contain them."""
         return _read_series(Path(self.file), self.column)
 
     def impulse_until(self, time: Array) -> Array:
-        """Integrate the polygon."""
+        """Return the integral of the recorded force (n,) [N s] from the first sample up to times (n,) [s]."""
         stamps, force = self.series
         lengths = np.diff(stamps)
         whole = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * lengths)])
@@ -203,7 +208,7 @@ class RecordedForce(UnknownForce):
 
 
 def _signal(values: Any) -> str:
-    """Return the signal that a table names; the paper's by default."""
+    """Return the value of a table's key `signal`, by default `paper`."""
     return str(values.get("signal", "paper")) if isinstance(values, dict) else str(getattr(values, "signal", "paper"))
 
 
@@ -219,7 +224,16 @@ UnknownForceSection = Annotated[
 
 
 def tick_means(values: Array, tick: float, edges: Array) -> Array:
-    """Average a series of ticks, value i on [i tick, (i + 1) tick), over intervals given by their edges (n + 1,)."""
+    """Average a piecewise constant series over intervals.
+
+    Args:
+        values: values[i] holds from i tick to (i + 1) tick.
+        tick: duration of each value [s].
+        edges: (n + 1,) interval edges [s].
+
+    Returns:
+        Means (n,) over the intervals.
+    """
     return _mean_rates(_tick_integral(values, tick, edges), edges)
 
 
@@ -237,7 +251,7 @@ def _ticks(edges: Array, tick: float) -> int:
 
 
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:
-    """Read `time` and one other column of a table of text. Raises ScenarioError naming what is wrong with the file."""
+    """Read `time` and one other column of a CSV file. Raises ScenarioError, which says what is wrong with the file."""
     text = TextTable(path, "unknown_force: recorded file", ScenarioError)
     where, names = f"unknown_force: recorded file {path}", text.names
     for name in ("time", column):

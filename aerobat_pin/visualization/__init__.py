@@ -1,6 +1,6 @@
-"""Figures, report and replay: what a person looks at after a flight.
+"""Show a flight: figures, an HTML report, and a replay in the browser.
 
-A name is imported when it is first used, so that a replay does not wait for matplotlib.
+Each name is imported only when it is first used, so that a replay need not wait for matplotlib to load.
 """
 
 from __future__ import annotations

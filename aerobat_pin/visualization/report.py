@@ -1,6 +1,6 @@
-"""One self-contained HTML page about a run: what flew, how well the forces were estimated, and what could be known.
+"""Write the report of a run, one self-contained HTML page: robot, scenario, scores, identifiability and figures.
 
-The page is `pages/report.html`; here its values are collected.
+The template of the page is `pages/report.html`; this module collects its values.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from aerobat_pin.scenario import scenario_toml
 from aerobat_pin.visualization.figures.linkage_svg import linkage_animation
 from aerobat_pin.visualization.template import fill_template
 
-SLOWER = 10.0  # the animated linkage turns so much slower than it flies
+SLOWER = 10.0  # the animated linkage turns slower than the real one by this factor
 
 
 def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
-    """Return the page.
+    """Return the report as HTML.
 
     Args:
-        experiment: what was run.
-        images: figure name -> PNG file, embedded into the page.
+        experiment: results of the run.
+        images: figure name -> PNG file; the pictures are embedded into the page.
     """
     scenario, frequency = experiment.scenario, experiment.scenario.crank.frequency
     return fill_template(

@@ -1,8 +1,9 @@
 """Colours, fonts and sizes of figures, report and replay.
 
-The colours are those of Okabe & Ito (2008), which colour-blind readers can tell apart; line styles tell curves apart in
-grey. True forces are black and estimates vermillion; nothing of the robot has these two colours. The materials in the
-robot's description are of the same palette: bones blue, bars orange, the crank purple, membranes sky blue.
+The colours are those of Okabe & Ito (2008), which colour-blind readers can tell apart; in grey print, line styles
+distinguish the curves. True forces are black and estimates vermillion; no part of the robot has these two colours. The
+materials in the robot's description use the same palette: bones are blue, bars orange, the crank purple, and membranes
+sky blue.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ AXIS_COLOURS = (VERMILLION, GREEN, BLUE)  # x, y, z and roll, pitch, yaw
 LEFT, RIGHT = BLUE, ORANGE
 BAR_COLOURS = {"L1": PURPLE, "L2": ORANGE, "L3": BLUE, "L4": GREEN, "L5": VERMILLION, "L6": SKY_BLUE, "L7": INK}
 ENLARGED_ZONE, EVENT_ZONE = BLUE, PURPLE
-WAKE_COLOURS = (BLUE, ORANGE)  # shed by a wing with lift, and with downforce
+WAKE_COLOURS = (BLUE, ORANGE)  # of the wake shed by a wing with lift, and by a wing with downforce
 PATH = GREEN
 MUTED = "#8A8F98"
 FAINT = "#C8CCD2"
 LINE_STYLES = ("-", "--", ":", "-.")
-FIELD_COLOURS = "cividis"  # of values over time and span; its lightness alone tells them
+FIELD_COLOURS = "cividis"  # for values over time and span; readable by its lightness alone
 
 RC: Any = {
     "font.size": 9,
@@ -60,7 +61,7 @@ def rgb(colour: str) -> tuple[float, float, float]:
 
 
 def render_figure(figure: Figure, kind: str) -> bytes:
-    """Return the content of a `png`, `pdf` or `svg` file, without a date: the same figure gives the same bytes."""
+    """Return the content of a `png`, `pdf` or `svg` file; it has no date, so the same figure gives the same bytes."""
     import matplotlib as mpl
 
     file = io.BytesIO()
@@ -70,13 +71,13 @@ def render_figure(figure: Figure, kind: str) -> bytes:
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
-    """Write `stem`.png and `stem`.pdf."""
+    """Write a figure to the files `stem`.png and `stem`.pdf."""
     for kind in ("png", "pdf"):
         stem.with_suffix(f".{kind}").write_bytes(render_figure(figure, kind))
 
 
 def legend_on_top(axis: Axes, ncols: int) -> None:
-    """Add a legend in a row, with room for it above the lines."""
+    """Add a legend with `ncols` columns at the top, and raise the upper limit so that it does not cover the lines."""
     axis.legend(ncols=ncols, loc="upper right")
     low, high = axis.get_ylim()
     axis.set_ylim(low, high + 0.2 * (high - low))

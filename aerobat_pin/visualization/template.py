@@ -1,4 +1,4 @@
-"""The HTML templates in `pages/`, filled with values."""
+"""Fill the templates in `pages/` with values."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ PAGES = Environment(
 
 
 def fill_template(template: str, **values: Any) -> str:
-    """Return a page made of a template; values are escaped unless they are `markupsafe.Markup`."""
+    """Return a template filled with values; they are HTML-escaped, except `markupsafe.Markup`."""
     return PAGES.get_template(template).render(values)

@@ -1,4 +1,4 @@
-"""Write everything that a person looks at after a run: figures, report, replay."""
+"""Write the figures, the report and the replay of a run."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def write_figures_and_pages(experiment: Experiment, folder: Path, progress: Prog
     """Write `figures/`, `report.html` and `replay.html` into an existing folder.
 
     Args:
-        experiment: what `experiments.run` returned.
-        folder: where to.
-        progress: called with the name of the stage and the share of it that is done.
+        experiment: results that `experiments.run` returned.
+        folder: folder to write into.
+        progress: called with the name of the stage and the share of the stage that is done.
     """
     figures = draw_all(experiment)
     (folder / "figures").mkdir()
@@ -38,7 +38,7 @@ def write_figures_and_pages(experiment: Experiment, folder: Path, progress: Prog
 
 
 def draw_all(experiment: Experiment) -> dict[str, Figure]:
-    """Draw every figure of a run: name -> figure. The title of each that shows the flight ends with the run's note."""
+    """Draw all figures of a run, and return name -> figure. The run's note is added to the titles of flight figures."""
     robot, log = experiment.robot, experiment.log
     with mpl.rc_context(style.RC):
         figures = {

@@ -1,11 +1,11 @@
-"""The folder of a sweep, which holds at any time what is swept and every finished run.
+"""The folder of a sweep, from which an interrupted sweep can be resumed.
 
 | file | content |
 |---|---|
-| `sweep.json` | what is swept, with which versions; another sweep is refused here |
+| `sweep.json` | the sweep file and the versions of the packages; a different sweep in this folder is an error |
 | `base.toml` | the base scenario, `[set]` included |
-| `finished.jsonl` | a line per finished run, on the disk before the next one counts |
-| `results.nc`, `results.csv` | all of it as tables, written at the end |
+| `finished.jsonl` | one line for each finished run, written to disk as soon as the run ends |
+| `results.nc`, `results.csv` | all results as tables, written at the end |
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ MANIFEST, BASE_SCENARIO, FINISHED, TABLE, GRID = FILES
 
 
 class Checkpoint:
-    """A sweep's folder, held by one process at a time. Use it in a `with` statement.
+    """The folder of a sweep, locked so that only one process uses it. Use it in a `with` statement.
 
     Args:
-        folder: where; made when missing.
-        sweep: to go on with, or to start there.
-        force: start anew, whatever is there; files that are not of a sweep are left alone.
+        folder: folder of the sweep; created when missing.
+        sweep: the sweep to resume, or to start if the folder is empty.
+        force: start from the beginning even if the folder is not empty; files that no sweep wrote are left alone.
 
     Raises:
-        OutputError: the folder holds something else, another process sweeps in it, or it cannot be written.
+        OutputError: the folder contains something else, another process uses it, or it cannot be written.
     """
 
     def __init__(self, folder: Path, sweep: Sweep, *, force: bool) -> None:
-        """Find or start the sweep."""
+        """Lock the folder, and resume or start the sweep."""
         self.folder = folder = Path(os.path.abspath(folder))
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"output {folder}: is a file; a folder was expected")
@@ -69,7 +69,7 @@ class Checkpoint:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._file.close()
-        if error is not None and not self.finished:  # nothing to go on with
+        if error is not None and not self.finished:  # there is nothing to resume
             for name in FILES:
                 (self.folder / name).unlink(missing_ok=True)
             for folder in self._made:
@@ -78,7 +78,7 @@ class Checkpoint:
         os.close(self._lock)
 
     def add(self, number: int, outcome: str) -> None:
-        """Keep the outcome of a run, on the disk when this returns. Raises OutputError when it cannot be written."""
+        """Write the outcome of a run, JSON text, to disk. Raises OutputError if it cannot be written."""
         try:
             self._file.write(f'{{"run": {number}, "outcome": {outcome}}}\n'.encode())
             self._file.flush()
@@ -88,7 +88,7 @@ class Checkpoint:
         self.finished[number] = json.loads(outcome)
 
     def write(self, tables: Mapping[str, bytes]) -> None:
-        """Write the results, all of them whole or none. Raises OutputError when they cannot be written."""
+        """Write the results atomically: either all of them or none. Raises OutputError if they cannot be written."""
         write_files({self.folder / name: content for name, content in tables.items()})
 
     def _lock_folder(self) -> None:
@@ -98,8 +98,8 @@ class Checkpoint:
             raise OutputError(f"output folder {self.folder}: another process is sweeping in it") from error
 
     def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool) -> None:
-        """Go on with the sweep that is there, or start one."""
-        for stale in self.folder.glob(f"{WORK}*"):  # of a sweep that was killed while it wrote
+        """Resume the sweep in the folder, or start a new one."""
+        for stale in self.folder.glob(f"{WORK}*"):  # temporary files of a sweep that was killed while writing
             if stale.is_file():
                 stale.unlink()
         there = self.folder / MANIFEST
@@ -114,7 +114,7 @@ class Checkpoint:
         write_files({self.folder / BASE_SCENARIO: scenario_toml(sweep.base).encode(), there: text.encode()})
 
     def _read_finished(self, count: int) -> dict[int, Any]:
-        """Read the finished runs; drop a line that was not written to its end, in the file too."""
+        """Read the finished runs; delete incomplete lines, which an interrupted write leaves, from the file."""
         path = self.folder / FINISHED
         content = path.read_bytes() if path.exists() else b""
         finished, good = {}, []
@@ -133,7 +133,7 @@ class Checkpoint:
 
 
 def _manifest(sweep: Sweep) -> dict[str, Any]:
-    """Return what tells this sweep from others: its file, every scenario, the user's own morphologies, the versions."""
+    """Return what identifies a sweep: its file, the package versions, and a hash of all scenarios and morphologies."""
     digest = hashlib.sha256()
     for scenario in sweep.scenarios:
         digest.update(scenario.model_dump_json().encode())

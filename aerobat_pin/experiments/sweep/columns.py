@@ -1,4 +1,4 @@
-"""What the results of a sweep are called, with units, and the names that no dimension may have."""
+"""Names and units of the results of a sweep, and the names that its dimensions therefore cannot have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fly the runs of a sweep in this process, in several on this machine, or on a Dask cluster."""
+"""Simulate the runs of a sweep in this process, in several processes of this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from aerobat_pin.experiments.sweep.one_run import outcome_of
 from aerobat_pin.scenario import Scenario
 
 Outcomes = Iterator[tuple[int, str]]
-CONNECT = 20.0  # [s]
+CONNECT = 20.0  # [s]: longest wait for the connection to a cluster
 
 
 def in_this_process(runs: Mapping[int, Scenario]) -> Outcomes:
-    """Fly runs one after the other; yields number and outcome of each."""
+    """Simulate runs one after the other; yields (run number, outcome) as each run ends."""
     for number, scenario in runs.items():
         yield number, outcome_of(scenario)
 
 
 def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
-    """Fly runs in several processes; yields number and outcome of each as it comes.
+    """Simulate runs in several processes; yields (run number, outcome) as each run ends.
 
-    When a process dies, its runs are flown by new ones.
+    When a process dies, new processes simulate the runs that are left.
 
     Raises:
-        WorkersLostError: processes died again before any run was finished.
+        WorkersLostError: a process died before any of the runs that were left had finished.
     """
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -62,12 +62,13 @@ def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
 
 
 def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
-    """Fly runs on a Dask cluster; yields number and outcome of each as it comes.
+    """Simulate runs on a Dask cluster; yields (run number, outcome) as each run ends.
 
-    Dask repeats what the death of a worker lost.
+    Dask repeats runs that are lost when a worker dies.
 
     Raises:
-        WorkersLostError: no cluster there, no `distributed` here, other versions there, or runs that Dask gave up.
+        WorkersLostError: the cluster cannot be reached, `distributed` is not installed on this machine, the cluster
+            has other package versions, or Dask gave up on some runs.
     """
     try:
         from distributed import Client, as_completed
@@ -85,7 +86,7 @@ def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
         futures = {client.submit(outcome_of, scenario, pure=False): number for number, scenario in runs.items()}
         lost = {}
         for future in as_completed(list(futures)):
-            number = futures.pop(future)  # the cluster frees a result without a future
+            number = futures.pop(future)  # once no future refers to a result, the cluster frees its memory
             if future.status == "finished":
                 yield number, future.result()
             else:
@@ -108,12 +109,12 @@ def _check_versions(found: Mapping[str, object], address: str) -> None:
 
 @contextmanager
 def _started(pool: Any, tasks: list[Any]) -> Iterator[Outcomes]:
-    """Give the outcomes of tasks as they come, and close the generator at the end.
+    """Start tasks and provide their outcomes as they come; close the generator of outcomes at the end.
 
-    A terminal sends Ctrl-C to all processes, but only this one can answer it, so the others start with it blocked.
-    Joblib's warnings at an interruption are not shown.
+    A terminal sends Ctrl-C to all processes, but only this process can handle it; the worker processes therefore start
+    with the signal blocked. Joblib's warnings about an interruption are not shown.
     """
-    resource_tracker.ensure_running()  # which would start later otherwise, and unblock signals
+    resource_tracker.ensure_running()  # otherwise it starts later, and unblocks the signal
     before, outcomes = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), None  # new processes inherit it
     try:
         outcomes = pool(tasks)
@@ -132,7 +133,7 @@ def _numbered(number: int, scenario: Scenario) -> tuple[int, str]:
 
 
 def _end_with(parent: int) -> None:
-    """End this worker when the process that waits for its outcomes is killed; nothing else would end it."""
+    """End this worker process when its parent process is killed; nothing else would end it."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -1,4 +1,4 @@
-"""One run of a sweep, in any process: a scenario goes in, its numbers or the reason for a failure come out."""
+"""One run of a sweep, in any process: turn a scenario into its scores, or into the reason why it failed."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from aerobat_pin.scenario import RobotSection, Scenario
 
 
 def outcome_of(scenario: Scenario) -> str:
-    """Fly and score a scenario; a failure is an outcome too.
+    """Simulate and score a scenario; a failure is returned, not raised.
 
     Returns:
-        JSON text: `{"observers", "flight"}` as in `metrics.json`, or `{"failed": reason}`; and `"warnings"`, if any.
+        JSON text: the entries `"observers"` and `"flight"` as in `metrics.json`, or `"failed"` with the reason. The
+        entry `"warnings"` is added if there are any.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
@@ -30,7 +31,7 @@ def outcome_of(scenario: Scenario) -> str:
             json.dumps(outcome, allow_nan=False)
         except AerobatError as error:
             outcome = {"failed": str(error)}
-        except Exception as error:  # a fault of ours in one run must not cost the others
+        except Exception as error:  # a bug that shows in one run must not end the others
             outcome = {"failed": f"{type(error).__name__}: {error}"}
     texts = dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, UserWarning))
     return json.dumps(outcome | ({"warnings": list(texts)} if texts else {}))
@@ -47,7 +48,14 @@ def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
 
 @lru_cache(maxsize=16)
 def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat | AerobatError:
-    """Load a robot, or return the reason why it cannot be; `stamp` is when the user's own file was last changed."""
+    """Load a robot, or return the error that prevents it.
+
+    Args:
+        morphology: shipped name or TOML file.
+        changes: JSON text of the changes to the morphology.
+        gravity: acceleration of gravity [m/s2].
+        stamp: time when the TOML file was last changed, so that a changed file is loaded again.
+    """
     try:
         return load_aerobat(morphology, json.loads(changes), gravity=gravity)
     except AerobatError as error:

@@ -1,4 +1,4 @@
-"""From a sweep file to the list of its runs."""
+"""Lay out a sweep: turn a sweep file into dimensions and the list of its runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,13 @@ MOST_RUNS = 100_000
 
 @dataclass(frozen=True)
 class Dimension:
-    """One thing that is varied: its name, its labels, and the settings that each label stands for."""
+    """One quantity that a sweep varies.
+
+    Attributes:
+        name: name of the dimension.
+        labels: label of each value along the dimension.
+        settings: dotted keys and values that each label stands for, in the order of the labels.
+    """
 
     name: str
     labels: tuple[Any, ...]
@@ -30,7 +36,13 @@ class Dimension:
 
 @dataclass(frozen=True, repr=False)
 class Sweep:
-    """All runs of a sweep: the combinations of its dimensions, the last one running fastest."""
+    """All runs of a sweep: every combination of its dimensions, of which the last changes fastest.
+
+    Attributes:
+        file: the sweep file.
+        base: scenario that every run starts from, `[set]` included.
+        dimensions: quantities that are varied.
+    """
 
     file: SweepFile
     base: Scenario
@@ -41,7 +53,7 @@ class Sweep:
 
     @property
     def sizes(self) -> str:
-        """Number of labels of each dimension with its name, as a product."""
+        """The size of the sweep as text, such as `5 crank.frequency x 3 seed`."""
         return " x ".join(f"{len(dimension.labels)} {dimension.name}" for dimension in self.dimensions)
 
     @property
@@ -50,7 +62,11 @@ class Sweep:
         return tuple(len(dimension.labels) for dimension in self.dimensions)
 
     def labels(self, index: tuple[int, ...]) -> dict[str, Any]:
-        """Return what a run is labelled with, dimension by dimension, and the values it draws."""
+        """Return the labels of a run: dimension -> label, and for random draws also dotted key -> drawn value.
+
+        Args:
+            index: position of the run along each dimension.
+        """
         chosen = {dimension.name: dimension.labels[i] for dimension, i in zip(self.dimensions, index, strict=True)}
         for dimension, i in zip(self.dimensions, index, strict=True):
             if dimension.name == DRAW:
@@ -59,7 +75,7 @@ class Sweep:
 
     @cached_property
     def indices(self) -> list[tuple[int, ...]]:
-        """The place of each run along the dimensions, in the order of the runs."""
+        """The position of each run along every dimension, in the order of the runs."""
         return list(itertools.product(*(range(count) for count in self.shape)))
 
     @cached_property
@@ -67,7 +83,7 @@ class Sweep:
         """The scenario of each run.
 
         Raises:
-            ScenarioError: a value breaks its rule; the message names the run's labels.
+            ScenarioError: a value breaks its rule; the message names the labels of the run.
         """
         return [self._scenario(index) for index in self.indices]
 
@@ -84,11 +100,11 @@ def load_sweep(source: str | Path) -> Sweep:
     """Read a sweep file and lay out its runs.
 
     Args:
-        source: shipped name, or path of a TOML file.
+        source: name of a shipped sweep, or path of a TOML file.
 
     Raises:
-        SweepError: not found, not TOML, or not a sweep; the message names key, value and rule.
-        ScenarioError: the base scenario, or one of the runs', breaks a rule.
+        SweepError: the file is not found, is not TOML, or is not a sweep; the message names key, value and rule.
+        ScenarioError: the base scenario, or the scenario of one of the runs, breaks a rule.
     """
     file = read_sweep(str(source))
     beside = Path(source).parent / file.base
@@ -143,6 +159,6 @@ def _draw_dimension(draws: Draws) -> Dimension:
 
 
 def _plain(scenario: Scenario) -> dict[str, Any]:
-    """Return a scenario as plain values, lists in place of tuples, that dotted keys can be set in."""
+    """Return a scenario as nested dictionaries and lists, in which dotted keys can be set."""
     values: dict[str, Any] = json.loads(scenario.model_dump_json(exclude_none=True))
     return values

@@ -1,4 +1,4 @@
-"""The outcomes of a sweep as tables: one grid labelled by what was varied, and one row per run."""
+"""Convert the outcomes of a sweep to tables: a grid labelled by the sweep's dimensions, and CSV with a row per run."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from aerobat_pin.experiments.sweep.sweep_file import DRAW
 
 
 def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
-    """Label every number by what was varied.
+    """Arrange the results of all runs in a grid with one axis for each dimension of the sweep.
 
     Args:
-        sweep: the runs.
-        outcomes: run number -> outcome.
+        sweep: the sweep.
+        outcomes: run number -> outcome, as `outcome_of` returns it, parsed.
 
     Returns:
-        Scores over (*dimensions of the sweep, observer, point, axis), rank and condition over (..., observer), the
-        flight's numbers over the sweep's dimensions, and `failed`, the reason where a run has no numbers. NaN stands
-        for a number that there is not.
+        Scores over (*dimensions of the sweep, observer, point, axis); rank and condition over (*dimensions of the
+        sweep, observer); numbers of the flight over the dimensions of the sweep; `failed`, the reason why a run has no
+        numbers. Missing numbers are NaN.
     """
     dims = tuple(dimension.name for dimension in sweep.dimensions)
     entries = {number: _observers(outcome) for number, outcome in outcomes.items()}
@@ -72,7 +72,7 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
 
 
 def results_csv(sweep: Sweep, outcomes: Mapping[int, Any]) -> str:
-    """Return one row per run as CSV: its labels, why it failed, its warnings, and its numbers."""
+    """Return the results as CSV text: for each run a row with its labels, reason of failure, warnings and numbers."""
     rows = []
     for number, index in enumerate(sweep.indices):
         outcome = outcomes[number]
@@ -92,12 +92,12 @@ def results_csv(sweep: Sweep, outcomes: Mapping[int, Any]) -> str:
 
 
 def _observers(outcome: Mapping[str, Any]) -> dict[str, ObserverScores]:
-    """Return what a run's observers found; nothing where it failed."""
+    """Return the scores of each observer of a run; empty if the run failed."""
     return {name: ObserverScores.from_json(entry) for name, entry in outcome.get("observers", {}).items()}
 
 
 def _label_attributes(sweep: Sweep, name: str) -> dict[str, str]:
-    """Return what a factor is a factor of; other dimensions are named after what they set."""
+    """Return unit and description of a dimension of factors; empty for other dimensions, which need no description."""
     factors = sweep.file.factors.get(name)
     if factors is None:
         return {}

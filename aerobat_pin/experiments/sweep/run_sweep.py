@@ -1,4 +1,4 @@
-"""Fly a sweep, or what is left of it."""
+"""Run a sweep, or resume one that was interrupted."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ def run_sweep(
     force: bool = False,
     progress: SweepProgress | None = None,
 ) -> xr.Dataset:
-    """Fly the runs that are not finished, keep each as it ends, and write the results when all are there.
+    """Simulate all runs that are not finished yet, save each as it ends, and finally write the results of all runs.
 
     Args:
-        sweep: the runs.
-        folder: for the results, or with what an interrupted sweep left there.
+        sweep: the sweep.
+        folder: folder for the results; if it contains an interrupted run of this sweep, that run is resumed.
         jobs: number of processes on this machine.
-        cluster: address of a Dask scheduler whose workers fly in place of this machine.
-        force: start anew, whatever the folder holds.
-        progress: called with the numbers of runs finished, in all, and failed; first before any run.
+        cluster: address of a Dask scheduler whose workers simulate in place of this machine.
+        force: start from the beginning even if the folder is not empty.
+        progress: called with three numbers of runs (finished, total, failed): once at the start, then after each run.
 
     Returns:
-        The grid that is in `results.nc`.
+        The grid of results, as in `results.nc`.
 
     Raises:
-        OutputError: the folder holds something else, or cannot be written.
-        WorkersLostError: runs were lost with the processes that flew them; what is finished is kept.
+        OutputError: the folder contains something else, or cannot be written.
+        WorkersLostError: the processes that simulated some of the runs died; finished runs are kept.
     """
     count = len(sweep.scenarios)
     with Checkpoint(Path(folder), sweep, force=force) as checkpoint:

@@ -1,16 +1,16 @@
-"""A sweep file: a base scenario, what is varied in it, and the list of runs that this makes.
+"""Read and check sweep files, which name a base scenario and the quantities that are varied in it.
 
-| table or key | makes |
+| table or key | meaning |
 |---|---|
-| `base`, `[set]` | the scenario that every run starts from, with dotted keys set in it |
-| `[ranges]` | a dimension for each dotted key: a list of values, or `{from, to, count, spacing}` |
-| `[factors.NAME]` | a dimension NAME of `values`, each a factor `of` several keys' reference values |
-| `[variants.NAME]` | a dimension NAME of named sets of dotted keys |
+| `base`, `[set]` | the scenario that every run starts from, and dotted keys that are set in it |
+| `[ranges]` | each dotted key is a dimension: a list of values, or `{from, to, count, spacing}` |
+| `[factors.NAME]` | a dimension NAME: each of `values` multiplies the reference values of all keys in `of` |
+| `[variants.NAME]` | a dimension NAME: each label stands for a set of dotted keys |
 | `[draws]` | the dimension `draw`: `count` random draws of the keys in `[draws.values]` |
-| `seeds` | the dimension `seed`: this many, counted up from the base scenario's |
+| `seeds` | the dimension `seed`: number of seeds, counted up from the seed of the base scenario |
 
-The runs are all combinations, the same draws for each. A `*` in a key stands for every item of a list of tables:
-`unknown_force.*.noise`.
+The sweep runs every combination of the dimensions; the draws are the same in all combinations. A `*` in a key stands
+for every item of a list of tables, as in `unknown_force.*.noise`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_
 
 SHIPPED_SWEEPS = Path(__file__).with_name("shipped")
 SEED, DRAW = "seed", "draw"
-KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # of values, which pydantic puts into its places
+KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # tags that pydantic adds to error locations
 
 
 class _Table(BaseModel):
@@ -34,7 +34,7 @@ class _Table(BaseModel):
 
 
 class Span(_Table):
-    """Values between two ends, both among them."""
+    """A number of values from one end to another, both ends included."""
 
     start: Number = Field(alias="from", description="first value")
     end: Number = Field(alias="to", description="last value")
@@ -49,13 +49,13 @@ class Span(_Table):
 
     @property
     def values(self) -> list[float]:
-        """The values."""
+        """All values of the span, in order."""
         space = np.geomspace if self.spacing == "log" else np.linspace
         return [float(value) for value in space(self.start, self.end, self.count)]
 
 
 class Uniform(_Table):
-    """A number drawn evenly between two bounds, or its logarithm."""
+    """A random number between two bounds: the number, or its logarithm, is uniformly distributed."""
 
     distribution: Literal["uniform", "log_uniform"]
     low: Number
@@ -88,7 +88,7 @@ class Normal(_Table):
 
 
 class Draws(_Table):
-    """Random draws; each key has a stream of its own, so that another key does not change it."""
+    """Random draws of several keys; the draws of a key do not change when other keys are added or removed."""
 
     count: Whole = Field(ge=1, description="number of draws")
     seed: Whole = Field(1, ge=0, description="of the draws alone, not of the flights")
@@ -106,7 +106,7 @@ Single = Annotated[Number, Tag("number")]
 
 
 class Factors(_Table):
-    """Several keys that grow in proportion, each from a reference of its own."""
+    """Several keys that are multiplied by a common factor, each starting from its own reference value."""
 
     values: Annotated[Numbers | Spanned, Discriminator(_kind)] = Field(description="the factors")
     of: dict[str, Annotated[Single | Numbers, Discriminator(_kind)]] = Field(
@@ -114,7 +114,7 @@ class Factors(_Table):
     )
 
     def settings(self, factor: float) -> dict[str, Any]:
-        """Return what a factor sets."""
+        """Return the settings for one factor: dotted key -> reference value times the factor."""
         return {
             key: [factor * number for number in reference] if isinstance(reference, list) else factor * reference
             for key, reference in self.of.items()
@@ -122,7 +122,7 @@ class Factors(_Table):
 
 
 class SweepFile(_Table):
-    """A sweep file as it is written."""
+    """The content of a sweep file, checked."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder")
     description: str = ""
@@ -155,10 +155,10 @@ def shipped_sweeps() -> dict[str, str]:
 
 
 def read_sweep(source: str) -> SweepFile:
-    """Read a sweep file, a shipped one by its name.
+    """Read a sweep file, given as the name of a shipped sweep or as a path.
 
     Raises:
-        SweepError: not found, not TOML, or not a sweep; the message names key, value and rule.
+        SweepError: the file is not found, is not TOML, or is not a sweep; the message names key, value and rule.
     """
     values = read_toml("sweep", source, SHIPPED_SWEEPS, SweepError)
     try:
@@ -176,7 +176,7 @@ def _explain(error: dict[str, Any]) -> str:
 
 
 def _table_at(loc: tuple[Any, ...]) -> type[_Table]:
-    """Return the table that a place in a sweep file is in."""
+    """Return the class of the table that contains the location of an error, given in pydantic's notation."""
     if not loc:
         return SweepFile
     if "span" in loc[2:]:

@@ -1,1 +1,1 @@
-"""Figures of a flight and of the linkage, for matplotlib."""
+"""Draw figures of a flight and of the linkage with matplotlib."""

@@ -1,4 +1,4 @@
-"""The force of the air and the power of motor and air, for flights whose log knows the truth."""
+"""Draw the aerodynamic force, and the power of motor and air, for flights whose log contains the true forces."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from aerobat_pin.flight import FlightLog
 from aerobat_pin.robot import Aerobat, world_velocity
 from aerobat_pin.visualization import style
 
-COLOURED = 98.0  # percentile of the strips' forces at which the colours end
+COLOURED = 98.0  # percentile of the strips' forces at which the colour scale ends
 
 
 def draw_aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
-    """Draw lift and thrust of the air over time, and each strip's share in them."""
+    """Draw aerodynamic lift and thrust over time, and the normal force of each strip over time and span."""
     assert log.truth is not None
     figure = Figure(figsize=(7.0, 6.6), layout="constrained")
     figure.suptitle("Force of the air on the robot, added mass included: interval means")

@@ -1,4 +1,4 @@
-"""The linkage on one page: the mechanism with its names, and its joints over a turn (the paper's Fig. 2)."""
+"""Draw the linkage: the mechanism with the names of its parts, and both joint angles over a turn (paper, Fig. 2)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from aerobat_pin.linkage import Closure, KineticSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.visualization import style
 
-SHOWN_DEG = 235.0  # crank angle of the pose with names
-FAINT_DEG = range(-90, 270, 30)  # crank angles of the poses behind it
-INSET_HALF_SIZE = (0.95, 0.78)  # width and height, in lengths of the crank
+SHOWN_DEG = 235.0  # crank angle of the pose that is drawn with names
+FAINT_DEG = range(-90, 270, 30)  # crank angles of the faint poses behind it
+INSET_HALF_SIZE = (0.95, 0.78)  # half width and half height, in lengths of the crank
 BAR_PINS = {
     "L1": ("J1", "J2"),
     "L2": ("J2", "J3", "J4", "J2"),
@@ -28,7 +28,7 @@ BAR_PINS = {
 }
 GROUND_PINS = ("J1", "J5", "J8")
 FAINT_PINS = ("J5", "J6", "J10", "J9", "J8")
-# Places of the names: offsets from the pin or from the middle of the bar's last two pins [points].
+# Position of each name: offset from its pin, or from the middle between the bar's last two pins [points].
 NAME_OFFSETS = {
     "J4": (-4, -12),
     "J5": (3, -13),
@@ -48,7 +48,10 @@ INSET_NAME_OFFSETS = {"J1": (9, -3), "J2": (-4, -14), "J3": (-16, -2), "L1": (-5
 
 
 def draw_linkage(linkage: KineticSculpture) -> Figure:
-    """Draw the left wing's linkage: one pose with names over faint poses of a turn; beside it both joint angles."""
+    """Draw the linkage of the left wing.
+
+    On the left, one pose with names over faint poses of a turn; on the right, both joint angles over the crank angle.
+    """
     with mpl.rc_context(style.RC):
         figure = Figure(figsize=(10.0, 5.6), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(1.9, 1.0))
@@ -108,9 +111,10 @@ def _write_names(axis: Axes, pins: Mapping[str, Array], offsets: Mapping[str, tu
 
 
 def _draw_angles(axis: Axes, pins: Mapping[str, Array], shown: Closure) -> None:
-    """Draw the distal wing as far as L7a, and both joint angles.
+    """Draw the distal wing to the length L7a, and both joint angles.
 
-    theta_s is the angle from the horizontal to the proximal frame's y axis, theta_e from there to the distal frame's.
+    theta_s is the angle from the horizontal to the y axis of the proximal frame, theta_e the angle from that axis to
+    the y axis of the distal frame.
     """
     radius, length = 0.4e3 * shown.lengths.L3a, 1e3 * shown.lengths.L7a
     theta_s, theta_e = float(shown.theta_s), float(shown.theta_e)
@@ -145,7 +149,7 @@ def _draw_joints(axis: Axes, linkage: KineticSculpture) -> None:
 
 
 def range_table(linkage: KineticSculpture) -> str:
-    """Return as text the ranges of joint and transmission angles in a turn, and the crank angles of their ends."""
+    """Return a table as text: lowest and highest joint and transmission angles in a turn, each with its crank angle."""
     crank = np.arange(0.0, 360.0, 0.1)
     turn = linkage.solve(np.radians(crank))
     rows = {"shoulder theta_s": turn.theta_s, "elbow theta_e": turn.theta_e}

@@ -1,4 +1,4 @@
-"""The linkage in motion: one turn of the crank as an animated SVG picture that needs no script."""
+"""Animate the linkage over one turn of the crank, as an SVG picture that needs no script."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from aerobat_pin.visualization.figures.linkage import BAR_PINS, GROUND_PINS
 from aerobat_pin.visualization.template import fill_template
 
 POSES_PER_TURN = 72
-SVG_MARGIN = 4.0  # around everything [mm]
+SVG_MARGIN = 4.0  # empty margin around the drawing [mm]
 
 
 def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
-    """Return the left wing's linkage as SVG in millimetres; the turn repeats.
+    """Return the moving linkage of the left wing as SVG text in millimetres; the animation repeats.
 
     Args:
-        linkage: whose crank can turn.
-        turn: how long a turn takes in the picture [s].
+        linkage: a linkage with a crank that can turn through a full circle.
+        turn: duration of a turn in the picture [s].
     """
     crank = np.linspace(-0.5 * np.pi, 1.5 * np.pi, POSES_PER_TURN + 1)
     closed = linkage.solve(crank)

@@ -1,4 +1,4 @@
-"""The paper's figures of a flight log and its estimates. Drawn off screen: nothing here opens a window."""
+"""Draw the paper's figures from a flight log and its estimates, without opening a window."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from aerobat_pin.robot import FORCE_POINTS, JOINTS, Aerobat, euler_angles, world
 from aerobat_pin.visualization import style
 
 Estimates = Mapping[str, Estimate]
-LEAST_HEIGHT = 0.1  # [m]: a position's panel shows at least so much, not rounding noise alone
-STICK_SPACING = 0.08  # [s] between two poses of the stick diagram, no simple fraction of a flap
-STICK_STRETCH = 2.5  # of Y against X in the stick diagram of a flight that is much longer than wide
+LEAST_HEIGHT = 0.1  # [m]: smallest range of a position panel; a smaller one would magnify rounding noise
+STICK_SPACING = 0.08  # [s] between two poses of the stick diagram; not a simple fraction of a flap
+STICK_STRETCH = 2.5  # factor by which Y is enlarged in the stick diagram of a flight that is much longer than wide
 STICK_ROOM = (8.2, 6.0)  # largest width and height of the stick diagram's axes [in]
-SHORTEST_ENLARGED = 0.06  # [s]: shortest time that the last row of the estimation shows
+SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row of the estimation figure
 ESTIMATE_LINES = ("-", ":", "--", "-.")
 
 
@@ -62,7 +62,7 @@ def draw_states(log: FlightLog) -> Figure:
 
 
 def draw_stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
-    """Draw body and wings from above at fixed intervals of the flight (the paper's Fig. 7), as large as fits."""
+    """Draw body and wings from above at fixed intervals of time (the paper's Fig. 7), as large as the figure allows."""
     q = log.measured["q"].values
     data = robot.model.createData()
     every = max(1, round(STICK_SPACING / float(np.median(np.diff(log.time)))))
@@ -88,7 +88,10 @@ def draw_stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
 
 
 def draw_estimation(log: FlightLog, estimates: Estimates) -> Figure:
-    """Draw actual and estimated unknown forces, with boxes about events and the enlarged part (the paper's Fig. 8)."""
+    """Draw actual and estimated unknown forces (the paper's Fig. 8), one column for each frame.
+
+    The last row enlarges a part of one axis; boxes mark this part and the events.
+    """
     frames = next(iter(estimates.values())).frames
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
@@ -126,7 +129,7 @@ def draw_estimation(log: FlightLog, estimates: Estimates) -> Figure:
 
 @dataclass(frozen=True)
 class _Enlarged:
-    """The part that the last row enlarges: from when to when [s], which axis of the force, and what happens."""
+    """The part of the flight that the last row enlarges: start and end [s], axis of the force (0 to 2), and label."""
 
     start: float
     end: float
@@ -135,13 +138,17 @@ class _Enlarged:
 
 
 def _enlarged(log: FlightLog) -> _Enlarged:
-    """Choose the first event; if there is none, or it is a step in noise as the paper's, a part without event."""
+    """Choose the part of the flight to enlarge.
+
+    It is the first event; but if there is no event, or if the event is a step with noise as in the paper, a short part
+    after about a quarter of the flight.
+    """
     time = log.time
     for event in true_events(log)[:1]:
         force, noise_free = true_force(log, event.frames[0])
         if event.start >= time[-1] or (event.name == "step" and not np.array_equal(force, noise_free)):
             continue
-        end = event.end if event.end <= time[-1] else event.start  # without an end: about its onset
+        end = event.end if event.end <= time[-1] else event.start  # for an event without end, enlarge its onset
         margin = max(0.25 * (end - event.start), 0.5 * (SHORTEST_ENLARGED - (end - event.start)))
         start, end = _samples_around(time, event.start - margin, end + margin)
         strongest = np.abs(noise_free[(time[:-1] >= start) & (time[1:] <= end)]).max(axis=0)
@@ -153,7 +160,7 @@ def _enlarged(log: FlightLog) -> _Enlarged:
 
 
 def _samples_around(time: Array, start: float, end: float) -> tuple[float, float]:
-    """Return the last sample before a stretch of time and the first after it [s], within the log."""
+    """Return the times [s] of the last sample before a stretch of time and of the first after it, within the log."""
     first = max(int(np.searchsorted(time, start + 1e-9, side="right")) - 1, 0)
     last = min(int(np.searchsorted(time, end - 1e-9)), len(time) - 1)
     return float(time[min(first, last - 1)]), float(time[last])
@@ -177,7 +184,7 @@ def _force_lines(
 
 
 def _draw_event_boxes(axis: Axes, log: FlightLog) -> None:
-    """Draw a box about each event within the flight; each kind of event has one line in the legend."""
+    """Draw a box around each event within the flight; events of the same name share one line in the legend."""
     labelled = set()
     for event in true_events(log):
         if event.start < log.time[-1]:
@@ -187,7 +194,7 @@ def _draw_event_boxes(axis: Axes, log: FlightLog) -> None:
 
 
 def _draw_box(axis: Axes, span: tuple[float, float], colour: str, label: str | None) -> None:
-    """Draw a box as high as the panel, behind the lines so that it hides no short event."""
+    """Draw a box as high as the panel, behind the lines so that it does not cover a short event."""
     low, high = axis.get_ylim()
     size = (span[1] - span[0], high - low)
     axis.add_patch(Rectangle((span[0], low), *size, fill=False, edgecolor=colour, linewidth=1.4, zorder=1, label=label))
@@ -195,7 +202,7 @@ def _draw_box(axis: Axes, span: tuple[float, float], colour: str, label: str | N
 
 
 def _sticks(robot: Aerobat, data: pin.Data, q: Array) -> tuple[Array, Array, Array]:
-    """Return left wing, right wing (shoulder, elbow, tip) and body (tail end, nose) as world points (n, 3) [m]."""
+    """Return the world points (n, 3) [m] of left wing, right wing (each shoulder, elbow, tip) and body (rear, nose)."""
     pin.forwardKinematics(robot.model, data, q)
     tip = robot.morphology.wing.distal_stations[-1]
     wings = []

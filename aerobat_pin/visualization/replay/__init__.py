@@ -1,1 +1,1 @@
-"""A motion to look at in a browser: scene, page, pictures."""
+"""Replay a motion in a browser: build the scene, the HTML page, and pictures of it."""

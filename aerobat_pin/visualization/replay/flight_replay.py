@@ -1,4 +1,4 @@
-"""Replay a flight: the robot with moving bars, true and estimated forces as arrows, its path, and its shed wake."""
+"""Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from aerobat_pin.scenario import AirSection
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.recording import Recording, Sheet
 
-SLOW_MOTION = 0.1  # speed of a flight's replay, of real time: a flap is too fast to be watched
-WAKE_LASTS = 0.5  # [s]: each part of it is shown for so long
-GROUND_BELOW = 0.35  # [m]: the ground lies so far below the lowest point of the path
-PALEST = 0.97  # red, green and blue of a wake without circulation
+SLOW_MOTION = 0.1  # speed of a flight's replay relative to real time, in which a flap is too fast to be watched
+WAKE_LASTS = 0.5  # [s]: time for which each part of the wake is shown
+GROUND_BELOW = 0.35  # [m]: distance of the ground below the lowest point of the path
+PALEST = 0.97  # red, green and blue of the wake where the wing has no circulation
 
 
 def replay_flight(
     robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr.Dataset | None, note: str
 ) -> Recording:
-    """Record a flight; `.html(SLOW_MOTION)` is its page.
+    """Prepare the replay of a flight; `.html(SLOW_MOTION)` of the result returns its page.
 
     Args:
         robot: the robot that flew.
-        log: its flight, simulated or recorded.
-        air: that it flew in; the wake of a lifting line is shown where the log knows the circulation.
-        estimates: as `estimate_dataset` makes them; the first observer's forces are shown.
+        log: the flight log, simulated or recorded.
+        air: the air of the flight. With a lifting line, the wake is shown if the log contains the circulation.
+        estimates: dataset that `estimate_dataset` returns; the forces of its first observer are shown.
         note: a line about the flight, for the title.
 
     Raises:
-        LogError: the log does not say how the wings moved.
+        LogError: the log does not contain the motion of the wings.
     """
     flown = motion(log, robot, air)
     crank = None if flown.crank is None else flown.crank[0]
@@ -68,7 +68,7 @@ def replay_flight(
 
 
 def _keyframes(log: FlightLog, index: Array) -> FlightLog:
-    """Return the log at some of its samples (m,)."""
+    """Return the log reduced to the samples with the given indices (m,)."""
     assert log.truth is not None
     rows = {"time": index, "interval": index[:-1]}
     truth = log.truth.isel({dim: kept for dim, kept in rows.items() if dim in log.truth.dims})
@@ -76,10 +76,10 @@ def _keyframes(log: FlightLog, index: Array) -> FlightLog:
 
 
 def _add_wake(recording: Recording, wake: Wake) -> None:
-    """Show the wake, coloured by the wing's bound circulation as it was shed."""
+    """Add the wake to a recording, coloured by the bound circulation that the wing had when it shed each part."""
     points, bound = wake.position - wake.wind.drift(wake.time)[:, None], wake.bound
     drifted = wake.wind.drift(recording.time)
-    if len(points) < len(drifted):  # the last sample begins no interval
+    if len(points) < len(drifted):  # no interval begins at the last sample: repeat the last row
         points, bound = (np.concatenate([rows, rows[-1:]]) for rows in (points, bound))
     share = np.clip(bound / max(float(np.percentile(np.abs(bound), 98.0)), 1e-12), -1.0, 1.0)[..., None]
     lift, downforce = (np.array(style.rgb(colour)) for colour in style.WAKE_COLOURS)

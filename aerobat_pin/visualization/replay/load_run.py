@@ -1,4 +1,4 @@
-"""What `aerobat play` shows: the folder of a run, or a recorded flight with the forces that an observer estimates."""
+"""Load what `aerobat play` shows: the folder of a run, or a recorded flight with the forces estimated from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ from aerobat_pin.visualization.replay.recording import Recording
 
 
 def replay_run(folder: Path) -> Recording:
-    """Record the flight in a run's folder. Raises LogError for any other folder, and what its files raise."""
+    """Prepare the replay of the flight in a run's folder.
+
+    Raises:
+        LogError: the folder is not that of a run, or its log cannot be read.
+        AerobatError: another file in the folder cannot be read.
+    """
     names = ("scenario.toml", "flight.nc", "estimate.nc")
     missing = [name for name in names if not (folder / name).is_file()]
     if missing:
@@ -30,12 +35,12 @@ def replay_run(folder: Path) -> Recording:
 
 
 def replay_log(file: Path, morphology: str | None = None) -> Recording:
-    """Record a flight log with the forces that an observer estimates from it.
+    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
 
     Args:
-        file: `.nc` or `.csv`.
-        morphology: of the robot that is believed to have flown: shipped name or TOML file; when omitted what the log
-            notes, else the default robot.
+        file: flight log, `.nc` or `.csv`.
+        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
+            the robot noted in the log, or the default robot if the log notes none.
 
     Raises:
         AerobatError: the log or the morphology cannot be read.

@@ -1,12 +1,13 @@
-"""Replay any motion of any robot from a table of text.
+"""Replay any motion of any robot from a CSV file.
 
-| column | unit | |
+| column | unit | meaning |
 |---|---|---|
-| `time` | s | never decreasing |
-| any other name | m, rad | the configuration: as many columns as the model's `q` has entries, in its order |
-| `<frame>.Fx`, `<frame>.Fy`, `<frame>.Fz` | N | optional, per frame all three: a force at the frame, world axes |
+| `time` | s | time, never decreasing |
+| any other name | m, rad | entries of the configuration `q`: one column for each entry of the model, in its order |
+| `<frame>.Fx`, `<frame>.Fy`, `<frame>.Fz` | N | optional: force at a frame, world axes; all three or none |
 
-Seven columns more than the joints need give the placement of a free base: position, then quaternion with w last.
+If the table has seven columns more than the joints need, the base is free. The first seven columns are then its
+placement: position, then quaternion with w last.
 """
 
 from __future__ import annotations
@@ -23,16 +24,20 @@ from aerobat_pin.scenario import TextTable
 from aerobat_pin.visualization.replay.recording import Recording, record
 
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
-FREE_BASE = 7  # entries of q
+FREE_BASE = 7  # number of entries of q for a free base
 
 
 def replay_table(table: Path, urdf: Path) -> Recording:
-    """Record the motion that a table gives a robot.
+    """Prepare the replay of the motion in a CSV file.
+
+    Args:
+        table: the CSV file.
+        urdf: the robot.
 
     Raises:
         LogError: the table or the URDF cannot be read, or they do not fit together.
-        FrameNotFoundError: a force at a frame that the model does not have.
-        ShapeError: a time that decreases.
+        FrameNotFoundError: a force acts at a frame that the model does not have.
+        ShapeError: the time decreases.
     """
     names, values = _read_table(table)
     if "time" not in names:
@@ -59,7 +64,7 @@ def replay_table(table: Path, urdf: Path) -> Recording:
 
 
 def _load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.GeometryModel]:
-    """Load a robot, with a free base if the table has columns for it."""
+    """Load a robot from its URDF, with a free base if the table has columns for the placement of the base."""
     if not urdf.is_file():
         raise LogError(f"robot {urdf}: there is no such file")
     try:
@@ -83,7 +88,7 @@ def _load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, p
 
 
 def _read_table(table: Path) -> tuple[list[str], Array]:
-    """Return the columns' names without units, and their values (n, columns)."""
+    """Return the names of the columns without units, and the values (n, columns)."""
     text = TextTable(table, "motion", LogError)
     numbers = text.numbers()
     if len(numbers) < 2:

@@ -1,4 +1,7 @@
-"""The page that plays a scene: meshcat's viewer, a legend, and a time bar with controls. One file, no network."""
+"""Build the page that plays a scene: meshcat's viewer, a legend, and a time bar with controls.
+
+The page is a single HTML file that needs no network.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,12 @@ from markupsafe import Markup
 from aerobat_pin.numerics import Array
 from aerobat_pin.visualization.template import fill_template
 
-SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # of real time: a flap is too fast to be watched
+SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # offered speeds relative to real time, in which flaps are hard to see
 
 
 @dataclass(frozen=True)
 class LegendLine:
-    """A line of the legend. The shape of its mark is `bar`, `line`, `grid` or none."""
+    """A line of the legend. The shape of its mark is `bar`, `line`, `grid`, or empty for no mark."""
 
     shape: str
     colour: str
@@ -27,7 +30,7 @@ class LegendLine:
 
 @dataclass(frozen=True)
 class Zone:
-    """A stretch of time [s] in which something happens."""
+    """A stretch of time, from `start` to `end` [s], that is marked on the time bar with a label."""
 
     start: float
     end: float
@@ -44,16 +47,17 @@ def replay_page(
     rate: float,
     sheet: tuple[int, float] | None = None,
 ) -> str:
-    """Return the page.
+    """Return the page as HTML.
 
     Args:
-        commands: of a scene whose animation begins at 0.
-        title: a line about what is seen.
-        legend: its lines.
-        zones: marked on the time bar.
-        time: (m,) of the keyframes on the clock that is shown [s].
+        commands: meshcat commands that draw the scene, with an animation that begins at time 0.
+        title: a line about what is shown.
+        legend: lines of the legend.
+        zones: stretches of time to mark on the time bar.
+        time: (m,) times of the keyframes, as the page's clock shows them [s].
         rate: speed at which the page starts to play, in multiples of real time.
-        sheet: number of triangles between two rows of the node `world/air/sheet`, and how long each row is shown [s].
+        sheet: for the trailing sheet at the node `world/air/sheet`, the number of triangles between two of its rows,
+            and how long each row is shown [s]; None without a sheet.
     """
     start, end = float(time[0]), float(time[-1])
     return fill_template(

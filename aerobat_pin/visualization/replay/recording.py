@@ -2,8 +2,8 @@
 
     page = record(model, visual_model, time, q, {"tool": force}).html()
 
-A `Recording` takes more: several kinds of force in their own colours, stretches of time that are marked on the time
-bar and on the path of the robot, and a sheet that trails behind it.
+A `Recording` can also show several kinds of force in different colours, mark stretches of time on the time bar and on
+the path of the robot, and show a sheet that trails behind the robot.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.page import LegendLine, Zone, replay_page
 from aerobat_pin.visualization.replay.scene import HALO_OPACITY, SHEET_OPACITY, Scene
 
-KEYFRAMES_PER_SECOND = 120.0  # of the recorded time: 25 a flap at 4.75 Hz
-MOST_KEYFRAMES = 7201  # a minute, 34 MB of a page; fewer a second would show another motion than there was
-CAMERA_SMOOTHING = 0.5  # [s]: the camera follows the path of a free base, smoothed over so long
-CAMERA = (0.7, -1.1, 0.55)  # where it stands, from the point it looks at, in sizes of the robot
-UNBOUNDED = 1e3  # [m]: a shape that is larger is an infinite one, such as a plane
-LONGEST_ARROW = 0.6  # at most, in sizes of the robot
+KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75 Hz
+MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion
+CAMERA_SMOOTHING = 0.5  # [s]: the camera follows the path of a free base, smoothed over this time
+CAMERA = (0.7, -1.1, 0.55)  # position of the camera relative to the point it looks at, in sizes of the robot
+UNBOUNDED = 1e3  # [m]: a larger shape is treated as infinite, such as a plane
+LONGEST_ARROW = 0.6  # length of the longest arrow, in sizes of the robot
 
 PlaceParts = Callable[[pin.GeometryModel, int], None]
 
 
 @dataclass(frozen=True)
 class _Arrows:
-    """One kind of force: where its arrows start [m] and the forces [N] at the keyframes, (m, 3) each by frame."""
+    """One kind of force at the keyframes: frame -> start of the arrow (m, 3) [m], and frame -> force (m, 3) [N]."""
 
     label: str
     colour: str
@@ -46,14 +46,17 @@ class _Arrows:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A translucent sheet that trails behind: each keyframe adds a row of points, shown for a while from then on.
+    """A translucent sheet that trails behind the robot, such as its wake.
+
+    Each keyframe adds a row of points, which is then shown for a fixed time.
 
     Attributes:
-        label: for the legend, as `colour`.
-        points: (m, k, 3) in world axes, at time 0 of the drift [m].
-        colours: (m, k, 3) of the points, from 0 to 1.
-        drift: (m, 3) by which the whole sheet has moved at the keyframes [m].
-        lasting: how long a row is shown [s].
+        label: text in the legend.
+        colour: colour of the mark in the legend, hexadecimal.
+        points: (m, k, 3) points of each row where they would be without drift, world axes [m].
+        colours: (m, k, 3) red, green and blue of each point, from 0 to 1.
+        drift: (m, 3) displacement of the whole sheet at each keyframe, world axes [m].
+        lasting: time for which a row is shown [s].
     """
 
     label: str
@@ -65,26 +68,27 @@ class Sheet:
 
 
 class Recording:
-    """A motion to be looked at.
+    """The replay of a motion: `html` returns it as a page.
 
     Args:
-        model: any model; the camera follows a base that is free.
-        visual_model: its visible parts.
-        time: (n,) [s], never decreasing.
+        model: any model; the camera follows its base if the base is free.
+        visual_model: visible parts of the model.
+        time: (n,) times [s], never decreasing.
         q: (n, nq) configurations.
-        title: a line about what is seen.
-        floor: height of the ground [m]; the lowest point that the robot reaches when omitted.
-        move: called with a copy of `visual_model` and a row's number before the parts of that row are placed; it may
-            place parts that no joint moves.
+        title: a line about what is shown.
+        floor: height of the ground [m]; when omitted the lowest point that the robot reaches.
+        move: function that moves parts which no joint moves. It is called with a copy of `visual_model` and the number
+            of a row of `q`, before the parts are placed for that row.
 
     Attributes:
-        index: (m,) rows of `time` and `q` that are keyframes: about 120 a second, of the first minute. The page says
-            when that is not all of the motion.
-        sheet: to trail behind the robot, if there is one.
-        size: of the robot: half the diagonal of its bounding box, or of all that it reaches if its base is fixed [m].
+        index: (m,) rows of `time` and `q` that are keyframes: about 120 per second, in the first minute only. If the
+            motion is longer, the title of the page says so.
+        sheet: sheet that trails behind the robot, or None.
+        size: size of the robot: half the diagonal of its bounding box, or, if its base is fixed, of the box of all
+            points that it reaches [m].
 
     Raises:
-        ShapeError: times or configurations that are no motion.
+        ShapeError: `time` or `q` has the wrong shape or contains NaN, or time decreases or never changes.
     """
 
     def __init__(
@@ -128,21 +132,22 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """From the first keyframe to the last [s]."""
+        """Time from the first keyframe to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
     def add_forces(self, label: str, colour: str, forces: Mapping[str, ArrayLike], *, inner: bool = False) -> None:
         """Show forces as arrows that begin at frames.
 
         Args:
-            label: for the legend.
-            colour: hexadecimal.
-            forces: frame -> (n, 3) [N] in world axes, or (n - 1, 3) of the intervals between rows.
-            inner: draw slim arrows, to be seen inside others.
+            label: text in the legend.
+            colour: colour of the arrows, hexadecimal.
+            forces: frame -> (n, 3) force at each row in world axes [N], or (n - 1, 3) force in each interval between
+                rows.
+            inner: draw slim arrows that remain visible inside the arrows of another kind.
 
         Raises:
             FrameNotFoundError: the model has no such frame.
-            ShapeError: forces of another shape.
+            ShapeError: the forces have another shape.
         """
         n, frames, chosen = len(self._time), {}, {}
         for name, values in forces.items():
@@ -158,18 +163,18 @@ class Recording:
         self._arrows.append(_Arrows(label, colour, inner, start, chosen))
 
     def add_zone(self, start: float, end: float, label: str, colour: str) -> None:
-        """Mark a stretch of time [s] in which something happens; its end is infinite where it goes on."""
+        """Mark a stretch of time, from `start` to `end` [s], with a label; `end` can be infinite."""
         self._zones.append(Zone(start, end, label, colour))
 
     @property
     def newtons_per_centimetre(self) -> float:
-        """Scale of the arrows: 1, 2 or 5 times a power of ten, so that the largest is nearly a robot's size."""
+        """Scale of the arrows [N/cm]: 1, 2 or 5 times a power of ten, so that the longest fit `LONGEST_ARROW`."""
         norms = [np.linalg.norm(rows, axis=1) for kind in self._arrows for rows in kind.force.values()]
         largest = max((float(np.percentile(norm, 99.0)) for norm in norms), default=0.0) or 1.0
         return _round_up(largest / (100.0 * LONGEST_ARROW * self.size))
 
     def html(self, rate: float = 1.0) -> str:
-        """Return the page; it starts to play at a rate, in multiples of real time."""
+        """Return the page as HTML; it starts to play at the speed `rate`, in multiples of real time."""
         scene = Scene(self.time - self._time[0])
         scene.move("world", position=-self._camera_path())
         scene.robot(self.model, self.visual_model, self._placements)
@@ -197,7 +202,11 @@ class Recording:
         return replay_page(commands, title, legend, self._zones, self.time, rate, rows)
 
     def _place(self, move: PlaceParts | None) -> tuple[Array, Array, Array]:
-        """Return placements (m, parts, 7) of the visible parts, and the lowest and highest corner of all, (m, 3)."""
+        """Place the visible parts at every keyframe.
+
+        Returns:
+            Placements (m, parts, 7), and the lowest and highest corner, (m, 3) each, of the box around all parts.
+        """
         visible, placed = self.visual_model, self.visual_model.createData()
         corners = np.array([_corners(part) for part in visible.geometryObjects]).reshape(-1, 8, 3)
         placements = np.empty((len(self.index), len(corners), 7))
@@ -210,13 +219,16 @@ class Recording:
             points = [
                 placement.rotation @ box.T + placement.translation[:, None]
                 for placement, box in zip(placed.oMg, corners, strict=True)
-            ] or [joint.translation[:, None] for joint in self._data.oMi]  # nothing is visible: where the joints are
+            ] or [joint.translation[:, None] for joint in self._data.oMi]  # without visible parts, use the joints
             everything = np.hstack(points)
             low[row], high[row] = everything.min(axis=1), everything.max(axis=1)
         return placements, low, high
 
     def _camera_path(self) -> Array:
-        """Return the point the camera looks at (m, 3): the middle of a fixed robot, the smoothed path of a free one."""
+        """Return the points (m, 3) that the camera looks at.
+
+        They follow the smoothed path of a robot with a free base, and stay in the middle of a fixed robot.
+        """
         if not self._free:
             return np.tile(self._path.mean(axis=0), (len(self._path), 1))
         step = float(np.median(np.diff(self.time)))
@@ -226,7 +238,7 @@ class Recording:
         return np.asarray(savgol_filter(self._path, window, min(2, window - 1), axis=0))
 
     def _draw_arrows(self, scene: Scene) -> list[LegendLine]:
-        """Draw the forces, the kind added last first in the legend."""
+        """Draw the forces; in the legend, the kind that was added last comes first."""
         scale = self.newtons_per_centimetre
         legend = [LegendLine("", "", f"arrows: {scale:g} N per cm")] if self._arrows else []
         for kind in self._arrows:
@@ -237,7 +249,7 @@ class Recording:
         return legend
 
     def _draw_zone(self, scene: Scene, node: str, zone: Zone) -> None:
-        """Draw a stretch of time on the path, with balls at its onset and its end if the recording has them."""
+        """Draw a stretch of time on the path, with balls at its start and end if these are within the recording."""
         first, last = np.clip([zone.start, zone.end], self.time[0], self.time[-1])
         if first == last:
             return
@@ -248,7 +260,7 @@ class Recording:
                 scene.ball(f"{node}/{name}", self._path_at(np.array([time]))[0], 0.03 * self.size, zone.colour)
 
     def _path_at(self, time: Array) -> Array:
-        """Return the path (k, 3) at times (k,), interpolated between the keyframes."""
+        """Return the points (k, 3) of the path at times (k,), interpolated between the keyframes."""
         return np.column_stack([np.interp(time, self.time, along) for along in self._path.T])
 
     def _draw_ground(self, scene: Scene) -> LegendLine:
@@ -271,7 +283,20 @@ def record(
     *,
     title: str = "",
 ) -> Recording:
-    """Record a motion, with forces [N] in world axes by frame, (n, 3) each. Raises as `Recording` and `add_forces`."""
+    """Prepare the replay of a motion with one kind of force.
+
+    Args:
+        model: any model.
+        visual_model: visible parts of the model.
+        time: (n,) times [s], never decreasing.
+        q: (n, nq) configurations.
+        forces: frame -> (n, 3) force in world axes [N].
+        title: a line about what is shown.
+
+    Raises:
+        FrameNotFoundError: the model has no such frame.
+        ShapeError: an argument has the wrong shape, or the times are not those of a motion.
+    """
     recording = Recording(model, visual_model, time, q, title=title)
     if forces:
         recording.add_forces("force", style.ESTIMATES[0], forces, inner=True)
@@ -279,7 +304,7 @@ def record(
 
 
 def _corners(part: pin.GeometryObject) -> Array:
-    """Return the corners (8, 3) of a part's bounding box in its own axes [m]; the origin for an infinite shape."""
+    """Return the corners (8, 3) of a part's bounding box in the part's axes [m]; all zero for an infinite shape."""
     part.geometry.computeLocalAABB()
     box = part.geometry.aabb_local
     ends = np.array([box.min_, box.max_]) * part.meshScale
@@ -289,6 +314,6 @@ def _corners(part: pin.GeometryObject) -> Array:
 
 
 def _round_up(value: float) -> float:
-    """Return the next number that is 1, 2 or 5 times a power of ten."""
+    """Return the smallest number that is 1, 2 or 5 times a power of ten and not smaller than the value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(digit * power for digit in (1.0, 2.0, 5.0, 10.0) if digit * power >= value * (1.0 - 1e-9)))

@@ -1,6 +1,6 @@
-"""A meshcat scene as the commands that draw it and the keyframes that move it, without server, browser or file.
+"""Build a meshcat scene: the commands that draw it and the keyframes that move it, without a server or browser.
 
-`page.replay_page` makes a page of the commands.
+`page.replay_page` turns the commands into a page.
 """
 
 from __future__ import annotations
@@ -17,36 +17,36 @@ from pinocchio.visualize import MeshcatVisualizer
 
 from aerobat_pin.numerics import Array
 
-# Radii of an arrow and length of its head, in sizes of the robot.
+# Radii of an arrow's shaft and head, and length of its head, in sizes of the robot.
 SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.011, 0.032, 0.09
-HALO_OPACITY = 0.65  # of an arrow with another one inside
+HALO_OPACITY = 0.65  # opacity of an arrow that can have another arrow inside
 SHEET_OPACITY = 0.5
 SKY_COLOURS = ([0.97, 0.98, 0.99], [0.84, 0.87, 0.90])  # background, top and bottom
 
 
 class Window:
-    """A meshcat window without browser or server: it keeps the commands sent to it, in single precision."""
+    """A replacement for meshcat's window: it stores the commands sent to it, in single precision."""
 
     def __init__(self) -> None:
         self.commands: list[bytes] = []
 
     def send(self, command: Any) -> None:
-        """Keep one command."""
+        """Store one command."""
         self.commands.append(umsgpack.packb(command.lower(), force_float_precision="single"))
 
 
 class Scene:
-    """What is seen, and how it moves. Nodes below `world` are placed in world axes.
+    """The objects of a scene and their animation. Nodes below `world` are placed in world axes.
 
     Args:
-        time: (m,) of the keyframes, increasing from 0 [s].
+        time: (m,) times of the keyframes, increasing from 0 [s].
     """
 
     def __init__(self, time: Array) -> None:
         self.window = Window()
         self.viewer = meshcat.Visualizer(window=self.window)
         self._keys = time.tolist()
-        self._animation = meshcat.animation.Animation(default_framerate=1)  # keys are seconds
+        self._animation = meshcat.animation.Animation(default_framerate=1)  # so that keys are in seconds
 
     def move(self, node: str, **tracks: Array) -> None:
         """Animate `position` (m, 3), `quaternion` (m, 4, xyzw) or `scale` (m, 3) of a node."""
@@ -57,12 +57,16 @@ class Scene:
         self._animation.clips[self.viewer[node].path] = clip
 
     def commands(self, camera: Array) -> list[bytes]:
-        """Return the commands; the camera looks at the origin from a point (3,) [m], and the motion repeats."""
+        """Return all commands of the scene; its animation repeats.
+
+        Args:
+            camera: (3,) position from which the camera looks at the origin [m].
+        """
         for node in ("/Grid", "/Axes"):
             self.viewer[node].set_property("visible", False)
         for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
             self.viewer["/Background"].set_property(edge, colour)
-        x, y, z = camera.tolist()  # the camera's own axes: x, up, -y
+        x, y, z = camera.tolist()  # meshcat expects the camera's position as (x, z, -y)
         self.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
         self.viewer.set_animation(self._animation, play=True, repetitions=10**6)
         return self.window.commands
@@ -71,8 +75,8 @@ class Scene:
         """Draw a robot whose visible parts move.
 
         Args:
-            model: of the robot.
-            visual_model: its visible parts.
+            model: model of the robot.
+            visual_model: visible parts of the robot.
             placements: (m, parts, 7) position and quaternion (xyzw) of every part, world axes.
         """
         picture = MeshcatVisualizer(model, pin.GeometryModel(), visual_model)
@@ -88,12 +92,12 @@ class Scene:
         """Animate an arrow from `start` to `tip`, each (m, 3) [m].
 
         Args:
-            node: of the scene tree.
-            colour: hexadecimal.
-            start: of the arrow.
-            tip: of the arrow.
-            size: of the robot [m].
-            inner: slim and solid, to be seen inside one that is neither.
+            node: path of the arrow's node in the scene.
+            colour: colour of the arrow, hexadecimal.
+            start: (m, 3) start of the arrow at each keyframe [m].
+            tip: (m, 3) tip of the arrow at each keyframe [m].
+            size: size of the robot [m].
+            inner: draw a slim, opaque arrow that remains visible inside a thick, translucent one.
         """
         arrow = tip - start
         length = np.linalg.norm(arrow, axis=1)
@@ -103,7 +107,7 @@ class Scene:
         rotation /= np.linalg.norm(rotation, axis=1, keepdims=True)
         thickness = 0.5 if inner else 1.0
         head = HEAD_LENGTH * size
-        share = np.clip(length / (2.0 * head), 1e-6, 1.0)  # a short arrow is a small one
+        share = np.clip(length / (2.0 * head), 1e-6, 1.0)  # short arrows are scaled down as a whole
         rest = np.maximum(length - share * head, 1e-6)
         # Both kinds count as translucent: the page then draws the inner arrow over its halo.
         opacity = 1.0 if inner else HALO_OPACITY
@@ -140,7 +144,8 @@ class Scene:
     def sheet(self, node: str, points: Array, colours: Array) -> None:
         """Draw a translucent sheet through rows of points (k, n, 3) [m] with colours (k, n, 3), from 0 to 1.
 
-        Its triangles are in the order of the rows, 2 (n - 1) between two of them, so that the page can show a part.
+        The triangles are sorted by rows, with 2 (n - 1) triangles between two rows, so that the page can show only
+        some of the rows.
         """
         rows, across = points.shape[:2]
         corner = (np.arange(rows - 1)[:, None] * across + np.arange(across - 1)).reshape(-1, 1)
@@ -151,5 +156,5 @@ class Scene:
 
 
 def _rgb_number(colour: str) -> int:
-    """Return a hexadecimal colour as the number that three.js takes."""
+    """Convert a hexadecimal colour to a number, as three.js expects it."""
     return int(colour[1:], 16)

@@ -10,11 +10,11 @@ LOCALHOST = "127.0.0.1"
 
 
 def serve(page: str, announce: Callable[[str], None]) -> None:
-    """Serve a page at a free port, to this machine alone, until Ctrl-C.
+    """Serve a page on a free port until Ctrl-C; only browsers on this machine can open it.
 
     Args:
-        page: HTML.
-        announce: called with the address once it can be opened.
+        page: HTML of the page.
+        announce: called with the address as soon as the page can be opened.
     """
     content = page.encode()
 

@@ -1,4 +1,4 @@
-"""Pictures of a replay at given times, taken by a headless browser."""
+"""Take pictures of a replay at given times with a headless browser."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from concurrent.futures import ThreadPoolExecutor
 from aerobat_pin.errors import BrowserError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-# Root gets no sandbox, and needs none: only our own page is opened. The processor draws.
+# Chromium has no sandbox for root; it needs none, as it opens only our page. SwiftShader draws without a GPU.
 BROWSER_FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PICTURE_SIZE = (1280, 720)  # pixels
 BROWSER_ADVICE = (
     "`pip install 'aerobat-pinocchio[frames]'` and a Chromium, e.g. `apt-get install chromium` or "
     "`playwright install chromium`"
 )
-CLOCK_ALONE = (  # style that hides the other controls
+CLOCK_ALONE = (  # style sheet that hides all controls except the clock
     "#controls > :not(#clock), .dg { display: none !important; } #controls { right: auto !important; } "
     "#legend { bottom: 1rem !important; }"
 )
@@ -28,18 +28,18 @@ SEEK_AND_DRAW = (
 def snapshots(
     page: str, times: Iterable[float], size: tuple[int, int] = PICTURE_SIZE, *, controls: bool = False
 ) -> Iterator[bytes]:
-    """Yield a PNG file per time.
+    """Take pictures of a replay; yields the content of a PNG file for each time.
 
     Args:
         page: HTML of a recording.
-        times: since its start [s].
-        size: width and height [pixels].
-        controls: show the time bar and its buttons; else only the time, in a corner.
+        times: times since the start of the recording [s].
+        size: width and height of the pictures [pixels].
+        controls: show the time bar and its buttons; if False, only the time is shown, in a corner.
 
     Raises:
-        BrowserError: Playwright or Chromium is missing, or draws nothing.
+        BrowserError: Playwright or Chromium is not installed, or the browser fails to draw.
     """
-    # In a thread of its own: Playwright refuses to start where an event loop already runs, as in a notebook.
+    # Playwright runs in a separate thread: it refuses to start where an event loop already runs, as in a notebook.
     with ThreadPoolExecutor(max_workers=1) as thread:
         pictures = _take_pictures(page, times, size, controls)
         try:
@@ -52,7 +52,7 @@ def snapshots(
 def _take_pictures(
     page: str, times: Iterable[float], size: tuple[int, int], controls: bool
 ) -> Generator[bytes, None, None]:
-    """Do what `snapshots` does, in the thread that asks for the pictures."""
+    """Take the pictures for `snapshots`, in the thread that calls this function."""
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError as error:
