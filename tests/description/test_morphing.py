@@ -51,7 +51,7 @@ def test_scales_change_what_they_name_and_nothing_else(name: str) -> None:
     assert wide.mass == pytest.approx(robot.mass, rel=1e-14)
     assert wide.morphology.linkage == robot.morphology.linkage
     deep = robot.with_changes({"scale": {"chord": 0.9}})
-    assert deep.wing.area == pytest.approx(0.9 * robot.wing.area, rel=1e-14)
+    assert deep.morphology.wing_area == pytest.approx(0.9 * robot.morphology.wing_area, rel=1e-14)
     assert deep.wing.span == robot.wing.span
     heavy = robot.with_changes({"scale": {"wing_mass": 2.0, "body_mass": 0.5}}).morphology
     assert heavy.proximal.mass == 2.0 * robot.morphology.proximal.mass
