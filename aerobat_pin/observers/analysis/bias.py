@@ -10,9 +10,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array
 
-WINDOW = (
-    2.5  # correlation lengths over which the autocorrelation is summed; equals Sokal's 5, whose length is half of ours
-)
+WINDOW = 2.5  # correlation lengths up to which the autocorrelation is summed; Sokal's 5, with a length twice his
 
 
 @dataclass(frozen=True)

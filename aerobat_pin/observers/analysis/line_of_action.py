@@ -116,7 +116,7 @@ class LineOfAction:
             outline: (k, 3) corners of a flat polygon in order [m], in the frame of the wrench.
 
         Raises:
-            ObserverError: there is no line of action, it is parallel to the plane, or the outline is not a flat polygon.
+            ObserverError: there is no line of action, it is parallel to the plane, or the outline is no flat polygon.
         """
         if self.verdict != "a point force":
             raise ObserverError(f"no line of action: {self.verdict}")

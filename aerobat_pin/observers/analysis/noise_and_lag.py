@@ -28,11 +28,7 @@ from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
 from aerobat_pin.observers.rows import BASE_ROWS
 
-ORDERS = {
-    "momentum": 1,
-    "force_level": 1,
-    "second_order": 2,
-}  # filter order of the observers whose noise has a closed form
+ORDERS = {"momentum": 1, "force_level": 1, "second_order": 2}  # filter order; only these have a closed form
 GAIN_RANGE = (1.0e-5, 50.0)  # smallest and largest K dt
 
 

@@ -43,7 +43,7 @@ class Panel:
         self.normal: Array = area / size
 
     def margin(self, point: Array) -> tuple[float, Array]:
-        """Return a point's distance from the outline [m], negative outside, and the unit vector (3,) along this distance.
+        """Return a point's distance from the outline [m], negative outside, and the unit vector (3,) along that gap.
 
         Args:
             point: (3,) a point in the plane [m].
