@@ -20,7 +20,7 @@ from aerobat_pin.observers import (
     predict,
 )
 
-DT, FREE, SAMPLES = 1e-3, 10000, 13000  # time step [s], number of samples known to be without a push, number of all samples
+DT, FREE, SAMPLES = 1e-3, 10000, 13000  # time step [s], number of samples before the push is possible, of all samples
 TOOL, LIFT = "effector_body", "effector_body.Fz'"  # a frame, and the component to watch, in axes of the frame
 np.set_printoptions(precision=4, suppress=True)
 

@@ -72,7 +72,7 @@ def addresses(*arrays: Array) -> Integers:
     """Return the memory addresses of arrays of doubles, for `doubles_at`. The caller must keep the arrays alive."""
     for array in arrays:
         if array.dtype != np.float64 or not (array.flags.f_contiguous or array.flags.c_contiguous):
-            raise RuntimeError("only contiguous arrays of doubles can be handed over by address")
+            raise RuntimeError("only contiguous arrays of doubles can be passed by address")
     return np.array([array.ctypes.data for array in arrays], dtype=np.intp)
 
 

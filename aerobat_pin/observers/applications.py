@@ -60,7 +60,7 @@ class Application:
             size = float(np.linalg.norm(along)) if along.shape == (3,) else 0.0
             if self.kind != "force" or not (np.isfinite(size) and size > 0.0):
                 raise ObserverError(
-                    f"application at '{self.frame}': a force along three finite numbers, not all zero, was expected"
+                    f"application at '{self.frame}': a direction of three finite numbers, not all zero, was expected"
                 )
             return np.concatenate([along / size, np.zeros(3)])[None]
         return np.eye(6)[: 6 if self.kind == "wrench" else 3]
@@ -91,7 +91,7 @@ class Applications:
     def __init__(self, model: pin.Model, applications: Sequence[str | Application]) -> None:
         """Look up the frames and list the components."""
         if isinstance(applications, str | Application):
-            raise ObserverError(f"applications = {applications!r}: a list of them was expected, even of one")
+            raise ObserverError(f"applications = {applications!r}: a list was expected, even for a single application")
         self.model = model
         self.given = tuple(Application(item) if isinstance(item, str) else item for item in applications)
         self.frames = tuple(application.frame for application in self.given)
@@ -103,7 +103,9 @@ class Applications:
         for application in self.given:
             frame = model.frames[frame_id(model, application.frame)]
             if frame.parentJoint == 0:
-                raise ObserverError(f"force frame '{frame.name}' is fixed to the world: a force there moves nothing")
+                raise ObserverError(
+                    f"force frame '{frame.name}' is fixed to the world: a force on it cannot be observed"
+                )
             moves = np.zeros(model.nv)
             joint = int(frame.parentJoint)
             while joint > 0:

@@ -91,7 +91,9 @@ class BelievedRows:
             self._tied: Array = rows.map * np.where(forces, 1.0, 1.0 / MOMENT_ARM) / norms
             self.metric = self._tied @ self._tied.T
         elif rows not in ROWS or (rows != "all" and not floating):
-            raise ObserverError(f"rows = {rows!r}: a Tie, or one of {', '.join(ROWS)}; all on a fixed base")
+            raise ObserverError(
+                f"rows = {rows!r}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
+            )
         else:
             self.name, self.number = rows, ROWS.index(rows)
 

@@ -78,7 +78,9 @@ class Detector:
         """
         edges, series = _series(time, values)
         if np.shape(self.bias) != series.shape[1:]:
-            raise ShapeError(f"series of shape {series.shape}: the detector knows {np.size(self.bias)} components")
+            raise ShapeError(
+                f"series of shape {series.shape}: the detector was calibrated with {np.size(self.bias)} components"
+            )
         statistic, size = self.statistic(edges, series), _deviation(series, self.bias)
         events = []
         for first, last in _excursions(statistic, self.floor):

@@ -123,7 +123,7 @@ class LineOfAction:
         panel, force = Panel(outline), self.wrench[:3]
         across = float(panel.normal @ force)
         if not abs(across) > SIGMAS * np.sqrt(panel.normal @ self.covariance[:3, :3] @ panel.normal):
-            raise ObserverError("the line of action runs along the plane of the panel: no point of it stands out")
+            raise ObserverError("the line of action is parallel to the plane of the panel: there is no crossing")
         step = float(panel.normal @ (panel.corners[0] - self.point)) / across
         along = np.hstack([step * np.eye(3), np.zeros((3, 3))])
         J = (np.eye(3) - np.outer(force, panel.normal) / across) @ (self._point_jacobian() + along)

@@ -160,7 +160,9 @@ def gain_for_deviation(
         raise ObserverError(f"no component '{label}'; there are {', '.join(now.labels)}")
     here = float(now.deviation[now.labels.index(label)])
     if not np.isfinite(here):
-        raise ObserverError(f"component '{label}' belongs to a pattern that leaves no trace: no gain tells it")
+        raise ObserverError(
+            f"component '{label}' cannot be determined with any gain: it belongs to a pattern that leaves no trace"
+        )
     unit = here / noise_gain(observer, float(observer.gain), dt)
     unit_name = "N m" if label.rstrip("'")[-2] == "M" else "N"
     return _solve(lambda gain: unit * noise_gain(observer, gain, dt), deviation, dt, "deviation", unit_name)
@@ -182,5 +184,5 @@ def _solve(value: Callable[[float], float], wanted: float, dt: float, name: str,
 def _order(observer: Observer | type[Observer]) -> int:
     """Return the order of the observer's filter. Raises ObserverError for an observer without a closed form."""
     if observer.name not in ORDERS:
-        raise ObserverError(f"observer {observer.name} has no closed form; predicted are {', '.join(ORDERS)}")
+        raise ObserverError(f"observer {observer.name} has no closed form; there is one for {', '.join(ORDERS)}")
     return ORDERS[observer.name]

@@ -32,7 +32,7 @@ class SmootherObserver(KalmanObserver):
         Raises:
             ObserverError: always.
         """
-        raise ObserverError("observer smoother looks back from the end of a record: use run, or kalman on a stream")
+        raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         steps = np.empty((len(u), step_size(self._kalman.step)))
