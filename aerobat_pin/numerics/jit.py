@@ -71,7 +71,7 @@ def merged(function: Function) -> Function:
 
 def _compiled(function: Function, **more: Any) -> Function:
     options: dict[str, Any] = {
-        "error_model": "numpy",  # no fastmath, so that results are the same on all machines: design note 4
+        "error_model": "numpy",  # fastmath is not used, so that results are the same on all machines: design note 4
         "no_cfunc_wrapper": True,  # kernels are not called from C
         **more,
     }

@@ -89,7 +89,7 @@ def fields_of(layout: Callable[[Array], Fields], memory: Array) -> Fields:
 
 
 def _in_python(function: Any) -> Any:
-    """Return the Python function of a kernel, which calls the Python functions of further kernels."""
+    """Return the Python function of a kernel, with the kernels that it calls replaced by their Python functions."""
     if function in _PLAIN:
         return _PLAIN[function]
     plain = getattr(function, "py_func", function)  # the function itself if nothing is compiled

@@ -29,7 +29,7 @@ def motions(vector: Any) -> Array:
 
 
 def _view_rows(first: Array, count: int, size: int) -> Array:
-    """Return a view (count, size) of consecutive equal objects in memory; `first` is a view of the first object."""
+    """Return a view (count, size) of consecutive equal objects in memory; `first` views the start of the first."""
     step = size * first.itemsize
     return np.lib.stride_tricks.as_strided(first.ravel(order="F")[:1], (count, size), (step, first.itemsize))
 
