@@ -115,7 +115,11 @@ def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> 
 
 
 def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
-    """Add a link; sign -1 mirrors the body in the x-z plane, which changes the sign of y, xy and yz."""
+    """Add a link with the mass, centre of mass and inertia of a body.
+
+    With `sign` -1 the body is mirrored in the x-z plane: y of the centre of mass, and the products of inertia xy and
+    yz, change sign.
+    """
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=_spaced(_mirror(body.com, sign)), rpy="0 0 0")
@@ -129,7 +133,7 @@ def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
 def _frame(
     robot: ET.Element, name: str, parent: str, position: Vector, sign: float, rpy: Vector = (0.0, 0.0, 0.0)
 ) -> None:
-    """Add a massless link fixed to its parent; its inertia is written as 0, as some tools else assume 1 kg."""
+    """Add a massless link fixed to its parent. Mass 0 is written because some tools assume 1 kg if it is missing."""
     inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
     ET.SubElement(inertial, "mass", value="0")
     ET.SubElement(inertial, "inertia", ixx="0", ixy="0", ixz="0", iyy="0", iyz="0", izz="0")

@@ -1,4 +1,4 @@
-"""Fly a short version of the paper's experiment and print how well each observer found the forces."""
+"""Fly a short version of the paper's experiment and print the errors of each observer's forces."""
 
 from aerobat_pin.experiments import run
 from aerobat_pin.scenario import load_scenario

@@ -1,4 +1,4 @@
-"""Find a force on a robot that is not Aerobat: a fixed-base arm that is pushed at its tool while it swings."""
+"""Estimate a force on another robot: a fixed-base arm that is pushed at its tool while it swings."""
 
 import numpy as np
 import pinocchio as pin

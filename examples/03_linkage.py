@@ -1,4 +1,4 @@
-"""Close the Kinetic Sculpture over a turn: ranges, transmission, torque at the crank, and what longer bars would do."""
+"""Close the Kinetic Sculpture over a turn: ranges, transmission, crank torque, and sensitivity to bar lengths."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Use the lifting line alone: matrices, steady lift, lift after a step and under a harmonic, and a flapping wing."""
+"""Use the lifting line alone: matrices, steady lift, step and harmonic response, and a flapping wing."""
 
 import numpy as np
 

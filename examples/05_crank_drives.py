@@ -1,4 +1,4 @@
-"""Fly with a crank that does not turn steadily: by a function of time, and by a motor that feels a flight's air."""
+"""Fly with a crank of varying rate: given by a function of time, or by a motor with the load of a steady flight."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ robot = load_robot(scenario)
 
 
 def crank_torque(log):
-    """Return crank angle and crank torque of a flight, interval means: what the joints' motors gave, at the crank."""
+    """Return mid-interval crank angle and crank torque of a flight; the torque equals the joint motors' torques."""
     angle = log.measured["crank_angle"].values
     middle = 0.5 * (angle[1:] + angle[:-1])
     closed = robot.linkage.solve(middle)
@@ -22,7 +22,7 @@ def crank_torque(log):
 
 
 def hesitant(time):
-    """Turn with a rate that swells and ebbs by a fifth, twice a second: angle, rate, acceleration."""
+    """Return angle, rate and acceleration of a crank whose rate varies by a fifth, twice a second."""
     w = 4 * np.pi
     way = RATE * (time + 0.2 * (1 - np.cos(w * time)) / w)
     return -np.pi / 2 + way, RATE * (1 + 0.2 * np.sin(w * time)), RATE * 0.2 * w * np.cos(w * time)
@@ -32,7 +32,7 @@ for name, drive in (("steady", None), ("hesitant", hesitant)):
     angle, torque = crank_torque(simulate(scenario, drive=drive))
     print(f"{name:<9} crank torque {1e3 * torque.min():6.1f} .. {1e3 * torque.max():5.1f} mN m")
 
-# The load of the steady flight: its crank torque less the wings' inertia, as a Fourier series over the crank angle.
+# The load of the steady flight: its crank torque minus the part due to wing inertia, as a Fourier series over t1.
 wings = WingInertia(robot)
 angle, torque = crank_torque(simulate(scenario))
 load = torque - 0.5 * wings(angle)[1] * RATE**2
@@ -40,7 +40,7 @@ orders = np.arange(1, 13)
 
 
 def basis(t1):
-    """Return 1, cos k t1 and sin k t1."""
+    """Return 1, cos(k t1) and sin(k t1) for all k in `orders`, at crank angles t1."""
     waves = np.multiply.outer(t1, orders)
     return np.concatenate([np.ones_like(waves[..., :1]), np.cos(waves), np.sin(waves)], axis=-1)
 

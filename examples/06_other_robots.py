@@ -1,6 +1,6 @@
-"""Find a known force on other people's robots with every observer: an arm, two that fly, one that walks.
+"""Estimate a known force on four other robots with every observer: an arm, two flying robots and a walking robot.
 
-Borinot, Hector and Solo come with `pip install 'aerobat-pinocchio[robots]'` and are skipped where that is missing.
+Borinot, Hector and Solo are installed by `pip install 'aerobat-pinocchio[robots]'` and skipped if not installed.
 """
 
 import sys
@@ -18,13 +18,13 @@ DT, STEPS = 1e-3, 100
 
 
 def load(file: str) -> pin.Model | None:
-    """Return a robot of the package `example-robot-data`, wherever pip has put it; None where it is missing."""
+    """Return a robot of the installed package `example-robot-data`, or None if the package is not installed."""
     found = [Path(folder) / DATA / file for folder in sys.path if (Path(folder) / DATA / file).exists()]
     return pin.buildModelFromUrdf(str(found[0]), pin.JointModelFreeFlyer()) if found else None
 
 
 def fly(model: pin.Model, frame: str, force: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate under a constant world force at a frame and a constant generalised force: q and v at every sample."""
+    """Simulate a constant world force at a frame and a constant generalised force; return all samples of q and v."""
     data, wrench = model.createData(), np.concatenate([force, np.zeros(3)])
 
     def rates(_: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:

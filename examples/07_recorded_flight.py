@@ -1,4 +1,4 @@
-"""Write a simulated flight as the table a laboratory would record, and estimate the forces from the table alone."""
+"""Write a simulated flight to a table as a laboratory would record it, and estimate forces only from this table."""
 
 import tempfile
 from pathlib import Path
@@ -15,18 +15,18 @@ with tempfile.TemporaryDirectory() as folder:
     print("columns:", table.read_text().splitlines()[0])
     log = read_csv(table)
 
-# What is believed: which robot it was, and how noisy its sensors are (m/s, rad/s, rad/s per sample).
+# What the observers assume: the robot, and the noise of its sensors (m/s, rad/s, rad/s per sample).
 settings = [
     "robot.changes.wing.offset_x=-0.060",
     "observers.gain=100",
-    "observers.smoother.sensor_noise=[0.05, 0.05, 0.3]",  # more than the sensors' own: see docs/recorded.md
+    "observers.smoother.sensor_noise=[0.05, 0.05, 0.3]",  # larger than the real noise: see docs/recorded.md
     "observers.smoother.force_walk=0.3",
 ]
 belief = belief_about(log, "hall", "aerobat_guard", ["force_level", "smoother"], settings)
 inputs, estimates = estimate_log(log, believed_robot(belief), belief)
 print("inputs:", ", ".join(f"{name} {source}" for name, source in inputs.source.items()))
 
-# Only here, where the flight was simulated, is there a truth to compare with.
+# The true forces are known only because this flight was simulated.
 truth, _ = true_force(flight, "left_force_point")
 for name, estimate in estimates.items():
     scores = (r_squared(estimate.force[:, 0, axis], truth[:, axis]) for axis in range(3))

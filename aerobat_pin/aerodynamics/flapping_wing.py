@@ -86,9 +86,9 @@ class LineFlight:
     """Aerodynamic loads along a motion, at each time (T,) [s].
 
     `force` (T, 3) [N] is the total force in the flight's axes. `wrench` (T, 2, 6) [N, N m] acts on the left and the
-    right half, at the root and in the axes of that half, force first. `power` (T,) [W] is the power of the air on the
-    wing, `incidence` (T, N) [rad] that at the 3/4 chord, without downwash, and `circulation` (T, N) [m2/s] the bound
-    circulation of the strips.
+    right half, at the root and in the axes of that half, force first. `power` (T,) [W] is the power of the aerodynamic
+    forces on the wing. `incidence` (T, N) [rad] is the incidence of the strips at the 3/4 chord, without downwash.
+    `circulation` (T, N) [m2/s] is the bound circulation of the strips.
     """
 
     time: Array

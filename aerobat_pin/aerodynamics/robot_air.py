@@ -145,7 +145,7 @@ def air_memory(
     slope_over_limit: float = 0.0,
     surfaces: Surfaces = NO_SURFACES,
 ) -> Array:
-    """Return the memory of a lifting line whose strips are fixed to links.
+    """Return a new memory with the aerodynamic constants of a lifting line whose strips are fixed to links.
 
     Args:
         line: the lifting line.
@@ -153,8 +153,8 @@ def air_memory(
         middle: (N, 3) mid-chord point of each strip in the frame of its link [m].
         quasi_steady: 1 for the quasi-steady model, 0 for the lifting line.
         profile_drag: coefficient of profile drag.
-        slope_over_limit: lift slope divided by the limit of the lift coefficient; 0 for no limit.
-        surfaces: constants of body, tail and fin; when omitted there are none.
+        slope_over_limit: lift slope divided by the largest lift coefficient [1/rad]; 0 for no limit.
+        surfaces: aerodynamic constants of body, tail and fin; when omitted, these have no forces.
     """
     memory = new_memory(air_in, line.strips)
     x, y, z = middle.T

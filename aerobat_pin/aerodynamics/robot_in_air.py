@@ -26,9 +26,9 @@ from aerobat_pin.robot import Aerobat, tree_of
 
 @kernel
 def warm_up(memory: Array, twists: Array, dt: float) -> None:
-    """Integrate the aerodynamic state in memory over n steps of size dt [s].
+    """Integrate the aerodynamic state, which is stored in `memory`, over n steps of size dt [s].
 
-    `twists` (2 n + 1, 5, 6) are those of the links relative to the air, at every half step.
+    `twists` (2 n + 1, 5, 6) are the twists of the links relative to the air at every half step.
     """
     robot = robot_in(memory)
     air, wrenches, loads = robot.air, robot.links.wrenches, robot.loads

@@ -8,7 +8,7 @@ from aerobat_pin.scenario import AirSection
 
 
 def robot_air(wing: Wing, air: AirSection) -> RobotAir:
-    """Return the aerodynamic model of a wing with a scenario's air settings. Raises as `RobotAir`."""
+    """Return the aerodynamic model of a wing with a scenario's air settings. Raises the same errors as `RobotAir`."""
     return RobotAir(
         wing,
         strips=air.strips,

@@ -67,7 +67,7 @@ class KineticSculpture:
             crank_angle: absolute t1 [rad], scalar or any shape; it is kept constant in the derivatives.
 
         Raises:
-            LinkageError, ShapeError: as `solve`.
+            LinkageError, ShapeError: for the same reasons as `solve`.
         """
         closed = self.solve(crank_angle)
         return sensitivities(self.lengths, np.stack([closed.angles[name] for name in ANGLES], axis=-1))
@@ -78,7 +78,10 @@ class KineticSculpture:
         self._judged = True
 
     def _open(self, closed: Closure, dyad: str) -> LinkageError:
-        """Return the error for a dyad that cannot close, with the first such crank angle and helpful lengths."""
+        """Return the error for a dyad that cannot close.
+
+        The error gives the first crank angle at which the dyad cannot close, and lengths that would let it close.
+        """
         bars, arm = self.lengths, bent_arms(self.lengths)
         start, end = (np.ravel(closed.points[name].at) for name in DYADS[dyad])
         first = int(np.argmax(np.isnan(np.ravel(closed.points[dyad].at))))

@@ -1,4 +1,4 @@
-"""Arrays, compiled kernels, views of Pinocchio's results and integration on manifolds; knows no robot."""
+"""Arrays, compiled kernels, views of Pinocchio's results and integration on manifolds, independent of any robot."""
 
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id

@@ -1,4 +1,4 @@
-"""The array type of this package, and the check that a caller's array is what it should be."""
+"""The array type of this package, and functions that check the arrays of a caller."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.floating[Any]]
 
 
 def shaped(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
-    """Return values as a contiguous array of doubles, as kernels take it. Raises ShapeError where the shape differs."""
+    """Return values as a contiguous array of doubles, as kernels need. Raises ShapeError if the shape is wrong."""
     array = np.ascontiguousarray(values, float)
     if array.shape != shape:
         raise ShapeError(f"{name} has shape {array.shape}: {shape} was expected")
@@ -21,7 +21,7 @@ def shaped(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
 
 
 def checked(values: ArrayLike, size: int, name: str) -> Array:
-    """Return a private copy of a finite vector. Raises ShapeError naming it."""
+    """Return a copy of a vector. Raises ShapeError with its name if its size is wrong or a number is not finite."""
     vector = np.array(values, float)
     if vector.shape != (size,):
         raise ShapeError(f"{name} has shape {vector.shape}: ({size},) was expected")

@@ -1,7 +1,8 @@
-"""Compiled kernels: numba with its cache on disk, and Pinocchio's results as arrays that never need copying.
+"""Decorators that compile functions to kernels with numba, and the cache of compiled kernels on disk.
 
-Pinocchio's Python calls cost little more than their C++ time; numpy's small operations between them cost far more. A
-kernel is one compiled call between two Pinocchio calls, a pure function of arrays. Each has a numpy twin in the tests.
+A call of Pinocchio from Python takes little longer than in C++, but small numpy operations between such calls take much
+longer. A kernel replaces these operations by one compiled call: a function of arrays that reads Pinocchio's results in
+place. The tests compare each kernel with an independent implementation in numpy.
 """
 
 from __future__ import annotations
@@ -51,67 +52,67 @@ KERNEL_SOURCES = (
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function on its first call, and keep the result on disk where a cache can be written."""
+    """Compile a function on its first call, and store the result on disk if a cache folder is writable."""
     return _compiled(function)
 
 
 def inner(function: Function) -> Function:
-    """Make a kernel that only kernels call: it compiles faster, because Python cannot call it."""
+    """Make a kernel that only other kernels can call. It compiles faster, because it needs no interface to Python."""
     return _compiled(function, no_cpython_wrapper=True)
 
 
 def merged(function: Function) -> Function:
-    """Make a kernel that becomes part of the kernels that call it: a name in it that nobody uses costs nothing there.
+    """Make a kernel that is inlined in the kernels that call it, so that unused variables in it cost nothing.
 
-    So are the layouts of a memory; Python reads them by `memory.fields_of`, which waits for no compiler.
+    All memory layouts are such kernels. Python reads them with `memory.fields_of`, which needs no compilation.
     """
     return _compiled(function, inline="always")
 
 
 def _compiled(function: Function, **more: Any) -> Function:
     options: dict[str, Any] = {
-        "error_model": "numpy",  # and no fastmath: see design note 4 on the same numbers everywhere
-        "no_cfunc_wrapper": True,  # nobody calls a kernel from C
+        "error_model": "numpy",  # fastmath is not used, so that results are the same on all machines: design note 4
+        "no_cfunc_wrapper": True,  # kernels are not called from C
         **more,
     }
     try:
         compiled = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # numba found no folder for its cache
+    except RuntimeError:  # numba found no writable folder for its cache
         return cast(Function, numba.njit(**options)(function))
-    with suppress(AttributeError):  # a numba that keeps its stamp elsewhere
-        # numba looks for changes in a kernel's own file only, but the kernels that it calls are compiled into it.
+    with suppress(AttributeError):  # in case another numba version stores the stamp elsewhere
+        # numba checks only the kernel's own file for changes, but the kernels that it calls are compiled into it.
         compiled._cache._cache_file._source_stamp = sources_stamp()
-        # What is outdated is not even unpickled: the classes in its signatures may be gone.
+        # A new version also avoids unpickling outdated entries, whose signatures can name classes that no longer exist.
         compiled._cache._cache_file._version = f"{numba.__version__} {sources_stamp()}"
     return cast(Function, compiled)
 
 
 @cache
 def sources_stamp() -> tuple[tuple[str, int, int], ...]:
-    """Return name, time and size of every file whose code ends up in a kernel: a change in one outdates all."""
+    """Return name, time and size of every file with kernel code; a change in any file invalidates all kernels."""
     package = Path(__file__).parents[1]
     files = (package / name for name in KERNEL_SOURCES)
     return tuple((str(file.relative_to(package)), file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 
 def is_compiled(entry: Any) -> bool:
-    """Tell whether the cache holds an up-to-date compilation of a kernel, or the compiler is switched off."""
+    """Return whether the cache holds an up-to-date compilation of a kernel, or the compiler is switched off."""
     if numba.config.DISABLE_JIT:
         return True
     try:
         return bool(entry._cache._cache_file._load_index())
-    except AttributeError:  # no cache, or a numba that keeps it elsewhere
+    except AttributeError:  # no cache, or another numba version that stores it elsewhere
         return False
 
 
 def announce_compilation(entry: Any) -> None:
-    """Say on stderr that a kernel is about to be compiled, unless an earlier run left it in the cache."""
+    """Print on stderr that a kernel is about to be compiled, unless the cache already holds it."""
     if not is_compiled(entry) and not entry.signatures:
         print("compiling the kernels: once per installation, about 20 s", file=sys.stderr, flush=True)
 
 
 def lock(entry: Any, *arguments: Any) -> None:
-    """Compile a kernel for the types of these arguments, by calling it; from then on other types raise TypeError."""
+    """Compile a kernel by calling it with these arguments; after that, arguments of other types raise TypeError."""
     if not numba.config.DISABLE_JIT and not entry.signatures:
         entry(*arguments)
         entry.disable_compile()

@@ -1,15 +1,17 @@
-"""A fixed-step Runge-Kutta method on a configuration manifold. It knows nothing about birds.
+"""A fixed-step Runge-Kutta method on a configuration manifold. It does not depend on the robot.
 
 The commutator-free method of order four of Celledoni, Marthinsen & Owren (Future Generation Computer Systems 19,
-2003), written for body velocities: `retract(q, xi)` is q exp(xi), `pinocchio.integrate` for instance. Beside the
-point q on the manifold it carries a vector y, for which it is the classical Runge-Kutta method:
+2003), written for body velocities: `retract(q, xi)` is q exp(xi), for example `pinocchio.integrate`. With stage
+velocities k1 to k4 and step h, the stages q2 to q4 and the result q' are
 
     q2 = q exp(h/2 k1)        q4 = q2 exp(h k3 - h/2 k1)
     q3 = q exp(h/2 k2)        q' = q exp(h (k1/4 + k2/6 + k3/6 - k4/12)) exp(h (-k1/12 + k2/6 + k3/6 + k4/4))
 
-Stages are counted from 0. `lie_step` goes from stage to stage on the manifold; whoever evaluates a stage calls
-`next_tangent` for q, `next_state` for y, and `add_stage` for whatever is to be averaged over the step. `step` does all
-that for equations written as a Python function.
+Beside the point q on the manifold, the method integrates a vector y, for which it is the classical Runge-Kutta method.
+
+Stages are counted from 0. `lie_step` goes from stage to stage on the manifold. At each stage it calls a function of the
+caller, which calls `next_tangent` for q, `next_state` for y, and `add_stage` for quantities to be averaged over the
+step. `step` does all this for equations written as a Python function.
 """
 
 from __future__ import annotations
@@ -27,21 +29,21 @@ Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
 Evaluation = Callable[[int, Array], tuple[Array, Array]]
 Retraction = Callable[[Array, Array], Array]
 
-HALF_STEPS = (0, 1, 1, 2)  # where the stages lie, in half steps from the start
-DEPARTURES = (0, 0, 1, 0)  # where the tangent that leads on from a stage departs, in half steps: from q or from q2
-WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # of the stages in the mean over the step
+HALF_STEPS = (0, 1, 1, 2)  # time of each stage, in half steps from the start
+DEPARTURES = (0, 0, 1, 0)  # for each stage, where the tangent to the next stage starts: 0 at q, 1 at q2
+WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # weights of the stages in the mean over the step
 
 
 @kernel
 def next_tangent(stage: int, dt: float, k: Array, tangent: Array) -> None:
-    """Write the tangents that lead on from a stage.
+    """Write the tangent from a stage to the next stage.
 
     Args:
-        stage: just evaluated.
-        dt: step.
-        k: (4, m) velocities of q at the stages; those after this one are not read.
-        tangent: (2, m or more) first m entries written: the tangent to the next stage in row 0; after the last stage
-            the tangents to the next step, one after the other.
+        stage: the stage that was just evaluated.
+        dt: time step.
+        k: (4, m) velocities of q at the stages; rows after `stage` are not read.
+        tangent: (2, m or more) the first m columns are written. Row 0 is the tangent to the next stage. After the last
+            stage, rows 0 and 1 are the two tangents that lead to the next step, applied in this order.
     """
     for i in range(k.shape[1]):
         if stage < 2:
@@ -56,14 +58,14 @@ def next_tangent(stage: int, dt: float, k: Array, tangent: Array) -> None:
 
 @kernel
 def next_state(stage: int, dt: float, rate: Array, start: Array, state: Array) -> None:
-    """Write y at the next stage, after the last stage at the next step.
+    """Write y at the next stage; after the last stage, write y at the next step.
 
     Args:
-        stage: just evaluated.
-        dt: step.
+        stage: the stage that was just evaluated.
+        dt: time step.
         rate: (4, n) rates of y at the stages.
         start: (n,) y at the start of the step.
-        state: (n,) written.
+        state: (n,) written: y at the next stage or step.
     """
     for i in range(start.shape[0]):
         if stage < 2:
@@ -76,7 +78,7 @@ def next_state(stage: int, dt: float, rate: Array, start: Array, state: Array) -
 
 @kernel
 def add_stage(stage: int, values: Array, mean: Array) -> None:
-    """Add a stage's values (n,) to their mean over the step (n,)."""
+    """Add the values (n,) of a stage, times the weight of the stage, to their mean over the step (n,)."""
     for i in range(values.shape[0]):
         mean[i] += WEIGHTS[stage] * values[i]
 
@@ -85,12 +87,12 @@ def lie_step(evaluate: Evaluation, retract: Retraction, q: Array) -> Array:
     """Advance one step on the manifold.
 
     Args:
-        evaluate: (stage, q) evaluates a stage there and returns the two tangents that lead on from it.
-        retract: (q, tangent) -> q.
-        q: point on the manifold.
+        evaluate: function (stage, q) that evaluates a stage at q and returns the two rows of `next_tangent`.
+        retract: function (q, tangent) -> q.
+        q: point on the manifold at the start of the step.
 
     Returns:
-        q at the next step.
+        The point q at the next step.
     """
     q2 = retract(q, evaluate(0, q)[0])
     q3 = retract(q, evaluate(1, q2)[0])
@@ -102,18 +104,18 @@ def lie_step(evaluate: Evaluation, retract: Retraction, q: Array) -> Array:
 def step(
     rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
 ) -> tuple[Array, Array, tuple[Output, ...]]:
-    """Advance any equations by one step.
+    """Integrate equations given as a Python function over one step.
 
     Args:
-        rates: (t, q, y) -> velocity of q in its tangent space, rate of y, and any output worth keeping.
-        retract: (q, tangent) -> q.
+        rates: function (t, q, y) -> velocity of q in its tangent space, rate of y, and any further output.
+        retract: function (q, tangent) -> q.
         t: start time [s].
         q: point on the manifold.
         y: vector state.
-        dt: step [s].
+        dt: time step [s].
 
     Returns:
-        q and y at t + dt, and the outputs of the four stages.
+        The point q and the vector y at t + dt, and the further outputs of the four stages.
     """
     start, state, slopes = np.array(y, float), np.array(y, float), np.zeros((4, len(y)))
     velocities: list[Array] = []

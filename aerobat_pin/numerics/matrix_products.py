@@ -1,9 +1,10 @@
-"""Products of small matrices, in the processor's vectors.
+"""Products of small matrices, computed with the processor's vector instructions.
 
-For some ten rows BLAS spends its time on the way in. In plain loops the compiler cannot know whether target and factors
-overlap, and keeps no sum in a register: with the best of nine forms a whole sample of `kalman` takes 6 to 11 % longer,
-one of `smoother` 12 %, with harmonics 18 % and 28 % (design note 7). So the instructions are written here: up to four
-rows times sixteen columns of the target are summed in registers over all k. Rows are contiguous, and start anywhere.
+For about ten rows, BLAS spends most of its time on the call itself. In plain loops the compiler cannot know whether
+target and factors overlap, so it keeps no sums in registers. With the best of nine such loops, a whole sample takes 6
+to 11 % longer for `kalman` and 12 % for `smoother`, and with harmonics 18 % and 28 % (design note 7). The instructions
+are therefore written here: blocks of up to four rows times sixteen columns of the target are summed in registers over
+all k. Rows must be contiguous and can start at any address.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import inner
 from aerobat_pin.numerics.pinocchio_views import DOUBLE
 
-TILES = ((4, (16, 8, 4, 2, 1)), (2, (16, 8, 4, 2, 1)), (1, (32, 16, 8, 4, 2, 1)))  # rows, then columns to choose from
+TILES = ((4, (16, 8, 4, 2, 1)), (2, (16, 8, 4, 2, 1)), (1, (32, 16, 8, 4, 2, 1)))  # rows, then possible columns
 WORD, REAL = ir.IntType(64), ir.DoubleType()
 
 
 def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-    """Emit the instructions of C += scale A B for addresses and strides in bytes."""
+    """Emit the instructions for C += scale A B, given the addresses and the strides in bytes."""
     c, c_row, a, a_row, a_column, b, b_row, m, depth, n, scale = arguments
 
     def place(start: Any, row: Any, stride: Any, offset: Any, kind: Any) -> Any:
@@ -48,10 +49,10 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
     def tile(i: Any, rows: int, j: Any, columns: int) -> None:
         kind = REAL if columns == 1 else ir.VectorType(REAL, columns)
         zero = ir.Constant(kind, 0.0 if columns == 1 else [0.0] * columns)
-        name = "llvm.fma.f64" if columns == 1 else f"llvm.fma.v{columns}f64"  # rounds once, whatever calls it
+        name = "llvm.fma.f64" if columns == 1 else f"llvm.fma.v{columns}f64"  # fused multiply-add, which rounds once
         fused = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
         offset = builder.mul(j, WORD(DOUBLE))
-        sums = [cgutils.alloca_once(builder, kind) for _ in range(rows)]  # registers, once compiled
+        sums = [cgutils.alloca_once(builder, kind) for _ in range(rows)]  # become registers when compiled
         for total in sums:
             builder.store(zero, total)
         with cgutils.for_range(builder, depth) as loop:
@@ -65,7 +66,7 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
             builder.store(summed, target).align = DOUBLE
 
     def spans(count: Any, sizes: Sequence[int]) -> Iterator[tuple[Any, Any]]:
-        """Yield from where to where each size reaches: as far as it fits, and the next one from there."""
+        """Divide `count` among block sizes; yield start and end of the part that each size covers."""
         start = WORD(0)
         for size in sizes:
             end = builder.and_(count, WORD(-size))
@@ -82,7 +83,7 @@ def _emit_tiles(_context: Any, builder: Any, _signature: Any, arguments: Any) ->
 
 @intrinsic
 def _tiles(_, c, c_row, a, a_row, a_column, b, b_row, m, k, n, scale):  # type: ignore[no-untyped-def]
-    """Put the instructions into a kernel."""
+    """Insert the instructions of `_emit_tiles` into a kernel."""
     return types.void(*[types.intp] * 10, types.float64), _emit_tiles
 
 
@@ -90,7 +91,7 @@ def _tiles(_, c, c_row, a, a_row, a_column, b, b_row, m, k, n, scale):  # type: 
 def _multiply(
     c: int, c_row: int, a: int, a_row: int, a_column: int, b: int, b_row: int, m: int, k: int, n: int, scale: float
 ) -> None:
-    """Compile them once for all kernels."""
+    """Compute C += scale A B from addresses and strides; compiled once for all kernels."""
     _tiles(c, c_row, a, a_row, a_column, b, b_row, m, k, n, scale)
 
 
@@ -98,9 +99,9 @@ def _add_product(C: Array, A: Array, B: Array, scale: float) -> None:
     """Add scale A B to C.
 
     Args:
-        C: (m, n) changes. It may not overlap A or B.
-        A: (m, k), in any order.
-        B: (k, n).
+        C: (m, n) changes; must not overlap A or B.
+        A: (m, k) with any strides.
+        B: (k, n) with contiguous rows.
         scale: factor.
     """
     (m, n), k, c, a, b = C.shape, B.shape[0], C.ctypes.data, A.ctypes.data, B.ctypes.data
@@ -111,9 +112,9 @@ def _add_row_product(c: Array, a: Array, B: Array, scale: float) -> None:
     """Add scale a B to c.
 
     Args:
-        c: (n,) changes, contiguous. It may not overlap a or B.
-        a: (k,), in any order.
-        B: (k, n).
+        c: (n,) contiguous, changes; must not overlap a or B.
+        a: (k,) with any stride.
+        B: (k, n) with contiguous rows.
         scale: factor.
     """
     k, n = B.shape
@@ -121,10 +122,10 @@ def _add_row_product(c: Array, a: Array, B: Array, scale: float) -> None:
 
 
 def _factorise(rows: Array) -> None:
-    """Turn [S, B] into L^-1 [S, B] with S = L L^T, by Cholesky's elimination; what is below the diagonal means nothing.
+    """Replace [S, B] by L^-1 [S, B] with S = L L^T, by Cholesky's method; entries below the diagonal are undefined.
 
     Args:
-        rows: (m, m + ...) changes; S is symmetric positive definite.
+        rows: (m, m + ...) the matrix [S, B], changes; S is symmetric positive definite.
     """
     (m, n), stride, start = rows.shape, rows.strides[0], rows.ctypes.data
     for k in range(m):
@@ -137,7 +138,7 @@ def _factorise(rows: Array) -> None:
 
 @inner
 def mirror(A: Array, columns: int) -> None:
-    """Copy what is above the diagonal of A (n, n) below it, in its first columns: else rounding would grow."""
+    """Copy the upper triangle of A (n, n) to the lower one in the first columns, so that rounding errors stay small."""
     for i in range(A.shape[0]):
         row = A[i]
         for j in range(min(i, columns)):
@@ -154,7 +155,7 @@ def _factorise_slowly(rows: Array) -> None:
         rows[k] /= np.sqrt(rows[k, k])
 
 
-COMPILED = not numba.config.DISABLE_JIT  # or kernels run as plain Python
+COMPILED = not numba.config.DISABLE_JIT  # otherwise kernels run as plain Python
 add_product: Any = inner(_add_product if COMPILED else _add_product_slowly)
 add_row_product: Any = inner(_add_row_product if COMPILED else _add_product_slowly)
 factorise: Any = inner(_factorise if COMPILED else _factorise_slowly)

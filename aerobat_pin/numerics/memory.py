@@ -1,8 +1,9 @@
-"""Memory of compiled kernels: one flat array whose fields one function names, each once and with its shape.
+"""Memory of compiled kernels: one flat array, and a layout function that defines its fields.
 
-A compiled call pays for every array it is handed, so a kernel gets a single one, and finds its parts by address. How
-they lie there is said by a layout: a kernel that reads the sizes, then takes the fields one after the other from a
-cursor, an address that moves on by what is taken. A view costs nothing to make, and no shape is part of a type.
+Every array that is passed to a compiled call costs time. A kernel therefore gets a single flat array and finds its
+fields by address. A layout is a kernel that defines the fields. It first reads the sizes at the start of the array, and
+then takes one field after the other from a cursor, an address that advances by the size of each field. Making such
+views costs nothing, and because shapes are not part of a type, other sizes need no new compilation.
 
     class Filter(NamedTuple):
         gain: Array
@@ -14,7 +15,7 @@ cursor, an address that moves on by what is taken. A view costs nothing to make,
         n = next_size(cursor)
         return Filter(gain=take(cursor, (n,)), state=take(cursor, (2, n)))
 
-    memory = new_memory(filter_in, 3)  # runs the layout once to learn how much it takes
+    memory = new_memory(filter_in, 3)  # runs the layout once to find the total size
     fields_of(filter_in, memory).gain[:] = 1000.0
 """
 
@@ -37,7 +38,7 @@ Fields = TypeVar("Fields")
 
 @inner
 def rewind(memory: Array) -> Integers:
-    """Return the cursor (1,) of a memory, at its first size. It lies in the memory's first cell."""
+    """Return the cursor (1,) of a memory, set to the first size. The cursor is stored in the memory's first cell."""
     start = memory.ctypes.data
     cursor: Integers = integers_at(start, (1,))
     cursor[0] = start + DOUBLE
@@ -46,14 +47,14 @@ def rewind(memory: Array) -> Integers:
 
 @inner
 def next_size(cursor: Integers) -> int:
-    """Return the size at the cursor and move on. A layout reads all sizes before it takes the first field."""
+    """Return the size at the cursor and advance. A layout reads all sizes before it takes the first field."""
     cursor[0] += DOUBLE
     return int(integers_at(cursor[0] - DOUBLE, (1,))[0])
 
 
 @inner
 def take(cursor: Integers, shape: tuple[int, ...]) -> Any:
-    """View the doubles at the cursor, by rows, and move on behind them."""
+    """Return a row-major view of the doubles at the cursor and advance the cursor past them."""
     view = array_at(cursor[0], shape)
     cursor[0] += DOUBLE * view.size
     return view
@@ -61,37 +62,37 @@ def take(cursor: Integers, shape: tuple[int, ...]) -> Any:
 
 @inner
 def take_integers(cursor: Integers, shape: tuple[int, ...]) -> Any:
-    """View the integers at the cursor, by rows, and move on behind them; addresses of other arrays too lie so."""
+    """Return a row-major view of the integers (or addresses) at the cursor and advance the cursor past them."""
     view = integers_at(cursor[0], shape)
-    cursor[0] += DOUBLE * view.size  # an integer is as long as a double
+    cursor[0] += DOUBLE * view.size  # an integer takes as many bytes as a double
     return view
 
 
 def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:
-    """Return memory for the fields of a layout, all of them zero.
+    """Return memory for the fields of a layout, with all fields zero.
 
     Args:
-        layout: a kernel that names the fields of a memory, of these and of no other sizes.
-        sizes: in the order in which the layout reads them.
+        layout: a kernel that defines the fields of a memory and reads these sizes.
+        sizes: the sizes in the order in which the layout reads them.
     """
     head = np.zeros(1 + len(sizes))
     head[1:].view(np.intp)[:] = sizes
-    fields_of(layout, head)  # its views lie behind the end, where nobody reads them: what counts is the cursor's way
+    fields_of(layout, head)  # the views point past the end and are not read; only the final cursor is used
     memory = np.zeros((int(head.view(np.intp)[0]) - head.ctypes.data) // DOUBLE)
     memory[: len(head)] = head
     return memory
 
 
 def fields_of(layout: Callable[[Array], Fields], memory: Array) -> Fields:
-    """Return the fields that a layout names in a memory, as arrays that live as long as the memory does."""
+    """Return the fields that a layout defines in a memory. They are valid only as long as the memory exists."""
     return cast(Fields, _in_python(layout)(memory))
 
 
 def _in_python(function: Any) -> Any:
-    """Return what a kernel was compiled from, calling what its own callees were compiled from."""
+    """Return the Python function of a kernel, with the kernels that it calls replaced by their Python functions."""
     if function in _PLAIN:
         return _PLAIN[function]
-    plain = getattr(function, "py_func", function)  # the same where nothing is compiled
+    plain = getattr(function, "py_func", function)  # the function itself if nothing is compiled
     used = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
     names = {name: _in_python(value) if hasattr(value, "py_func") else value for name, value in used.items()}
     return FunctionType(plain.__code__, {**plain.__globals__, **names})

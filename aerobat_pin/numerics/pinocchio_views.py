@@ -1,4 +1,4 @@
-"""Pinocchio's results, and arrays of our own, as kernels see them: views of memory that cost nothing to make."""
+"""Views of Pinocchio's results and of other arrays in memory, which kernels make from addresses without copying."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import Integers, inner, kernel
 
 DOUBLE = 8  # bytes
-SE3_SIZE, MOTION_SIZE = 12, 6  # doubles: rotation by columns then translation; linear then angular
+SE3_SIZE, MOTION_SIZE = 12, 6  # number of doubles: rotation by columns, then translation; linear, then angular part
 
 
 def placements(vector: Any) -> Array:
-    """View `data.oMi` or `data.liMi` as (njoints, 12): each rotation by columns, then the translation."""
+    """Return a view (njoints, 12) of `data.oMi` or `data.liMi`: each rotation by columns, then the translation."""
     return _view_rows(vector[0].rotation, len(vector), SE3_SIZE)
 
 
 def motions(vector: Any) -> Array:
-    """View `data.v` or `data.a_gf` as (njoints, 6): linear, then angular."""
+    """Return a view (njoints, 6) of `data.v` or `data.a_gf`: linear part, then angular part."""
     return _view_rows(vector[0].vector, len(vector), MOTION_SIZE)
 
 
 def _view_rows(first: Array, count: int, size: int) -> Array:
-    """View `count` equal objects that lie one after the other in memory, from a view of the first one's start."""
+    """Return a view (count, size) of consecutive equal objects in memory; `first` views the start of the first."""
     step = size * first.itemsize
     return np.lib.stride_tricks.as_strided(first.ravel(order="F")[:1], (count, size), (step, first.itemsize))
 
 
 def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Array, a_gf: Array | None = None) -> None:
-    """Raise RuntimeError unless the views show what Pinocchio computes; its memory layout is not documented."""
+    """Raise RuntimeError unless the views show Pinocchio's results, whose layout in memory is not documented."""
     q = pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv))
     pin.forwardKinematics(model, data, q, np.linspace(-0.3, 0.2, model.nv))
     pin.nonLinearEffects(model, data, q, np.linspace(-0.3, 0.2, model.nv))
@@ -51,7 +51,7 @@ def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Ar
 
 
 def _pointers(here: Any, there: Any) -> Any:
-    """Return a function that turns an address into a pointer, to a ctypes or to a numba kind of number."""
+    """Return a function that turns an address into a pointer to a number: ctypes type `here`, numba type `there`."""
     if numba.config.DISABLE_JIT:  # kernels run as plain Python
         return lambda address: ctypes.cast(int(address), ctypes.POINTER(here))
 
@@ -69,26 +69,26 @@ _double, _integer = _pointers(ctypes.c_double, types.float64), _pointers(ctypes.
 
 
 def addresses(*arrays: Array) -> Integers:
-    """Return where the doubles of some arrays lie, for `doubles_at`. The caller keeps the arrays alive."""
+    """Return the memory addresses of arrays of doubles, for `doubles_at`. The caller must keep the arrays alive."""
     for array in arrays:
         if array.dtype != np.float64 or not (array.flags.f_contiguous or array.flags.c_contiguous):
-            raise RuntimeError("only contiguous arrays of doubles can be handed over by address")
+            raise RuntimeError("only contiguous arrays of doubles can be passed by address")
     return np.array([array.ctypes.data for array in arrays], dtype=np.intp)
 
 
 @kernel
 def doubles_at(address: int, rows: int, columns: int) -> Any:
-    """View (rows, columns) doubles at an address, by columns, as Eigen keeps a matrix."""
+    """Return a view (rows, columns) of doubles at an address, stored by columns as in Eigen."""
     return farray(_double(address), (rows, columns))
 
 
 @inner
 def array_at(address: int, shape: tuple[int, ...]) -> Any:
-    """View doubles at an address, by rows. It costs nothing: unlike a slice, it counts no references."""
+    """Return a row-major view of doubles at an address. Unlike a slice, it costs nothing: no references are counted."""
     return carray(_double(address), shape)
 
 
 @inner
 def integers_at(address: int, shape: tuple[int, ...]) -> Any:
-    """View integers at an address, by rows."""
+    """Return a row-major view of integers at an address."""
     return carray(_integer(address), shape)

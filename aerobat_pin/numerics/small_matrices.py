@@ -1,4 +1,4 @@
-"""Linear algebra for some ten rows, compiled: LAPACK's call alone would cost several times as much."""
+"""Compiled linear algebra for about ten rows, where the call of LAPACK alone would cost several times as much."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from aerobat_pin.numerics.jit import inner, kernel
 
 @inner
 def copy_values(source: Array, target: Array) -> None:
-    """Copy a vector. `target[:] = source` would compile for two seconds more, for the sake of its error message."""
+    """Copy a vector. `target[:] = source` would take two seconds longer to compile, because of its error message."""
     for i in range(target.shape[0]):
         target[i] = source[i]
 
 
 @inner
 def dot(a: Array, b: Array) -> float:
-    """Return the inner product of two vectors, as four sums that do not wait for each other."""
+    """Return the inner product of two vectors, computed as four independent sums, which is faster."""
     n = a.shape[0]
     one, two, three, four = 0.0, 0.0, 0.0, 0.0
     for i in range(n // 4):
@@ -32,10 +32,10 @@ def dot(a: Array, b: Array) -> float:
 
 @kernel
 def solve_positive(A: Array, b: Array) -> float:
-    """Solve A x = b in place (x overwrites b, A is destroyed), A (n, n) symmetric positive definite, by Cholesky.
+    """Solve A x = b by Cholesky's method for A (n, n) symmetric positive definite; return the smallest pivot.
 
-    For n of some six: LAPACK's call alone costs several times as much. Only the lower triangle is read. Returns the
-    smallest pivot, which shows how near to singular A is.
+    x overwrites b, and A is destroyed. Only the lower triangle of A is read. The smallest pivot shows how close A is
+    to singular. Meant for n of about six, where the call of LAPACK alone would cost several times as much.
     """
     n = b.shape[0]
     least = np.inf
@@ -49,7 +49,7 @@ def solve_positive(A: Array, b: Array) -> float:
             for k in range(j):
                 A[i, j] -= A[i, k] * A[j, k]
             A[i, j] *= scale
-    # The processor computes the diagonal's reciprocals early; a division of b would wait for b.
+    # The processor can compute the reciprocals of the diagonal early; a division of b would have to wait for b.
     for i in range(n):
         for k in range(i):
             b[i] -= A[i, k] * b[k]
@@ -63,7 +63,7 @@ def solve_positive(A: Array, b: Array) -> float:
 
 @inner
 def eigenvectors(A: Array, V: Array) -> None:
-    """Diagonalise A (n, n), symmetric, in place, and write its eigenvectors into the columns of V: cyclic Jacobi."""
+    """Diagonalise a symmetric A (n, n) in place by cyclic Jacobi, and write its eigenvectors to the columns of V."""
     n = A.shape[0]
     V[:] = 0.0
     for i in range(n):

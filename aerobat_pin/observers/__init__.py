@@ -1,4 +1,4 @@
-"""Observers of external forces on any `pinocchio.Model`: they see samples and known inputs, and know nothing of air."""
+"""Observers of external forces on any `pinocchio.Model`, from samples and known forces; no aerodynamics needed."""
 
 from aerobat_pin.observers.analysis.bias import Bias, bias_of
 from aerobat_pin.observers.analysis.events import CusumDetector, Event, LevelDetector, calibrate_cusum, calibrate_level

@@ -1,8 +1,9 @@
-"""Where unknown forces may act: frames, and what may act at each.
+"""Where unknown forces can act: a list of frames, and for each frame the kind of force or wrench that acts there.
 
-Every unknown is a component: a unit force or moment at a frame's origin, in world or in frame axes. Component i with
-force direction d and moment direction m, in world axes at the point P, is the wrench (d, m + P x d) at the world's
-origin, and its row of the Jacobian is that wrench times Pinocchio's world Jacobian of the joint that carries it.
+Every unknown is the size of a component: a unit force or unit moment at a frame's origin, in world or in frame axes.
+Take a component with force direction d and moment direction m, in world axes at the point P. Moved to the world's
+origin, it is the wrench (d, m + P x d). This wrench times Pinocchio's world Jacobian of the joint that carries the
+frame is the component's row of the Jacobian.
 """
 
 from __future__ import annotations
@@ -22,13 +23,14 @@ from aerobat_pin.observers.rows import MOMENT_ARM
 
 @dataclass(frozen=True)
 class Application:
-    """A frame at whose origin something unknown acts.
+    """A frame at whose origin an unknown force or wrench acts.
 
     Attributes:
         frame: name of the frame.
-        kind: `force`, three components; or `wrench`, force then moment about the frame's origin, six.
-        axes: in which the components are given, `world` or those of the `frame`.
-        direction: the force acts along this line alone, one component; it need not be a unit vector.
+        kind: `force` (three components), or `wrench` (six: force, then moment about the frame's origin).
+        axes: axes in which the components are given, those of the `world` or of the `frame`.
+        direction: if given, the force acts only along this vector, in `axes`, and there is one component. The vector
+            does not need unit length.
     """
 
     frame: str
@@ -52,20 +54,20 @@ class Application:
 
     @property
     def directions(self) -> Array:
-        """(k, 6) force and moment directions of the components, in `axes`."""
+        """(k, 6) force direction and moment direction of each component, in `axes`."""
         if self.direction is not None:
             along = np.array(self.direction, float)
             size = float(np.linalg.norm(along)) if along.shape == (3,) else 0.0
             if self.kind != "force" or not (np.isfinite(size) and size > 0.0):
                 raise ObserverError(
-                    f"application at '{self.frame}': a force along three finite numbers, not all zero, was expected"
+                    f"application at '{self.frame}': a direction of three finite numbers, not all zero, was expected"
                 )
             return np.concatenate([along / size, np.zeros(3)])[None]
         return np.eye(6)[: 6 if self.kind == "wrench" else 3]
 
 
 class Applications:
-    """All the applications of an observer.
+    """All applications of an observer, looked up in its model.
 
     Args:
         model: any model.
@@ -73,22 +75,23 @@ class Applications:
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: applications that are not a list; a frame that is named twice or fixed to the world; a direction
-            of no length.
+        ObserverError: the applications are not a list, a frame is named twice or fixed to the world, or a direction is
+            not three finite numbers or is zero.
 
     Attributes:
         frames: (n,) names of the frames.
         components: (c,) labels of the components.
-        units: (c,) `N` or `N m` of each.
-        table: (c, 11) joint, place x, y, z in its frame, directions (6), whether these turn with the joint's frame.
-        support: (c, nv) 1 where a velocity moves the frame.
-        scale: (c,) 1 for forces; for moments what is a moment of 1 N at `MOMENT_ARM` [m].
+        units: (c,) unit of each component, `N` or `N m`.
+        table: (c, 11) for each component: joint, position (3) in the joint's frame [m], force and moment direction (6),
+            and 1 if the directions are fixed in the joint's frame, 0 if in the world.
+        support: (c, nv) 1 where the velocity coordinate moves the frame, else 0.
+        scale: (c,) 1 for forces and `MOMENT_ARM` [m] for moments: the moment of 1 N at that lever arm.
     """
 
     def __init__(self, model: pin.Model, applications: Sequence[str | Application]) -> None:
-        """Look the frames up and lay the components out."""
+        """Look up the frames and list the components."""
         if isinstance(applications, str | Application):
-            raise ObserverError(f"applications = {applications!r}: a list of them was expected, even of one")
+            raise ObserverError(f"applications = {applications!r}: a list was expected, even for a single application")
         self.model = model
         self.given = tuple(Application(item) if isinstance(item, str) else item for item in applications)
         self.frames = tuple(application.frame for application in self.given)
@@ -100,7 +103,9 @@ class Applications:
         for application in self.given:
             frame = model.frames[frame_id(model, application.frame)]
             if frame.parentJoint == 0:
-                raise ObserverError(f"force frame '{frame.name}' is fixed to the world: a force there moves nothing")
+                raise ObserverError(
+                    f"force frame '{frame.name}' is fixed to the world: a force on it cannot be observed"
+                )
             moves = np.zeros(model.nv)
             joint = int(frame.parentJoint)
             while joint > 0:
@@ -117,7 +122,7 @@ class Applications:
         self.scale = np.where(np.any(self.table[:, 7:10] != 0.0, axis=1), MOMENT_ARM, 1.0)
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Return J (c, nv) at a configuration (nq,): the components f make the generalised force J^T f."""
+        """Return J (c, nv) at a configuration (nq,), such that components f have the generalised force J^T f."""
         model, data = self.model, self.model.createData()
         blocks = [np.zeros((0, model.nv))]
         for application in self.given:

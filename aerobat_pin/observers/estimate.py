@@ -1,4 +1,4 @@
-"""What an observer answers: a `Sample` on a stream, an `Estimate` of a record."""
+"""Results of an observer: a `Sample` for each update of a stream, an `Estimate` for a whole record."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 class Sample:
-    """One estimate: the unknown components and the generalised residual of an interval."""
+    """The estimate for one interval: the unknown components and the generalised residual."""
 
     __slots__ = ("_nv", "_values")
 
     def __init__(self, values: Array, nv: int) -> None:
-        """Keep residual and components, one after the other (nv + c,)."""
+        """Store the values (nv + c,): the residual (nv), then the components (c)."""
         self._values, self._nv = values, nv
 
     @property
     def force(self) -> Array:
-        """Forces (n, 3) [N] in world axes, where that is what acts (see `Estimate.force`)."""
+        """Forces (n, 3) [N] in world axes; valid only if all components are such forces (see `Estimate.force`)."""
         return self.components.reshape(-1, 3)
 
     @property
@@ -48,19 +48,19 @@ class Sample:
 
 @dataclass(frozen=True, repr=False)
 class Estimate:
-    """A run of estimates; number k belongs to the interval [time_k, time_k+1].
+    """Estimates over a record; row k belongs to the interval from time_k to time_k+1.
 
     Attributes:
         observer: name of the observer.
-        gain: its gain [1/s].
-        rows: which rows of the residual it believed, or the name of a tie.
-        frames: names of the n frames at which something acts.
+        gain: gain of the observer [1/s].
+        rows: which rows of the residual the observer used, or the name of a tie.
+        frames: names of the n frames at which unknown forces act.
         time: (m + 1,) sample times [s].
-        components: (m, c); their labels are `identifiability.components`.
-        units: (c,) `N` or `N m` of each component.
+        components: (m, c) estimated components; their labels are `identifiability.components`.
+        units: (c,) unit of each component, `N` or `N m`.
         residual: (m, nv) estimated generalised force.
-        identifiability: what could be known at all.
-        standard_deviation: (m, c) of the components, where the observer knows its own.
+        identifiability: which components can be determined from the rows used.
+        standard_deviation: (m, c) standard deviations of the components, if the observer computes them, else None.
     """
 
     observer: str
@@ -76,7 +76,7 @@ class Estimate:
 
     @property
     def are_world_forces(self) -> bool:
-        """Whether the components are n forces in world axes, three each."""
+        """Whether the components are n forces in world axes, with three components each."""
         return all(label[-3:] in (".Fx", ".Fy", ".Fz") for label in self.identifiability.components)
 
     @property
@@ -91,19 +91,20 @@ class Estimate:
         return self.components.reshape(len(self.components), -1, 3)
 
     def component(self, label: str) -> Array:
-        """Return one component (m,) [N or N m] by its label, such as `tool.Mz`. Raises ObserverError listing them."""
+        """Return the component (m,) [N or N m] with a label such as `tool.Mz`. Raises ObserverError if none has it."""
         labels = self.identifiability.components
         if label not in labels:
             raise ObserverError(f"no component '{label}'; there are {', '.join(labels)}")
         return self.components[:, labels.index(label)]
 
     def to_xarray(self) -> Dataset:
-        """Return what `estimate.nc` holds of this estimate; `xarray.concat` along `observer` joins several.
+        """Return the dataset that `estimate.nc` contains for this estimate.
 
-        Forces in world axes are `force_W` (observer, interval, point, axis). Where anything else is looked for, all is
+        To join the datasets of several observers, call `xarray.concat` along `observer`. If all components are forces
+        in world axes, they are in `force_W` (observer, interval, point, axis). Otherwise all components are in
         `components` (observer, interval, component), each with its `unit`.
         """
-        import xarray as xr  # a third of a second that only this needs
+        import xarray as xr  # takes a third of a second to import; only this method needs it
 
         def variable(values: Array, dims: tuple[str, ...], unit: str, meaning: str) -> tuple[Any, ...]:
             return dims, values, {"units": unit, "long_name": meaning}
@@ -140,14 +141,14 @@ class Estimate:
         )
 
     def __repr__(self) -> str:
-        """Name observer and record, and each component's mean and range."""
+        """Show the observer, the record, and the mean and range of each component."""
         lines = (
             f"  {label:<24} {mean:>9} {least:>9} to {most:>9} {unit}" for label, mean, least, most, unit in self._rows()
         )
         return "\n".join([self._title(), *lines])
 
     def _repr_html_(self) -> str:
-        """Show the same as a table."""
+        """Show the content of `__repr__` as a table."""
         cells = [("component", "mean", "least", "largest", "unit"), *self._rows()]
         rows = ("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
         return f"<p>{escape(self._title())}</p><table>{''.join(rows)}</table>"
@@ -161,6 +162,6 @@ class Estimate:
         )
 
     def _rows(self) -> Iterator[tuple[str, ...]]:
-        """Yield label, mean, least, largest value and unit of each component."""
+        """Yield label, mean, smallest value, largest value and unit of each component."""
         for label, unit, values in zip(self.identifiability.components, self.units, self.components.T, strict=True):
             yield label, *(f"{number:.4g}" for number in (values.mean(), values.min(), values.max())), unit

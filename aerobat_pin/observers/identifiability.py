@@ -1,4 +1,4 @@
-"""How much of the unknown forces can be known at all: rank, singular values, patterns that leave no trace."""
+"""Which components can be determined: rank, singular values, and combinations that leave no trace in the rows."""
 
 from __future__ import annotations
 
@@ -11,22 +11,24 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.rows import BelievedRows
 
-RANK_TOLERANCE = 1.0e-6  # of the largest singular value
+RANK_TOLERANCE = 1.0e-6  # share of the largest singular value, below which a singular value counts as zero
 
 
 @dataclass(frozen=True, repr=False)
 class Identifiability:
-    """What the geometry lets an observer know, at the worst configuration of a run.
+    """Which components the geometry lets an observer determine, at the worst configuration of a run.
 
-    It follows from the map of components to believed rows, in which a moment counts as a force at a lever of 50 mm.
+    A pattern is a combination of components. It leaves no trace if it does not change the rows that the observer uses.
+    Everything here is computed from the map of components to these rows. In this map, moments are divided by a lever
+    arm of 50 mm to compare them with forces.
 
     Attributes:
-        components: (c,) their labels, such as `tool.Fx`.
+        components: (c,) labels of the components, such as `tool.Fx`.
         rank: number of independent components that the rows determine.
-        singular_values: (c,) of the weighted map, largest first.
+        singular_values: (c,) singular values of the weighted map, largest first.
         null_space: (c - rank, c) unit patterns of components that leave no trace; the last is the faintest.
-        deviation: (c,) standard deviation [N or N m] of each component per newton of white noise on every weighted
-            row; infinite where a component belongs to a pattern that leaves no trace.
+        deviation: (c,) standard deviation [N or N m] of each component if every weighted row has white noise of 1 N;
+            infinite if the component belongs to a pattern that leaves no trace.
     """
 
     components: tuple[str, ...]
@@ -37,7 +39,7 @@ class Identifiability:
 
     @property
     def null_direction(self) -> Array | None:
-        """The faintest pattern, (n, 3) where the components are n forces in world axes; None at full rank."""
+        """The faintest pattern, (n, 3) if the components are n forces, else (c,); None at full rank."""
         if not len(self.null_space):
             return None
         last: Array = self.null_space[-1]
@@ -45,17 +47,17 @@ class Identifiability:
 
     @property
     def condition(self) -> float:
-        """Largest over smallest singular value; infinite where the rank is not full, 1 without components."""
+        """Ratio of largest to smallest singular value; infinite if the rank is not full, 1 without components."""
         if not self.singular_values.size:
             return 1.0
         return float("inf") if len(self.null_space) else float(self.singular_values[0] / self.singular_values[-1])
 
     def describe(self) -> list[str]:
-        """Say in words which patterns leave no trace, one line each; empty at full rank."""
+        """Describe the patterns that leave no trace, one line for each; empty at full rank."""
         return [_pattern(self.components, row) for row in self.null_space]
 
     def __repr__(self) -> str:
-        """Give rank, condition and what leaves no trace."""
+        """Show the rank, the condition number and the patterns that leave no trace."""
         title = f"Identifiability: rank {self.rank} of {len(self.components)}, condition {self.condition:.3g}"
         return "\n".join([title, *(f"  no trace: {pattern}" for pattern in self.describe())])
 
@@ -63,14 +65,14 @@ class Identifiability:
 def judge(
     applications: Applications, jacobians: Array, velocities: Array, believed: BelievedRows, samples: int = 64
 ) -> Identifiability:
-    """Find the worst of up to `samples` instants, spread evenly over those of a run.
+    """Return the identifiability at the worst of up to `samples` instants, evenly spread over a run.
 
     Args:
         applications: where the unknown forces act.
-        jacobians: (m, c, nv).
-        velocities: (m, nv), whose joint part is the direction of the power row.
-        believed: rows of the generalised residual.
-        samples: how many instants to look at.
+        jacobians: (m, c, nv) Jacobians of the components.
+        velocities: (m, nv) velocities; their joint part is the direction of the power row.
+        believed: rows of the generalised residual that the observer uses.
+        samples: largest number of instants to examine.
     """
     count = len(applications.components)
     if not count:
@@ -79,7 +81,7 @@ def judge(
     scale = applications.scale
     maps = [believed.map(velocities[i]) for i in (at if believed.name == "base+power" else at[:1])]
     chosen = scale[:, None] * (jacobians[at] @ np.stack(maps))
-    squares = np.linalg.eigvalsh(chosen @ np.swapaxes(chosen, 1, 2))  # quick, and exact enough to find the worst
+    squares = np.linalg.eigvalsh(chosen @ np.swapaxes(chosen, 1, 2))  # fast and accurate enough to find the worst
     worst = int(np.argmin(squares[:, 0] / np.maximum(squares[:, -1], 1e-300)))
     _, values, vectors = np.linalg.svd(chosen[worst].T, full_matrices=True)
     values = np.concatenate([values, np.zeros(count - len(values))])
@@ -97,7 +99,7 @@ def judge(
 
 
 def _pattern(components: Sequence[str], row: Array) -> str:
-    """Name a pattern of components that leaves no trace."""
+    """Describe in words a pattern of components that leaves no trace."""
     points: dict[str, Array] = {}
     for name, value in zip(components, row, strict=True):
         frame, axis = name.rsplit(".", 1)

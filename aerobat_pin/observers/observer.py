@@ -1,7 +1,9 @@
-"""One interface for all observers: `reset` and `update` on a stream, `run` on arrays; the result is an `Estimate`.
+"""One interface for all observers: `reset` and `update` for a stream of samples, `run` for a whole record.
 
-With p = M v and Mdot = C + C^T, a robot under known generalised forces u and unknown ones u_f obeys
-p' = u + u_f + C^T v - g. Every observer starts from the mean of u_f over one sample interval; see `kernels`.
+`update` returns a `Sample`, `run` an `Estimate`.
+
+With p = M v and Mdot = C + C^T, a robot under known generalised forces u and unknown generalised forces u_f obeys
+p' = u + u_f + C^T v - g. Every observer first computes the mean of u_f over one sample interval; see `kernels`.
 """
 
 from __future__ import annotations
@@ -38,36 +40,36 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, 
 from aerobat_pin.observers.rows import BelievedRows, Rows, Tie
 
 DEFAULT_GAIN = 1000.0  # [1/s]
-# How many of a joint's last coordinates form a unit vector: a quaternion, or a cosine and a sine.
+# Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
 DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
     ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
 )
 
 
 class Observer:
-    """A momentum observer of what acts at given frames.
+    """A momentum observer: estimates the unknown forces at given frames.
 
     Args:
         model: any model, free-flyer or fixed base.
-        applications: frames at whose origins unknown forces act, or `Application`s: a wrench, a force along a line, in
-            world or frame axes. None for the generalised residual alone.
-        gain: K [1/s]: one number, one per filtered quantity, or a symmetric positive definite matrix of them.
-        rows: which rows of the generalised residual to believe when looking for forces: `"all"`; `"base"` where no
-            joint torque is known; `"base+power"` where one motor drives all joints and its power alone is known; or a
-            `Tie`. With `"base+power"` an observer that projects first takes any `tau` of the right power v . tau;
-            `momentum` filters the rows before it combines them, so a part of an error of `tau` remains (2 % at
-            1000 1/s on a flapping wing).
+        applications: where unknown forces act: names of frames, at whose origins a force acts, or `Application`s for a
+            wrench, a force along a line, or frame axes. Leave it empty to estimate only the generalised residual.
+        gain: K [1/s]: one number, one number per filtered quantity, or a symmetric positive definite matrix.
+        rows: which rows of the generalised residual to use when computing forces: `"all"`; `"base"` if no joint
+            torque is known; `"base+power"` if one motor drives all joints and only its power is known; or a `Tie`.
+            With `"base+power"` only the power v . tau of `tau` must be right if the observer projects first.
+            `momentum` filters the rows before it combines them, so part of an error in `tau` remains (2 % at 1000 1/s
+            on a flapping wing).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: rows that the model does not have, or a gain that is not finite and positive or does not fit.
+        ObserverError: the model lacks these rows, or the gain has the wrong shape or is not finite and positive.
     """
 
     name: ClassVar[str]
     project_first: ClassVar[bool] = True
     kind: ClassVar[int] = FIRST_ORDER
-    slope: float = 0.0  # [N/s], of the filters that have one
-    _settings: Mapping[str, Any] = MappingProxyType({})  # what a kind is told beyond the arguments of all
+    slope: float = 0.0  # [N/s], used by the super-twisting filter only
+    _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
     def __init__(
         self,
@@ -104,12 +106,12 @@ class Observer:
         self._latest = Sample(np.zeros(self._width), nv)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy as a fresh observer: the views of Pinocchio's results cannot travel."""
+        """Pickle and copy as a new observer that is not yet reset: views of Pinocchio's results cannot be pickled."""
         arguments = (self.model, self.applications.given, self.gain, self.believed.rows)
         return partial(type(self), **self._settings), arguments
 
     def __repr__(self) -> str:
-        """Give name, model, rows, gain and where unknown forces are looked for."""
+        """Show the name, model, rows, gain and the components that are estimated."""
         gain = np.array2string(self.gain, precision=4, threshold=12)
         found = ", ".join(self.applications.components) or "nothing: the generalised residual alone"
         return (
@@ -118,7 +120,7 @@ class Observer:
         )
 
     def _fill(self, memory: ObserverMemory) -> None:
-        """Write what does not change in use into a new memory."""
+        """Write the constants into a new memory."""
         data = self.data
         oMi = placements(data.oMi)
         check_views(self.model, data, oMi, placements(data.liMi), motions(data.v))
@@ -129,14 +131,14 @@ class Observer:
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
-        """Start anew from a sample, at rest or in flight: the estimate is zero and p0 is this sample's momentum.
+        """Start again from a sample, at rest or in flight: the estimate is zero and p0 is the momentum of this sample.
 
         Raises:
-            ShapeError: an array does not fit the model or is not finite, or a quaternion is not of length one.
+            ShapeError: an array does not fit the model or is not finite, or a quaternion does not have length one.
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
         self._check_directions(q[None])
-        # Only streams compile this kernel. From here on it takes arrays of doubles alone: others raise.
+        # Only streams need this kernel compiled. From here on, it accepts only arrays of doubles and raises otherwise.
         lock(self._update, self._memory.copy(), v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
         self._start(v)
@@ -146,17 +148,17 @@ class Observer:
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> Sample:
-        """Take the next sample and return the estimate for the interval since the last one.
+        """Take the next sample and return the estimate for the interval since the previous sample.
 
         Args:
-            time: of the sample [s]; steps may vary, and a repeated stamp changes nothing.
-            q: (nq,) configuration at that time; its quaternions have length one, which only `reset` and `run` look at.
+            time: time of the sample [s]. Steps can vary; a sample with the same time as the previous one is ignored.
+            q: (nq,) configuration at that time. Quaternions must have length one; only `reset` and `run` check this.
             v: (nv,) velocity at that time.
             tau: (nv,) measured joint torque, mean over the interval.
             known: name -> (nv,) other known generalised forces, means over the interval.
 
         Raises:
-            ObserverError: no reset before, or time runs backwards.
+            ObserverError: `reset` was not called before, or the time decreased.
             ShapeError: an array does not fit the model or is not finite.
         """
         dt = time - self._time
@@ -171,7 +173,7 @@ class Observer:
             if known:
                 force: Any
                 for force in known.values():
-                    if force.shape != u.shape:  # numpy would stretch one number over all rows
+                    if force.shape != u.shape:  # numpy would broadcast one number to all rows
                         raise TypeError
                     u = u + force
             crba(model, data, q)
@@ -202,7 +204,7 @@ class Observer:
             known: name -> (m, nv) other known generalised forces, interval means.
 
         Raises:
-            ObserverError, ShapeError: as in `update` and `reset`.
+            ObserverError, ShapeError: for the same reasons as `update` and `reset`.
         """
         time = np.ascontiguousarray(time, float)
         count = len(time) - 1
@@ -221,16 +223,16 @@ class Observer:
         return self._estimate(time, *self._run(time, q, v, u, known or {}))
 
     def _sample(self, out: Array) -> Sample:
-        """Wrap one result."""
+        """Return one result as a `Sample`."""
         return Sample(out, self._nv)
 
     def _start(self, v: Array) -> None:
-        """Start the filter at a sample that Pinocchio has just computed."""
+        """Start the filter at the sample for which Pinocchio has just computed M, C and g."""
         kernels.start_observer(self._memory, v)
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        """Filter a checked record; return results (m, width) and its samples."""
-        memory = self._memory.copy()  # a stream that is under way goes on undisturbed
+        """Filter a checked record; return the results (m, width) and the samples in the form that kernels need."""
+        memory = self._memory.copy()  # so that a running stream is not disturbed
         samples = np.empty((len(time), 3 + self._width - self._nv, self._nv))
         fields_of(observer_in, memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
         self._each_sample(kernels.record_sample, memory, q, v)
@@ -239,7 +241,7 @@ class Observer:
         return out, samples
 
     def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
-        """Call a kernel at every sample of a record, behind Pinocchio's calls."""
+        """Call a kernel at every sample of a record, after Pinocchio has computed M, C and g there."""
         model, data = self.model, self.data
         for configuration, velocity in zip(q, v, strict=True):
             crba(model, data, configuration)
@@ -248,7 +250,7 @@ class Observer:
             kernel(memory)
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
-        """Wrap a record's results."""
+        """Return the results of a record as an `Estimate`."""
         end = self._nv + len(self.applications.components)
         return Estimate(
             observer=self.name,
@@ -269,14 +271,14 @@ class Observer:
     def _checked(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike]
     ) -> tuple[Array, Array, Array]:
-        """Return q, v and the sum of the known forces as a kernel takes them. Raises ShapeError naming what is not."""
+        """Return q, v and the sum of the known forces, checked for a kernel. Raises ShapeError."""
         u = checked(tau, self._nv, "tau")
         for name, force in known.items():
             u = u + checked(force, self._nv, name)
         return checked(q, self.model.nq, "q"), checked(v, self._nv, "v"), u
 
     def _check_directions(self, q: Array) -> None:
-        """Raise ShapeError where a quaternion, or a cosine with its sine, in q (m, nq) is not of length one."""
+        """Raise ShapeError if a quaternion or a (cosine, sine) pair in q (m, nq) does not have length one."""
         for joint in self.model.joints:
             size = DIRECTIONS.get(joint.shortname(), 0)
             end = joint.idx_q + joint.nq
@@ -292,9 +294,10 @@ class Observer:
 
 
 def _modes(gain: Array, size: int) -> tuple[Array, Array]:
-    """Return gains (size,) and the orthonormal basis (size, size) they belong to, empty for the filtered quantities'.
+    """Split a gain into gains (size,) and the orthonormal basis (size, size) in which they act.
 
-    Raises ObserverError for a gain that does not fit, or that would not settle.
+    The basis is empty unless the gain is a matrix. Raises ObserverError if the gain has the wrong shape or would make
+    the filter unstable.
     """
     if gain.shape not in ((), (size,), (size, size)):
         raise ObserverError(
@@ -311,14 +314,14 @@ def _modes(gain: Array, size: int) -> tuple[Array, Array]:
 
 
 def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:
-    """Let Pinocchio fill M, C, g, the world Jacobians and the placements that the kernels look at."""
+    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read."""
     crba(model, data, q)
     computeCoriolisMatrix(model, data, q, v)
     computeGeneralizedGravity(model, data, q)
 
 
 def _record(values: ArrayLike, rows: int, columns: int, name: str) -> Array:
-    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError naming it."""
+    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError with `name`."""
     table = np.ascontiguousarray(values, float)
     if table.ndim != 2 or table.shape[1] != columns:
         raise ShapeError(f"{name} has shape {table.shape}: ({rows}, {columns}) was expected")

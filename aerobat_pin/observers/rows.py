@@ -1,7 +1,7 @@
-"""Which rows of the generalised residual an observer believes, and how it weighs them.
+"""The rows of the generalised residual that an observer uses, and their weights.
 
-Rows mix N (translation of a free base) and N m (everything else); a moment counts as a force at a lever of
-`MOMENT_ARM`. Where joint torques are not measured, the joint rows say nothing.
+Some rows are in N (translation of a free base) and all others in N m. To compare them, a moment is divided by the
+lever arm `MOMENT_ARM`. If joint torques are not measured, the joint rows contain no information and are not used.
 """
 
 from __future__ import annotations
@@ -17,21 +17,22 @@ from aerobat_pin.numerics import Array
 
 MOMENT_ARM = 0.05  # [m]
 BASE_ROWS = 6  # rows of a free-flyer base
-TIED = 3  # the kernels' number of tied rows
+TIED = 3  # integer by which the kernels identify tied rows
 Rows = Literal["all", "base", "base+power"]
-ROWS = ("all", "base", "base+power")  # in the order of the kernels' numbers
+ROWS = ("all", "base", "base+power")  # a name's index is the integer by which the kernels identify it
 
 
 @dataclass(frozen=True)
 class Tie:
-    """Coordinates moved together, v = S v_s: only S^T times the residual is believed.
+    """Coordinates assumed to move together, v = S v_s: an observer then uses only S^T times the residual.
 
-    With p_s = S^T p and M_s = S^T M S the tied robot obeys p_s' = S^T (u + J^T f + C^T v - g). The paper ties left and
-    right wing, ten velocities to eight. This is an assumption: what forces do against the tie cannot be seen.
+    With p_s = S^T p and M_s = S^T M S the tied robot obeys p_s' = S^T (u + J^T f + C^T v - g). The paper ties the left
+    wing to the right wing, which leaves eight of ten velocities. The tie is an assumption: generalised forces that
+    would move the tied coordinates apart do not appear in S^T times the residual.
 
     Attributes:
-        name: that every result carries.
-        map: S (nv, ns).
+        name: name of the tie, which appears in every result.
+        map: the matrix S (nv, ns).
     """
 
     name: str
@@ -39,12 +40,12 @@ class Tie:
 
 
 def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:
-    """Tie the second joint of every pair to the first: equal rates.
+    """Tie the second joint of every pair to the first, so that both have the same rate.
 
     Args:
         model: any model.
         pairs: joint -> the joint that moves with it, such as `{"left_shoulder": "right_shoulder"}`.
-        name: of the tie.
+        name: name of the tie.
 
     Raises:
         ObserverError: a joint is not in the model, or moves with more than one degree of freedom.
@@ -62,17 +63,18 @@ def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right"
 
 
 class BelievedRows:
-    """The rows an observer believes, as the kernels and the identifiability take them.
+    """The rows of the residual that an observer uses, in the form that kernels and identifiability need.
 
     Attributes:
         name: `all`, `base`, `base+power`, or the name of a tie.
-        number: the kernels' number for it.
-        weight: (nv,) of the rows, 1 for forces and 1/`MOMENT_ARM` for moments.
-        metric: (nv, nv) W with phi . W phi the weighted square of what is believed of phi, for tied rows.
+        number: the integer by which the kernels identify this choice of rows.
+        weight: (nv,) weights of the rows, 1 for forces and 1/`MOMENT_ARM` for moments.
+        metric: (nv, nv) matrix W for tied rows: phi . W phi is the weighted sum of squares of the tied rows of phi.
+            Empty unless rows are tied.
     """
 
     def __init__(self, model: pin.Model, rows: Rows | Tie) -> None:
-        """Check and weigh. Raises ObserverError for rows that the model does not have."""
+        """Check the rows and compute their weights. Raises ObserverError if the model does not have these rows."""
         nv = int(model.nv)
         floating = bool(model.njoints > 1 and model.joints[1].nv == BASE_ROWS)
         self.weight: Array = np.full(nv, 1.0 / MOMENT_ARM)
@@ -89,12 +91,14 @@ class BelievedRows:
             self._tied: Array = rows.map * np.where(forces, 1.0, 1.0 / MOMENT_ARM) / norms
             self.metric = self._tied @ self._tied.T
         elif rows not in ROWS or (rows != "all" and not floating):
-            raise ObserverError(f"rows = {rows!r}: a Tie, or one of {', '.join(ROWS)}; all on a fixed base")
+            raise ObserverError(
+                f"rows = {rows!r}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
+            )
         else:
             self.name, self.number = rows, ROWS.index(rows)
 
     def map(self, velocity: Array) -> Array:
-        """Return L (nv, k): L^T phi are the weighted rows believed, at a velocity (nv,) for the power row."""
+        """Return L (nv, k) such that L^T phi are the weighted rows in use; `velocity` (nv,) gives the power row."""
         if isinstance(self.rows, Tie):
             return self._tied
         diagonal: Array = np.diag(self.weight)

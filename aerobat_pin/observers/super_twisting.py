@@ -1,4 +1,4 @@
-"""A sliding-mode observer: follows ramps up to a slope without lag, and settles in finite time."""
+"""A sliding-mode observer: follows ramps up to a given slope without lag, and settles in finite time."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from aerobat_pin.observers.rows import Rows, Tie
 
 
 class SuperTwistingObserver(Observer):
-    """Super-twisting with linear terms on each component's impulse, by implicit Euler: no chatter at any step.
+    """A super-twisting observer with linear terms, applied to the impulse of each component.
 
-    The linear terms are those of `second_order` and carry steps; the sliding terms (k1 = 1.5 sqrt(slope),
-    k3 = 1.1 slope; Levant 1998, Moreno & Osorio 2012) carry what changes no faster than `slope`.
+    The linear terms are those of `second_order`; through them the estimate follows steps. The sliding terms
+    (k1 = 1.5 sqrt(slope), k3 = 1.1 slope; Levant 1998, Moreno & Osorio 2012) make it follow a force that changes no
+    faster than `slope`. The implicit Euler method avoids chattering at any step size.
 
     Args:
         model, applications, gain, rows: as in `Observer`.
-        slope: of the force that is followed exactly [N/s].
+        slope: largest rate of change of a force that is followed exactly [N/s].
 
     Raises:
-        ObserverError: as `Observer`; or the slope is not finite and positive.
+        ObserverError: for the same reasons as `Observer`, or the slope is not finite and positive.
     """
 
     name = "super_twisting"

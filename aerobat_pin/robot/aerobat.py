@@ -122,7 +122,7 @@ def load_aerobat(
         gravity: gravitational acceleration along -z of the world [m/s2].
 
     Raises:
-        MorphologyFileError: as `load_morphology`.
+        MorphologyFileError: for the same reasons as `load_morphology`.
     """
     return _build(load_morphology(morphology, changes), np.array([0.0, 0.0, -gravity]))
 

@@ -7,12 +7,15 @@ from aerobat_pin.scenario import Scenario
 
 
 def load_robot(scenario: Scenario) -> Aerobat:
-    """Load the robot that flies in a scenario, with the scenario's changes and gravity. Raises as `load_aerobat`."""
+    """Load the robot that flies in a scenario, with the scenario's changes and gravity.
+
+    Raises the same errors as `load_aerobat`.
+    """
     chosen = scenario.robot
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
 
 
 def believed_robot(scenario: Scenario) -> Aerobat:
-    """Load the robot that a scenario's observers assume. Raises as `load_aerobat`."""
+    """Load the robot that a scenario's observers assume. Raises the same errors as `load_aerobat`."""
     chosen = scenario.believed_robot
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)

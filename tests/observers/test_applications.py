@@ -78,7 +78,7 @@ def test_components_have_labels_and_forces_in_world_axes_keep_their_shape() -> N
     with pytest.raises(ObserverError, match=r"no component 'tool.Mx'; there are tool.Fx', .*tool.Mz'"):
         mixed.component("tool.Mx")
     for kind, direction in (("wrench", (1.0, 0.0, 0.0)), ("force", (0.0, 0.0, 0.0))):
-        with pytest.raises(ObserverError, match="a force along three finite numbers"):
+        with pytest.raises(ObserverError, match="a direction of three finite numbers"):
             MomentumObserver(model, [Application(frame, kind, direction=direction)])  # type: ignore[arg-type]
 
 
@@ -112,7 +112,7 @@ def test_a_tie_hides_what_acts_against_it_and_is_named_in_the_result() -> None:
     assert tied.identifiability.rank == 6
     assert np.all(tied.identifiability.deviation > free.identifiability.deviation)
     for alone in ("left_force_point", Application("left_force_point")):
-        with pytest.raises(ObserverError, match=r"applications = .*left_force_point.*: a list of"):
+        with pytest.raises(ObserverError, match=r"applications = .*left_force_point.*: a list was"):
             ForceLevelObserver(robot.model, alone)  # type: ignore[arg-type]
     with pytest.raises(ObserverError, match="'left_wrist' is not a joint of one degree of freedom"):
         tie_joints(robot.model, {"left_wrist": "right_elbow"})

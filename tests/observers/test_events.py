@@ -115,7 +115,7 @@ def test_the_norm_of_three_components_finds_a_force_of_any_direction() -> None:
     for along in np.vstack([np.eye(3), -np.eye(3)]):
         [event] = detector.detect(edges, series + offset + np.outer(step(edges, 1.0, 2.0, 4.0), along))
         assert event.onset == pytest.approx(1.0, abs=0.01)
-    with pytest.raises(ShapeError, match="the detector knows 3 components"):
+    with pytest.raises(ShapeError, match="the detector was calibrated with 3 components"):
         detector.detect(edges, series[:, 0])
 
 

@@ -175,7 +175,7 @@ def test_a_line_that_misses_the_membrane_says_so(robot: Aerobat) -> None:
     edge = 0.5 * (outline[0] + outline[-1]) + np.array([0.0, 1e-6, 0.0])
     assert locate(at(tuple(edge), force), COVARIANCE).cross(outline).verdict == "too close to the outline to tell"
     assert locate(at(tuple(edge), force), EXACT).cross(outline).verdict == "inside"
-    with pytest.raises(ObserverError, match="runs along the plane"):
+    with pytest.raises(ObserverError, match="is parallel to the plane"):
         locate(at((0.0, 0.0, 0.05), np.array([0.4, 0.1, 0.001])), COVARIANCE).cross(outline)
 
 

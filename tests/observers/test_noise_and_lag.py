@@ -150,7 +150,7 @@ def test_what_no_gain_can_give_is_refused_with_what_can_be_had() -> None:
     assert np.all(np.isfinite(predict(squeezed, q, DT, NOISE).residual_covariance))
     with pytest.raises(ObserverError, match="leaves no trace"):
         gain_for_deviation(squeezed, q, DT, NOISE, "left_force_point.Fy", 1.0)
-    with pytest.raises(ObserverError, match="super_twisting has no closed form; predicted are momentum"):
+    with pytest.raises(ObserverError, match="super_twisting has no closed form; there is one for momentum"):
         predict(SuperTwistingObserver(model, acting), q, DT, NOISE)
     with pytest.raises(ObserverError, match="one number was expected"):
         predict(ForceLevelObserver(model, acting, np.ones(6)), q, DT, NOISE)

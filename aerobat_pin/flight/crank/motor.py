@@ -69,12 +69,12 @@ class RateControlledMotor:
     load: Callable[[Array], Array] = no_load
 
     def __call__(self, time: Array) -> CrankMotion:
-        """Return the motion at times (n,) [s]. Raises as `states`."""
+        """Return the motion at times (n,) [s]. Raises the same errors as `states`."""
         angle, rate, torque, _ = self.states(time)
         return CrankMotion(angle, rate, np.where(time < 0.0, 0.0, self._acceleration(angle, rate, torque)))
 
     def torque(self, time: Array) -> Array:
-        """Return the motor's torque at the crank at times (n,) [N m]. Raises as `states`."""
+        """Return the motor's torque at the crank at times (n,) [N m]. Raises the same errors as `states`."""
         return np.asarray(self.states(time)[2])
 
     def states(self, time: Array) -> Array:

@@ -1,1 +1,1 @@
-"""What an estimate says beyond its numbers: onset, place, bias, noise and lag."""
+"""Analysis of estimates: bias, noise, lag, time of an event, and the place where a force acts."""

@@ -1,4 +1,4 @@
-"""The bias of an estimate, from a free run in which nothing unknown pushed, and how well it is known."""
+"""The bias of an estimate and its standard error, measured in a free run: a record without unknown forces."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array
 
-WINDOW = 2.5  # correlation lengths over which the autocorrelation is summed; Sokal's 5, who counts half of ours
+WINDOW = 2.5  # correlation lengths up to which the autocorrelation is summed; Sokal's 5, with a length twice his
 
 
 @dataclass(frozen=True)
 class Bias:
-    """What an estimate reads when nothing pushes.
+    """Mean of an estimate in a free run, in which no unknown force acts.
 
     Attributes:
-        mean: (c,) or a number [unit of the estimate].
-        standard_error: of the mean, with the effective number of samples.
-        effective_samples: (c,) or a number: how many independent samples the filtered ones are worth.
+        mean: (c,) or one number, the bias [unit of the estimate].
+        standard_error: (c,) or one number, standard error of the mean, from the effective number of samples.
+        effective_samples: (c,) or one number: number of independent samples with the same standard error.
     """
 
     mean: Array
@@ -28,18 +28,18 @@ class Bias:
     effective_samples: Array
 
     def remove(self, values: ArrayLike) -> Array:
-        """Return values (m,) or (m, c) without the bias."""
+        """Return the values (m,) or (m, c) minus the bias."""
         return np.asarray(np.asarray(values, float) - self.mean)
 
 
 def bias_of(free: ArrayLike) -> Bias:
-    """Measure the bias of a free run.
+    """Measure the bias in a free run.
 
     Args:
-        free: (m,) or (m, c), evenly sampled, such as `estimate.components`.
+        free: (m,) or (m, c) evenly sampled estimates of the free run, such as `estimate.components`.
 
     Raises:
-        ShapeError: fewer than two samples, or a number that is not finite.
+        ShapeError: there are fewer than two samples, or a number is not finite.
     """
     values: Array = np.asarray(free, float)
     if values.ndim not in (1, 2) or len(values) < 2 or not np.all(np.isfinite(values)):
@@ -51,14 +51,15 @@ def bias_of(free: ArrayLike) -> Bias:
 
 
 def correlation_length(series: ArrayLike) -> float:
-    """Return tau = 1 + 2 sum rho_k, by which the variance of a mean exceeds that of independent samples.
+    """Return tau = 1 + 2 sum rho_k, with rho_k the autocorrelation at lag k.
 
-    The sum ends where it covers `WINDOW` times its own value: further lags hold noise alone (A. Sokal,
-    Monte Carlo Methods in Statistical Mechanics, 1989). White noise has 1, a
-    first-order filter of white noise (1 + a)/(1 - a) with a = exp(-K dt).
+    The variance of the mean of a correlated series is tau times the variance of the mean of independent samples. The
+    sum ends at the first lag that is at least `WINDOW` times the sum so far, because later lags contain only noise
+    (A. Sokal, Monte Carlo Methods in Statistical Mechanics, 1989). White noise has tau = 1. White noise after a
+    first-order filter has tau = (1 + a)/(1 - a) with a = exp(-K dt).
 
     Args:
-        series: (m,) or (m, c), of which the longest counts; its mean is taken off.
+        series: (m,) or (m, c) series; its mean is subtracted. For several columns the largest tau is returned.
     """
     values: Array = np.asarray(series, float).reshape(len(np.asarray(series)), -1)
     return max(_column_length(column - column.mean()) for column in values.T)
@@ -66,7 +67,7 @@ def correlation_length(series: ArrayLike) -> float:
 
 def _column_length(centred: Array) -> float:
     count = len(centred)
-    spectrum = np.fft.rfft(centred, 2 * count)  # padded: lags must not wrap around
+    spectrum = np.fft.rfft(centred, 2 * count)  # padded with zeros, so that lags do not wrap around
     products = np.fft.irfft(spectrum * spectrum.conj())[:count]
     if not products[0] > 0.0:
         return 1.0

@@ -1,11 +1,14 @@
-"""Onset and end of events in an estimate, with a threshold that keeps a stated rate of false alarms.
+"""Onset and end of events in an estimate, with a threshold for a given rate of false alarms.
 
-A detector watches a statistic: the deviation from the bias (`LevelDetector`), or the impulse gathered beyond a drift
-(`CusumDetector`). Every stretch above the statistic's floor is one excursion, however long the filter makes it;
-excursions are independent where samples are not. The maxima of a free run's excursions have an exponential tail: their
-squares for a level, they themselves for a CUSUM. A fit to the largest tenth gives the threshold for the stated rate,
-even below one per free run: from a minute of filtered noise, one false alarm per minute was met within a factor of two,
-one per 100 s within three (tests/observers/test_events.py).
+A detector computes a statistic: the deviation from the bias (`LevelDetector`), or the accumulated impulse beyond a
+drift (`CusumDetector`). An excursion is an uninterrupted stretch of samples above the floor of the statistic. Samples
+of a filtered series are correlated, but excursions are nearly independent of each other.
+
+The threshold is calibrated in a free run, in which no unknown force acts. The maxima of its excursions have an
+exponential tail: the squares of the maxima for a level, the maxima themselves for a CUSUM. A fit to the largest tenth
+gives the threshold for the wanted rate, also for less than one false alarm per free run. With one minute of filtered
+noise, a wanted rate of one false alarm per minute was met within a factor of two, and a rate of one per 100 s within a
+factor of three (tests/observers/test_events.py).
 """
 
 from __future__ import annotations
@@ -19,19 +22,19 @@ from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers.analysis.bias import bias_of
 
-FEWEST = 100  # excursions of a free run that is long enough
-TAIL = 0.1  # share of them whose maxima are the tail
+FEWEST = 100  # smallest number of excursions in a free run that is long enough
+TAIL = 0.1  # share of the excursions, those with the largest maxima, to which the tail is fitted
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that pushed.
+    """An event in a series, such as a push.
 
     Attributes:
-        onset: when the series left its ordinary range [s]; the force began up to the detector's `delay` earlier. A
-            CUSUM with a small drift may have begun on the noise before.
-        alarm: when the threshold was passed, the first moment at which this could be known [s].
-        end: when it last was beyond the threshold [s]; None while the event goes on.
+        onset: time at which the statistic rose above its floor [s]. The force began up to the detector's `delay`
+            earlier. With a CUSUM of small drift, the onset can lie too early, in the noise before the force.
+        alarm: time at which the statistic passed the threshold, so that the event was first detected [s].
+        end: last time at which the statistic was above the threshold [s]; None if the event has not ended.
         peak: largest deviation from the bias [unit of the series].
     """
 
@@ -46,11 +49,11 @@ class Detector:
     """A statistic with its threshold; see `LevelDetector` and `CusumDetector`.
 
     Attributes:
-        bias: (c,) or a number, taken off the series.
-        floor: of the statistic: below it all is ordinary.
-        threshold: of the statistic.
-        false_alarms: rate for which it was calibrated [1/s].
-        delay: of the filter that made the series, 1/K [s].
+        bias: (c,) or one number, subtracted from the series.
+        floor: value of the statistic above which an excursion begins.
+        threshold: value of the statistic at which an alarm is raised.
+        false_alarms: rate of false alarms for which the threshold was calibrated [1/s].
+        delay: delay of the filter that produced the series, 1/K [s].
     """
 
     bias: Array
@@ -60,22 +63,24 @@ class Detector:
     delay: float
 
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
-        """Return the statistic (m,) of values (m,) or (m, c), means over the intervals of `time` (m + 1,)."""
+        """Return the statistic (m,) of values (m,) or (m, c), which are means over the intervals of `time` (m + 1,)."""
         raise NotImplementedError
 
     def detect(self, time: ArrayLike, values: ArrayLike) -> list[Event]:
         """Find the events in a series.
 
         Args:
-            time: (m + 1,) edges of the intervals [s], as of an `Estimate`.
-            values: (m,) a component; or (m, c), whose norm is watched.
+            time: (m + 1,) edges of the intervals [s], such as `Estimate.time`.
+            values: (m,) one component, or (m, c) several components of which the norm is used.
 
         Raises:
-            ShapeError: arrays that do not fit, or numbers that are not finite.
+            ShapeError: arrays do not fit each other, or numbers are not finite.
         """
         edges, series = _series(time, values)
         if np.shape(self.bias) != series.shape[1:]:
-            raise ShapeError(f"series of shape {series.shape}: the detector knows {np.size(self.bias)} components")
+            raise ShapeError(
+                f"series of shape {series.shape}: the detector was calibrated with {np.size(self.bias)} components"
+            )
         statistic, size = self.statistic(edges, series), _deviation(series, self.bias)
         events = []
         for first, last in _excursions(statistic, self.floor):
@@ -88,32 +93,35 @@ class Detector:
 
 
 class LevelDetector(Detector):
-    """Watches the deviation from the bias, or the norm of the components' deviations; the floor is its rms."""
+    """A detector whose statistic is the deviation from the bias, or its norm; the floor is the rms in a free run."""
 
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
-        """Return |x - bias| (m,) [unit of the series]."""
+        """Return the statistic |x - bias| (m,) [unit of the series]."""
         return _deviation(np.asarray(values, float), self.bias)
 
     def latency(self, step: float) -> float:
-        """Return how long a step takes to pass the threshold through a first-order filter, without noise [s]."""
+        """Return the time from a step to its alarm [s], through a first-order filter and without noise."""
         return float(-self.delay * np.log1p(-self.threshold / step)) if step > self.threshold else float("inf")
 
 
 @dataclass(frozen=True)
 class CusumDetector(Detector):
-    """Watches the impulse beyond a drift to either side: slower than a level for large steps, keener for small ones.
+    """A detector whose statistic is the impulse beyond a drift, in either direction.
 
-    s <- min(threshold, max(0, s + (|x - bias| - drift) dt)) for each sign of x - bias; the cap makes it forget as
-    fast as it learned. The floor is zero.
+    It detects large steps later than a level does, but it detects smaller steps. The statistic is the larger of
+
+        s <- min(threshold, max(0, s + (d - drift) dt))          d = x - bias, and d = bias - x
+
+    The upper bound lets s fall again right after the force ends. The floor is zero.
 
     Attributes:
-        drift: what is let pass [unit of the series]; half the smallest step that matters is best (Page 1954).
+        drift: deviation that is ignored [unit of the series]; half the smallest step that matters is best (Page 1954).
     """
 
     drift: float
 
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
-        """Return the larger of both sides' impulses (m,) [unit of the series times s]."""
+        """Return the larger one of the impulses in both directions (m,) [unit of the series times s]."""
         dt = np.diff(np.asarray(time, float))
         change = np.asarray(values, float) - self.bias
         sides = []
@@ -126,23 +134,23 @@ class CusumDetector(Detector):
         return np.asarray(np.max(sides, axis=0))
 
     def latency(self, step: float) -> float:
-        """Return within what time a step is known, through a first-order filter and without noise [s]."""
+        """Return the longest time from a step to its alarm [s], through a first-order filter and without noise."""
         excess = step - self.drift
         return (self.threshold + step * self.delay) / excess if excess > 0.0 else float("inf")
 
 
 def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay: float = 0.0) -> LevelDetector:
-    """Set a level's threshold from a free run.
+    """Return a level detector, with its threshold calibrated in a free run.
 
     Args:
         time: (m + 1,) edges of the intervals [s].
-        free: (m,) or (m, c), while nothing unknown pushed.
-        false_alarms: wanted rate [1/s].
-        delay: of the filter that made the series, 1/K [s].
+        free: (m,) or (m, c) series of the free run, in which no unknown force acts.
+        false_alarms: wanted rate of false alarms [1/s].
+        delay: delay of the filter that produced the series, 1/K [s].
 
     Raises:
-        ShapeError: arrays that do not fit, or numbers that are not finite.
-        ObserverError: the free run is too short to tell, or the rate cannot be.
+        ShapeError: arrays do not fit each other, or numbers are not finite.
+        ObserverError: the free run is too short for this rate, or the rate is not finite and positive.
     """
     edges, series = _series(time, free)
     bias = bias_of(series).mean
@@ -157,17 +165,18 @@ def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay
 def calibrate_cusum(
     time: ArrayLike, free: ArrayLike, false_alarms: float, drift: float, delay: float = 0.0
 ) -> CusumDetector:
-    """Set a two-sided CUSUM's threshold from a free run.
+    """Return a two-sided CUSUM detector, with its threshold calibrated in a free run.
 
     Args:
         time: (m + 1,) edges of the intervals [s].
-        free: (m,) a component, while nothing unknown pushed.
-        false_alarms: wanted rate, of both sides together [1/s].
+        free: (m,) one component in the free run, in which no unknown force acts.
+        false_alarms: wanted rate of false alarms, of both directions together [1/s].
         drift: as in `CusumDetector`.
-        delay: of the filter that made the series, 1/K [s].
+        delay: delay of the filter that produced the series, 1/K [s].
 
     Raises:
-        ShapeError, ObserverError: as `calibrate_level`; or the drift is not positive.
+        ShapeError: for the same reasons as `calibrate_level`, or there is more than one component.
+        ObserverError: for the same reasons as `calibrate_level`, or the drift is not finite and positive.
     """
     edges, series = _series(time, free)
     if series.ndim != 1:
@@ -189,7 +198,7 @@ def _deviation(series: Array, bias: Array) -> Array:
 
 
 def _excursions(statistic: Array, floor: float) -> list[tuple[int, int]]:
-    """Return first and last + 1 of every stretch above the floor."""
+    """Return the first index, and the last index + 1, of every stretch above the floor."""
     edges = np.diff(np.concatenate([[0], statistic > floor, [0]]).astype(int))
     return list(zip(np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist(), strict=True))
 
@@ -200,9 +209,9 @@ def _maxima(statistic: Array, floor: float) -> Array:
 
 
 def _tail_level(maxima: Array, duration: float, rate: float, advice: str) -> float:
-    """Return the level that maxima (n,) of a duration [s] pass at a rate [1/s], by an exponential tail.
+    """Return the level that the maxima (n,) found in a duration [s] exceed at a rate [1/s], by an exponential tail.
 
-    Raises ObserverError where there are too few of them, with advice on how to have more, or for no rate.
+    Raises ObserverError if there are too few maxima, with `advice` on how to get more, or if the rate is not positive.
     """
     wanted = rate * duration
     if not (np.isfinite(rate) and rate > 0.0):
@@ -220,7 +229,7 @@ def _tail_level(maxima: Array, duration: float, rate: float, advice: str) -> flo
 
 
 def _series(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    """Return edges (m + 1,) and series. Raises ShapeError where they do not fit."""
+    """Return edges (m + 1,) and series (m,) or (m, c) as arrays. Raises ShapeError if they do not fit."""
     edges, series = np.asarray(time, float), np.asarray(values, float)
     if edges.ndim != 1 or series.ndim not in (1, 2) or len(series) != len(edges) - 1 or not len(series):
         raise ShapeError(f"series of shape {series.shape} on times of shape {edges.shape}: (m,) or (m, c) on (m + 1,)")

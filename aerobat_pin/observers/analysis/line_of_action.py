@@ -1,11 +1,12 @@
-"""Where one unknown point force acts: its line of action from a wrench, and where that line meets a panel.
+"""The line of action of one unknown point force, from its wrench, and the point where this line meets a panel.
 
-A force f at the point r has the moment m = r x f about the origin, so r is known up to a step along f:
+A force f at the point r has the moment m = r x f about the origin. This determines r except for its position along f:
 
     r = f x m / |f|^2 + t f            pitch = f . m / |f|^2 = 0
 
-A wrench with a pitch is more than one force. A couple across f only moves the line: nothing tells it from a force
-further out, except that the line then may miss the robot. Errors travel to first order.
+A wrench with nonzero pitch cannot come from a single point force. A couple perpendicular to f only moves the line.
+It cannot be distinguished from a force further away, unless the line then misses the robot. Errors are propagated to
+first order.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, shaped
 from aerobat_pin.observers.analysis.panel import Panel
 
-SIGMAS = 3.0  # of a normal error: passed once in 370
-FAINTEST = 5.0  # standard deviations: a fainter force has no direction to first order
-ROUNDING = 1.0e-6  # of a moment: below it, exact data are not judged
+SIGMAS = 3.0  # standard deviations; a normal error exceeds them once in 370 cases
+FAINTEST = 5.0  # standard deviations; the direction of a smaller force cannot be linearised
+ROUNDING = 1.0e-6  # share of a moment that is attributed to rounding in exact data
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where a line of action meets a panel.
+    """The point where a line of action meets the plane of a panel.
 
     Attributes:
-        point: (3,) [m].
-        covariance: (3, 3) of it, in the panel's plane [m2].
-        margin: distance from the panel's outline [m], negative outside.
-        margin_deviation: its standard deviation [m].
+        point: (3,) the point [m].
+        covariance: (3, 3) covariance of the point, which lies in the panel's plane [m2].
+        margin: distance of the point from the panel's outline [m], negative outside.
+        margin_deviation: standard deviation of the margin [m].
     """
 
     point: Array
@@ -51,11 +52,11 @@ class Crossing:
 
 @dataclass(frozen=True)
 class LineOfAction:
-    """The line along which one force acts, in the axes and about the origin of the wrench it was found from.
+    """The line along which one force acts, in the frame of the wrench from which it was computed.
 
     Attributes:
-        wrench: (6,) force [N] and moment [N m].
-        covariance: (6, 6) of it.
+        wrench: (6,) force [N] and moment about the frame's origin [N m].
+        covariance: (6, 6) covariance of the wrench.
     """
 
     wrench: Array
@@ -63,7 +64,7 @@ class LineOfAction:
 
     @property
     def verdict(self) -> str:
-        """`a point force`, `not a pure force`, or `nothing can be said` where neither force nor moment is seen."""
+        """`a point force`, `not a pure force`, or `nothing can be said` if force and moment are lost in the noise."""
         force, moment = self.wrench[:3], self.wrench[3:]
         if not np.linalg.norm(force) > FAINTEST * _largest(self.covariance[:3, :3]):
             seen = np.linalg.norm(moment) > FAINTEST * _largest(self.covariance[3:, 3:])
@@ -73,17 +74,17 @@ class LineOfAction:
 
     @property
     def point(self) -> Array:
-        """(3,) of the line, nearest to the origin [m]."""
+        """(3,) the point of the line that is nearest to the origin [m]."""
         return np.cross(self.wrench[:3], self.wrench[3:]) / self._square
 
     @property
     def direction(self) -> Array:
-        """(3,) unit vector of the force."""
+        """(3,) unit vector along the force."""
         return np.asarray(self.wrench[:3] / np.sqrt(self._square))
 
     @property
     def pitch(self) -> float:
-        """Moment along the force per unit of force [m]; zero for one force."""
+        """Moment along the force divided by the force [m]; zero for a single point force."""
         return float(self.wrench[:3] @ self.wrench[3:] / self._square)
 
     @property
@@ -95,34 +96,34 @@ class LineOfAction:
 
     @property
     def point_covariance(self) -> Array:
-        """(3, 3) of the nearest point [m2]."""
+        """(3, 3) covariance of `point` [m2]."""
         J = self._point_jacobian()
         return np.asarray(J @ self.covariance @ J.T)
 
     def seen_from(self, placement: pin.SE3) -> LineOfAction:
-        """Return the same line in another frame's axes and about its origin.
+        """Return the same line in another frame.
 
         Args:
-            placement: of that frame in this one, such as a link's in the base.
+            placement: placement of the other frame in this line's frame, such as that of a link in the base frame.
         """
         X = placement.toActionMatrix().T
         return LineOfAction(X @ self.wrench, X @ self.covariance @ X.T)
 
     def cross(self, outline: ArrayLike) -> Crossing:
-        """Return where the line meets the plane of a panel.
+        """Return the point where the line meets the plane of a panel.
 
         Args:
             outline: (k, 3) corners of a flat polygon in order [m], in the frame of the wrench.
 
         Raises:
-            ObserverError: there is no line of action, or it runs along the plane; or the outline is not a flat polygon.
+            ObserverError: there is no line of action, it is parallel to the plane, or the outline is no flat polygon.
         """
         if self.verdict != "a point force":
             raise ObserverError(f"no line of action: {self.verdict}")
         panel, force = Panel(outline), self.wrench[:3]
         across = float(panel.normal @ force)
         if not abs(across) > SIGMAS * np.sqrt(panel.normal @ self.covariance[:3, :3] @ panel.normal):
-            raise ObserverError("the line of action runs along the plane of the panel: no point of it stands out")
+            raise ObserverError("the line of action is parallel to the plane of the panel: there is no crossing")
         step = float(panel.normal @ (panel.corners[0] - self.point)) / across
         along = np.hstack([step * np.eye(3), np.zeros((3, 3))])
         J = (np.eye(3) - np.outer(force, panel.normal) / across) @ (self._point_jacobian() + along)
@@ -138,35 +139,35 @@ class LineOfAction:
         return square
 
     def _point_jacobian(self) -> Array:
-        """Return d point / d wrench (3, 6)."""
+        """Return the derivative of `point` by the wrench (3, 6)."""
         force, moment = self.wrench[:3], self.wrench[3:]
         by_force = -pin.skew(moment) - 2.0 * np.outer(self.point, force)
         return np.asarray(np.hstack([by_force, pin.skew(force)]) / self._square)
 
 
 def locate(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
-    """Find the line of action of one force from the wrench it makes.
+    """Compute the line of action of one force from its wrench.
 
     Args:
-        wrench: (6,) force [N] and moment [N m] in a frame's axes about its origin: the components of an
-            `Application(link, "wrench", "frame")`; or, with the link unknown, the first six entries of a free-flyer's
-            generalised residual, which are the whole body's wrench in the frame of the base.
-        covariance: (6, 6) of it, such as that of a free run, or `predict`'s.
+        wrench: (6,) force [N] and moment [N m] in the axes of a frame and about its origin. These are the components of
+            an `Application(link, "wrench", "frame")`. If the link is unknown, take the first six entries of a
+            free-flyer's generalised residual: the wrench on the whole robot in the frame of the base.
+        covariance: (6, 6) covariance of the wrench, such as that in a free run or that from `predict`.
 
     Raises:
-        ShapeError: an array of another shape.
+        ShapeError: an array has the wrong shape.
         ObserverError: a number is not finite, or the covariance is not symmetric and positive semidefinite.
     """
     return LineOfAction(shaped(wrench, (6,), "wrench"), checked_covariance(wrench, covariance))
 
 
 def checked_covariance(wrenches: ArrayLike, covariance: ArrayLike) -> Array:
-    """Return a covariance (6, 6) of finite wrenches. Raises ShapeError or ObserverError where it is none."""
+    """Return the covariance (6, 6) of wrenches after checking both. Raises ShapeError or ObserverError."""
     S = shaped(covariance, (6, 6), "covariance")
     if not (np.all(np.isfinite(S)) and np.all(np.isfinite(np.asarray(wrenches, float)))):
         raise ObserverError("wrench and covariance: finite numbers were expected")
     scale = np.sqrt(np.maximum(np.diag(S), 0.0))
-    scale[scale == 0.0] = 1.0  # N and N m differ by orders of magnitude: compare correlations
+    scale[scale == 0.0] = 1.0  # correlations, since numbers in N and N m differ by orders of magnitude
     C = S / np.outer(scale, scale)
     if not np.allclose(C, C.T, rtol=0.0, atol=1e-9) or np.linalg.eigvalsh(0.5 * (C + C.T))[0] < -1e-9:
         raise ObserverError("covariance: a symmetric, positive semidefinite matrix was expected")

@@ -1,14 +1,15 @@
-"""What sensor noise makes of an estimate, how late the estimate is, and which gain gives the noise or lag wanted.
+"""Noise and lag of an estimate, predicted in closed form, and the gain for a wanted noise or lag.
 
-White noise n of the momentum, drawn at each sample, reaches an interval's mean as (n_1 - n_0)/dt. Through the filters,
-with x = K dt for the first order and x = 2.146 K dt for the second, d = exp(-x) and e = 1 - d, the impulse answers of
-the difference quotient, times dt, are
+White noise n of the momentum, independent at each sample, enters an interval's mean as (n_1 - n_0)/dt. Let x = K dt for
+the first-order filter and x = 2.146 K dt for the second-order filter, d = exp(-x) and e = 1 - d. The filtered responses
+to noise in one sample, times dt, are
 
     first order      e, then  -e^2 d^j                                          j = 0, 1, 2 ...
     second order     b, then   e d^j (2 x d - e - j x e)     b = e - x d
 
-and their sums of squares give the variance. The answers to a force itself have the mean delay d/e intervals, and
-d (x - e)/e^2 + 2 d/e: what a slowly varying force lags behind its own interval means.
+and the sum of their squares gives the variance. The responses to a force have the mean delay d/e intervals (first
+order) and d (x - e)/e^2 + 2 d/e intervals (second order). The estimate of a slowly varying force lags behind the
+force's interval means by this delay.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
 from aerobat_pin.observers.rows import BASE_ROWS
 
-ORDERS = {"momentum": 1, "force_level": 1, "second_order": 2}  # the observers whose noise has a closed form
-GAIN_RANGE = (1.0e-5, 50.0)  # K dt
+ORDERS = {"momentum": 1, "force_level": 1, "second_order": 2}  # filter order; only these have a closed form
+GAIN_RANGE = (1.0e-5, 50.0)  # smallest and largest K dt
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class SensorNoise:
     """Standard deviation of white noise on each sample of the velocity.
 
     Attributes:
-        linear_velocity: of a free base, per axis [m/s].
-        gyro: of a free base, per axis [rad/s].
-        joint_rate: of every joint [rad/s or m/s].
+        linear_velocity: standard deviation for the linear velocity of a free base, per axis [m/s].
+        gyro: standard deviation for the angular velocity of a free base, per axis [rad/s].
+        joint_rate: standard deviation for the velocity of every joint [rad/s or m/s].
     """
 
     linear_velocity: float = 0.0
@@ -46,7 +47,7 @@ class SensorNoise:
     joint_rate: float = 0.0
 
     def deviations(self, model: pin.Model) -> Array:
-        """Return the standard deviations (nv,) of a model's velocity."""
+        """Return the standard deviation of each velocity coordinate of a model (nv,)."""
         free = BASE_ROWS if model.njoints > 1 and model.joints[1].nv == BASE_ROWS else 0
         base = [self.linear_velocity] * 3 + [self.gyro] * 3
         return np.array(base[:free] + [self.joint_rate] * (model.nv - free))
@@ -54,13 +55,13 @@ class SensorNoise:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What an observer will make of sensor noise.
+    """Predicted noise and lag of an observer's estimate.
 
     Attributes:
-        labels: of the components.
-        covariance: (c, c) of the components [N and N m]; infinite where a component cannot be told at all.
-        residual_covariance: (nv, nv) of the generalised residual.
-        lag: of a slowly varying force behind its interval means [s].
+        labels: labels of the components.
+        covariance: (c, c) covariance of the components [N and N m]; infinite if a component cannot be determined.
+        residual_covariance: (nv, nv) covariance of the generalised residual.
+        lag: lag of the estimate of a slowly varying force behind the force's interval means [s].
     """
 
     labels: tuple[str, ...]
@@ -77,20 +78,20 @@ class Prediction:
 def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> Prediction:
     """Predict noise and lag of an observer near rest at a configuration.
 
-    Motion adds what the noise does to C^T v and to the projection, which matters at low gains: on a wing that flaps at
-    6 Hz the prediction, averaged over the flight, is right within 13 % at K >= 200 1/s; at 20 1/s first-order filters
-    still are within 21 %, but `second_order` shows two to four times the little that is predicted. Noise of q, of
-    torques and of known forces is not counted.
+    In motion, sensor noise also enters through C^T v and through the projection. The prediction omits this, which
+    matters at low gains. On a wing that flaps at 6 Hz, the prediction averaged over the flight is within 13 % at
+    K >= 200 1/s. At 20 1/s it is within 21 % for the first-order filters, but `second_order` has two to four times the
+    small noise that is predicted. Noise of q, of torques and of known forces is not included.
 
     Args:
         observer: `momentum`, `force_level` or `second_order`, with one gain.
         q: (nq,) configuration.
         dt: sample interval [s].
-        noise: of the sensors.
+        noise: noise of the sensors.
 
     Raises:
-        ObserverError: an observer without a closed form, or with several gains.
-        ShapeError: q does not fit.
+        ObserverError: the observer has no closed form, or it has several gains.
+        ShapeError: q does not fit the model.
     """
     _order(observer)
     if observer.gain.ndim:
@@ -112,7 +113,7 @@ def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> 
 
 
 def noise_gain(observer: Observer | type[Observer], gain: float, dt: float) -> float:
-    """Return what white noise of the momentum, per sample, is multiplied by on its way to the residual [1/s]."""
+    """Return the standard deviation of the residual divided by that of the momentum noise per sample [1/s]."""
     order = _order(observer)
     x = gain * dt * (1.0 if order == 1 else RISE)
     d, e, D = np.exp(-x), -np.expm1(-x), np.exp(-2.0 * x)
@@ -125,7 +126,7 @@ def noise_gain(observer: Observer | type[Observer], gain: float, dt: float) -> f
 
 
 def lag_of(observer: Observer | type[Observer], gain: float, dt: float) -> float:
-    """Return by how much a slowly varying estimate is late against the force's interval means [s]."""
+    """Return the lag of the estimate of a slowly varying force behind the force's interval means [s]."""
     order = _order(observer)
     x = gain * dt * (1.0 if order == 1 else RISE)
     d, e = np.exp(-x), -np.expm1(-x)
@@ -133,7 +134,7 @@ def lag_of(observer: Observer | type[Observer], gain: float, dt: float) -> float
 
 
 def gain_for_lag(observer: Observer | type[Observer], dt: float, lag: float) -> float:
-    """Return the gain K [1/s] whose estimates lag by so much [s]. Raises ObserverError where no gain does."""
+    """Return the gain K [1/s] at which an estimate has a wanted lag [s]. Raises ObserverError if no gain has it."""
     return _solve(lambda gain: lag_of(observer, gain, dt), lag, dt, "lag", "s")
 
 
@@ -143,30 +144,33 @@ def gain_for_deviation(
     """Return the gain K [1/s] at which a component has a wanted standard deviation.
 
     Args:
-        observer: as in `predict`; its own gain does not matter.
+        observer: as in `predict`; the result does not depend on its present gain.
         q: (nq,) configuration.
         dt: sample interval [s].
-        noise: of the sensors.
-        label: of the component, such as `tool.Fx`.
-        deviation: wanted [N or N m].
+        noise: noise of the sensors.
+        label: label of the component, such as `tool.Fx`.
+        deviation: wanted standard deviation [N or N m].
 
     Raises:
-        ObserverError: as `predict`; no such component; one that cannot be told; or no gain gives that deviation.
+        ObserverError: for the same reasons as `predict`, or there is no such component, or the component cannot be
+            determined, or no gain gives this deviation.
     """
     now = predict(observer, q, dt, noise)
     if label not in now.labels:
         raise ObserverError(f"no component '{label}'; there are {', '.join(now.labels)}")
     here = float(now.deviation[now.labels.index(label)])
     if not np.isfinite(here):
-        raise ObserverError(f"component '{label}' belongs to a pattern that leaves no trace: no gain tells it")
+        raise ObserverError(
+            f"component '{label}' cannot be determined with any gain: it belongs to a pattern that leaves no trace"
+        )
     unit = here / noise_gain(observer, float(observer.gain), dt)
     unit_name = "N m" if label.rstrip("'")[-2] == "M" else "N"
     return _solve(lambda gain: unit * noise_gain(observer, gain, dt), deviation, dt, "deviation", unit_name)
 
 
 def _solve(value: Callable[[float], float], wanted: float, dt: float, name: str, unit: str) -> float:
-    """Return the gain at which a monotone function of it has a wanted value, for K dt from 1e-5 to 50."""
-    from scipy.optimize import brentq  # a third of a second that only this needs
+    """Return the gain K at which a monotone function of K has a wanted value, for K dt from 1e-5 to 50."""
+    from scipy.optimize import brentq  # takes a third of a second to import; only this function needs it
 
     ends = sorted(value(x / dt) for x in GAIN_RANGE)
     if not ends[0] < wanted < ends[1]:
@@ -178,7 +182,7 @@ def _solve(value: Callable[[float], float], wanted: float, dt: float, name: str,
 
 
 def _order(observer: Observer | type[Observer]) -> int:
-    """Return the filter's order. Raises ObserverError for an observer without a closed form."""
+    """Return the order of the observer's filter. Raises ObserverError for an observer without a closed form."""
     if observer.name not in ORDERS:
-        raise ObserverError(f"observer {observer.name} has no closed form; predicted are {', '.join(ORDERS)}")
+        raise ObserverError(f"observer {observer.name} has no closed form; there is one for {', '.join(ORDERS)}")
     return ORDERS[observer.name]

@@ -1,4 +1,4 @@
-"""A flat polygon in space, such as a wing's panel: its plane, and how far inside its outline a point lies."""
+"""A flat polygon in space, such as a panel of a wing: its plane, and the distance of a point from its outline."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 
-FLAT = 1.0e-3  # of the panel's size: corners may lie so far off its plane
+FLAT = 1.0e-3  # largest distance of a corner from the plane, as a share of the panel's size
 
 
 class Panel:
@@ -18,11 +18,11 @@ class Panel:
         outline: (k, 3) corners in order [m].
 
     Raises:
-        ObserverError: fewer than three corners, no area, not flat or not finite.
+        ObserverError: there are fewer than three corners, or they are not finite, not flat or enclose no area.
 
     Attributes:
-        corners: (k, 3) [m].
-        normal: (3,) unit vector; the corners turn counter-clockwise about it.
+        corners: (k, 3) corners, repeated ones removed [m].
+        normal: (3,) unit normal, about which the corners run counter-clockwise.
     """
 
     def __init__(self, outline: ArrayLike) -> None:
@@ -43,10 +43,10 @@ class Panel:
         self.normal: Array = area / size
 
     def margin(self, point: Array) -> tuple[float, Array]:
-        """Return a point's distance from the outline [m], negative outside, and the unit vector (3,) along it.
+        """Return a point's distance from the outline [m], negative outside, and the unit vector (3,) along that gap.
 
         Args:
-            point: (3,) in the plane [m].
+            point: (3,) a point in the plane [m].
         """
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         away = point - self.corners
@@ -60,7 +60,7 @@ class Panel:
         return (distance if self._inside(away) else -distance), along
 
     def _inside(self, away: Array) -> bool:
-        """Say whether the outline winds around the point that lies at -`away` (k, 3) from its corners."""
+        """Return whether a point is inside the outline; `away` (k, 3) are the vectors from the corners to the point."""
         first, second = away, np.roll(away, -1, axis=0)
         turn = np.arctan2(np.cross(first, second) @ self.normal, np.sum(first * second, axis=1))
         return bool(abs(turn.sum()) > np.pi)

@@ -1,11 +1,11 @@
-"""The one point of a link at which a force pushes over a whole log: as it turns, its lines of action meet there.
+"""The point of a link at which a force acts during a whole log: the lines of action of a turning force meet there.
 
-The point r minimises sum e' S^-1 e over the log, with the misfit of the moments and its covariance
+The point r minimises the sum of e' S^-1 e over the log, with e the misfit of the moments and S its covariance:
 
     e = m - r x f          S(r) = B Cov B'          B = [-[r]x, 1]
 
-which is maximum likelihood for errors in force and moment alike: least squares on the moments alone would pull the
-point towards the origin. The log enters through its 6 x 6 scatter sum (f, m)(f, m)' alone.
+This is the maximum-likelihood estimate for errors in both force and moment. Least squares on the moments only would
+bias the point towards the origin. Of the log, only its 6 x 6 scatter matrix sum (f, m)(f, m)' is needed for the fit.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers.analysis.bias import correlation_length
 from aerobat_pin.observers.analysis.line_of_action import FAINTEST, ROUNDING, checked_covariance
 
-LARGEST_MISFIT = 2.0  # of the moments' variance: the covariance handed in is seldom known better
+LARGEST_MISFIT = 2.0  # accepted misfit: the given covariance is seldom known better than by this factor
 
 
 @dataclass(frozen=True)
 class PointOfAction:
-    """The point of a link that fits a log best, in the axes and about the origin of the wrenches.
+    """The point of a link that fits a log best, in the frame of the wrenches.
 
     Attributes:
-        point: (3,) [m]; where the force never turns, the point of its line nearest to the origin.
-        covariance: (3, 3) of it [m2], without the part along directions that the log does not tell.
-        unknown: (k, 3) unit vectors along which nothing is known; none where the force turns.
-        misfit: mean square of the moments' misfit over what the covariance explains, 1 where all is well.
-        limit: of the misfit of one point.
+        point: (3,) the point [m]. If the force never turns, the point of its line that is nearest to the origin.
+        covariance: (3, 3) covariance of the point [m2], without the directions `unknown`.
+        unknown: (k, 3) unit vectors along which the log does not determine the point; none if the force turns.
+        misfit: mean square of the moments' misfit relative to its covariance; about 1 for one point force.
+        limit: largest misfit that is accepted for one point force.
     """
 
     point: Array
@@ -53,24 +53,24 @@ class PointOfAction:
 
 
 def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
-    """Find the one point of a link at which a force pushes over many samples.
+    """Compute the point of a link at which a force acts over many samples.
 
     Args:
-        wrenches: (m, 6) forces [N] and moments [N m] in the link's axes about its origin.
-        covariance: (6, 6) of each; errors may be correlated in time, as behind a filter.
+        wrenches: (m, 6) forces [N] and moments [N m] in the axes of the link and about its origin.
+        covariance: (6, 6) covariance of each wrench. Errors can be correlated in time, as they are after a filter.
 
     Raises:
-        ShapeError: fewer than two samples, or another shape.
+        ShapeError: there are fewer than two samples, or an array has the wrong shape.
         ObserverError: a number is not finite, or the covariance is not symmetric and positive semidefinite.
     """
-    from scipy.optimize import least_squares  # a third of a second that only this needs
+    from scipy.optimize import least_squares  # takes a third of a second to import; only this function needs it
 
     z: Array = np.array(wrenches, float)
     if z.ndim != 2 or z.shape[1] != 6 or len(z) < 2:
         raise ShapeError(f"wrenches have shape {z.shape}: (m, 6) with two samples or more was expected")
     noise, count = checked_covariance(z, covariance), len(z)
     floor = (ROUNDING * np.sqrt(np.mean(z[:, 3:] ** 2))) ** 2 + 1e-30
-    scatter = np.asarray(np.linalg.qr(z, mode="r"))  # as good as the log: the same sums of products
+    scatter = np.asarray(np.linalg.qr(z, mode="r"))  # replaces the log: it has the same scatter matrix
 
     def whitener(r: Array) -> Array:
         S = _misfits(r, _misfits(r, noise).T) + floor * np.eye(3)
@@ -111,12 +111,12 @@ def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
 
 
 def _misfits(r: Array, wrenches: Array) -> Array:
-    """Return m - r x f (m, 3) of wrenches (m, 6)."""
+    """Return the misfit m - r x f of the moments (n, 3), for wrenches (f, m) (n, 6) and a point r (3,)."""
     return np.asarray(wrenches[:, 3:] - np.cross(r, wrenches[:, :3]))
 
 
 def _information(F: Array, W: Array) -> Array:
-    """Return sum [f]x' W' W [f]x (3, 3) about a point from the scatter F (3, 3) of the forces."""
+    """Return the information sum [f]x' W' W [f]x (3, 3) on a point, from the scatter matrix F (3, 3) of the forces."""
     skews = [pin.skew(axis) for axis in np.eye(3)]
     total = np.zeros((3, 3))
     for i in range(3):

@@ -1,4 +1,4 @@
-"""A Kalman filter of momentum and forces: how sure it is belongs to the answer."""
+"""A Kalman filter of momentum and forces, which also computes the standard deviations of its estimates."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_si
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, Tie
 
-SENSOR_NOISE = (0.02, 0.01, 0.05)  # [m/s], [rad/s], [rad/s] per sample: linear, gyro, joints
-RISE_PULSATION = 1.75  # pulsation over gain: a second-order Butterworth filter rises by 1 - 1/e in 1.753 / pulsation
-HEAD_START = 2.5  # [1 / pulsation] of walk before the first interval: a step at the start rises like any other
+SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
+RISE_PULSATION = 1.75  # w / K: a second-order Butterworth filter of pulsation w [rad/s] rises to 1 - 1/e in 1.753 / w
+HEAD_START = 2.5  # [1 / pulsation] of random walk before the first interval, so that a step at the start rises as later
 
 
 class KalmanSample(Sample):
-    """One estimate with its uncertainty."""
+    """The estimate for one interval, with its uncertainty."""
 
     __slots__ = ()
 
@@ -40,37 +40,41 @@ class KalmanSample(Sample):
 
 
 class KalmanObserver(Observer):
-    """A Kalman filter of momentum and random-walk forces from noisy velocities; knows its standard deviation.
+    """A Kalman filter that estimates momentum and random-walk forces from noisy velocities.
 
         p' = u + J^T f + C^T v - g + model errors,   f' = white noise,   measured: M v + M (sensor noise)
 
-    A known force may be off by an unknown, slowly changing factor, and so may the mass. The factors are estimated
-    along, as far as the rows tell them from forces; where they do not, the standard deviation says so. What no factor
-    explains is noise. The sensors' noise in C^T v is left out: what it adds to the momentum in a step is smaller than
-    the noise of the momentum itself by the angle turned in that step.
+    Known forces and the mass can be wrong by unknown, slowly changing factors. The filter estimates these factors
+    together with the forces. If the rows cannot distinguish a factor from a force, the standard deviations are large.
+    Errors that are not explained by such factors are modelled as white noise. The effect of sensor noise on C^T v is
+    neglected: what it adds to the momentum in one step is smaller than the noise of the momentum itself, by a factor
+    equal to the angle turned in that step.
 
     Args:
         model: any model, free-flyer or fixed base.
-        applications: where unknown forces act, as in `Observer`; one or more.
-        gain: K [1/s], one number. Sets the walk where `force_walk` does not: every pattern of forces is then followed
-            alike, as by a second-order Butterworth filter that rises to 63 % in 1/K. It is the walk of the
-            configuration at the start, and of the sensors' noise only the proportions matter.
-        rows: which rows to believe; of the others any torque is possible.
-        sensor_noise: standard deviations of a sample of linear velocity [m/s], gyro [rad/s] and joint rates [rad/s]; on
-            a fixed base the last one serves all.
-        force_walk: how much a force changes in a second [N/sqrt(s)], one number or one per component. One number
-            takes moments at a lever of 50 mm.
-        prior: standard deviation [N] of the forces at the start, with `force_walk`.
-        known_error: name of a known force -> standard deviation of its factor: 0.2 for "right to 20 %".
-        mass_error: the same for the mass, with the inertias in proportion.
-        error_time: how long such a factor stays what it is [s].
-        misfit: what no factor explains [sqrt(s)]: white noise on every row, this times the row's possible error, which
-            is `known_error` and `mass_error` times what they belong to, as a running root mean square.
-        frequency: flapping frequency [Hz]: forces are then a0 + a1 cos + b1 sin of it, and all three coefficients walk.
+        applications: where unknown forces act, as in `Observer`; at least one.
+        gain: K [1/s], one number. It sets the random walk of the forces if `force_walk` is not given: the filter then
+            follows every pattern of forces like a second-order Butterworth filter that rises to 63 % in 1/K. This walk
+            is computed anew in every interval, and only the ratios of the sensors' noise levels matter.
+        rows: which rows to use; in the other rows any torque is considered possible.
+        sensor_noise: standard deviations per sample of linear velocity [m/s], gyro [rad/s] and joint rates [rad/s].
+            On a fixed base the last one applies to all velocities.
+        force_walk: standard deviation of the change of a force in one second [N/sqrt(s)], one number or one per
+            component. One number is multiplied by a lever arm of 50 mm for moments.
+        prior: standard deviation [N] of the forces at the start; used only with `force_walk`.
+        known_error: name of a known force -> standard deviation of the error of its factor: 0.2 for "right to 20 %".
+        mass_error: the same for the mass; the inertias change in proportion.
+        error_time: correlation time of these factors [s].
+        misfit: size of the errors that no factor explains [sqrt(s)]. Every row gets white noise of `misfit` times the
+            running root mean square of the row's possible error, which is `known_error` and `mass_error` times the
+            forces to which they apply.
+        frequency: flapping frequency [Hz]. If given, each force is a0 + a1 cos + b1 sin at this frequency, and all
+            three coefficients are random walks.
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: as in `Observer`; more than one gain; a setting that is not finite and positive.
+        ObserverError: for the same reasons as `Observer`, or there is more than one gain, or a setting is not finite
+            and positive.
     """
 
     name = "kalman"
@@ -143,21 +147,21 @@ class KalmanObserver(Observer):
         """Take the next sample as `Observer.update` does, and return a `KalmanSample`.
 
         Raises:
-            ObserverError: as there; or a force of `known_error` is missing.
-            ShapeError: as there.
+            ObserverError: for the same reasons as in `Observer.update`, or a force named in `known_error` is missing.
+            ShapeError: for the same reasons as in `Observer.update`.
         """
         for row, name in zip(self._kalman.filter.errors, self._errors, strict=True):
             row[:] = checked(self._of(known or {}, name), self._nv, name)
         return super().update(time, q, v, tau, known)
 
     def _of(self, known: Mapping[str, ArrayLike], name: str) -> ArrayLike:
-        """Return a known force. Raises ObserverError where it is missing."""
+        """Return the known force of a given name. Raises ObserverError if it is missing."""
         if name not in known:
             raise ObserverError(f"known_error names '{name}': the known forces are {', '.join(known) or 'none'}")
         return known[name]
 
     def _noise(self, sensor_noise: Sequence[float]) -> Array:
-        """Return the sensors' standard deviations (nv,)."""
+        """Return the standard deviation of the sensor noise of each velocity (nv,)."""
         if np.shape(sensor_noise) != (3,):
             raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
         linear, angular, joints = (_positive("sensor_noise", size) for size in sensor_noise)
@@ -167,7 +171,7 @@ class KalmanObserver(Observer):
         return noise
 
     def _hidden(self) -> Array:
-        """Return the projector (nv, nv) on generalised forces that the rows believed do not show, or (0, 0)."""
+        """Return the projector (nv, nv) onto generalised forces that do not change the rows in use; (0, 0) if none."""
         shown = self.believed.map(np.zeros(self._nv))
         basis, sizes, _ = np.linalg.svd(shown)
         hidden = basis[:, int(np.sum(sizes > kernels.LEAST_INFORMATION * sizes[0])) :]
@@ -181,7 +185,7 @@ class KalmanObserver(Observer):
         self._begin(self._kalman, self._kalman.filter.samples[0])
 
     def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
-        """Start a filter at a sample: nothing found, and as sure as the settings."""
+        """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
         nv, filter_ = self._nv, kalman.filter
         blurred, spread = sample[-nv:], filter_.variance.copy()
         kalman.observer.newest[:] = 0
@@ -203,8 +207,11 @@ class KalmanObserver(Observer):
     def _filtered(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
     ) -> tuple[Array, Array]:
-        """Filter a checked record, keeping its steps where there is room; return results (m, width) and the samples."""
-        memory = self._memory.copy()  # a stream that is under way goes on undisturbed
+        """Filter a checked record; return the results (m, width) and the samples.
+
+        The filter's steps are written to `steps` (m, step size), unless it has no rows.
+        """
+        memory = self._memory.copy()  # so that a running stream is not disturbed
         kalman, nv = fields_of(kalman_in, memory), self._nv
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
         kalman.observer.record[:] = v.ctypes.data, samples.ctypes.data, 0
@@ -222,7 +229,7 @@ class KalmanObserver(Observer):
 
 
 def _positive(name: str, value: float) -> float:
-    """Return a number that is finite and positive. Raises ObserverError naming it."""
+    """Return the value if it is finite and positive. Raises ObserverError with its name otherwise."""
     if not (np.isfinite(value) and value > 0.0):
         raise ObserverError(f"{name} = {value}: a finite positive number was expected")
     return float(value)

@@ -1,12 +1,13 @@
-"""The Kalman filter's arithmetic, compiled: one call after Pinocchio's M, C and g, on any model.
+"""Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M, C and g.
 
-The state is the momentum p (nv) and coefficients z: forces, their harmonics, and errors of what is taken as known.
-With G (nz, nv), one generalised force per coefficient, one interval is
+The state is the momentum p (nv,) and coefficients z (nz,). The coefficients are the forces, their harmonics, and the
+errors of the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, one interval
+is
 
     z <- a z + noise,   p <- p + dt (u + mean(C^T v - g)) + dt G^T z,   then p is measured: M v, covariance B B^T
 
-and B = M diag(s) for velocity sensors of standard deviations s. The update is by Cholesky of the innovation's
-covariance S = L L^T with T = L^-1 P_p, P <- P - T^T T.
+where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. The update uses the
+Cholesky factor of the innovation's covariance S = L L^T, with T = L^-1 P_p and P <- P - T^T T.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.residual import TOO_LARGE, dynamics_of, next_in_record, repeat_interval, write_sample
 from aerobat_pin.observers.rows import BASE_ROWS
 
-LEAST_INFORMATION = 1.0e-6  # of the information on all patterns of forces: what is seen less counts as seen so much
-UNKNOWN_TORQUE = 1.0e8  # variance of an unknown torque's impulse over that of its row's sensors
+LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
+UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of the sensor noise
 
 
 @inner
 def write_noisy_sample(observer: ObserverMemory, noise: Array, v: Array, sample: Array) -> None:
-    """Write a sample: what `write_sample` does (3 + c, nv), then B^T (nv, nv)."""
+    """Write a sample: the rows (3 + c, nv) that `write_sample` writes, then B^T (nv, nv)."""
     M, nv = dynamics_of(observer).M, v.shape[0]
     top = sample.shape[0] - nv
     write_sample(observer, v, sample[:top])
@@ -36,15 +37,15 @@ def write_noisy_sample(observer: ObserverMemory, noise: Array, v: Array, sample:
 
 @kernel
 def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
-    """Write the interval's shear and decay, and into `step.e` what it misses of the measured momentum.
+    """Write shear and decay of an interval, and the innovation `step.e`: measured minus predicted momentum.
 
-    The estimate does not change yet. False where the innovation is NaN or huge.
+    The estimate does not change yet. Returns False if the innovation is NaN or huge.
 
     Args:
-        before: (3 + c + nv, nv) remembered sample at the start.
-        after: (3 + c + nv, nv) remembered sample at the end.
+        before: (3 + c + nv, nv) sample at the start.
+        after: (3 + c + nv, nv) sample at the end.
         u: (nv,) known generalised force, mean over the interval.
-        dt: the interval's length [s].
+        dt: length of the interval [s].
         filter_: the filter.
         step: written.
     """
@@ -66,7 +67,7 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
             shear[h + a, i] = dt * errors[a, i]
     for a in range(nz):
         step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
-    if filter_.mass_in_doubt > 0:  # an error of the mass stretches all that accelerates the robot, found forces too
+    if filter_.mass_in_doubt > 0:  # an error of the mass scales known and estimated forces
         for i in range(nv):
             shear[nz - 1, i] = dt * u[i]
         for a in range(h):
@@ -86,7 +87,7 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
 
 @kernel
 def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, step: Step) -> None:
-    """Carry the covariance P over the interval: noise, shear, misfit, unknown torques; then fill `step.rows`."""
+    """Advance the covariance P over the interval by noise, shear, misfit, unknown torques; then fill `step.rows`."""
     P, shear, rows, by_gain = filter_.P, step.shear, step.rows, filter_.walk_gain[0] > 0.0
     nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
     nv = n - nz
@@ -133,10 +134,12 @@ def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, 
 
 @kernel
 def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) -> None:
-    """Set the walk by the gain: the covariance of the components' impulses as one sample's sensors tell them.
+    """Set the random walk from the gain, in proportion to (J R^-1 J^T)^-1.
 
-    That is (J R^-1 J^T)^-1, so that every pattern rises alike wherever the wings are just now; what is seen less than
-    `LEAST_INFORMATION` of all counts as seen so much. `rows` (nv, ...) is scratch.
+    R is the covariance of the momentum noise of one sample, so (J R^-1 J^T)^-1 is the covariance with which one sample
+    determines the components' impulses. With this walk, every pattern of forces rises equally fast in every
+    configuration. The share `LEAST_INFORMATION` of the total information is added to each pattern, which keeps the
+    inverse finite. `rows` (nv, ...) is scratch.
     """
     c, information, scale = filter_.walk.shape[0], filter_.information, filter_.scale
     nv, blurred = rows.shape[0], after[3 + c :]
@@ -168,7 +171,11 @@ def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) 
 
 @kernel
 def add_unknown_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
-    """Add to P (nv, nv) unknown torques: in `hidden` rows; where the joints' power is known, those that leave it so."""
+    """Add the covariance of unknown torques to P (nv, nv).
+
+    The torques act along the generalised forces onto which `hidden` projects. If the joints' power is known, only
+    torques that do not change this power are added.
+    """
     hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
     nv, size, speed = noise.shape[0], 0.0, 0.0
     for k in range(nv):
@@ -191,7 +198,7 @@ def add_unknown_torques(before: Array, after: Array, filter_: Filter, P: Array) 
 
 @kernel
 def correct(x: Array, P: Array, step: Step) -> None:
-    """Take the measurement: turn `step.rows` into L^T, T, L^-1 and L^-1 e, and update x (n,) and P (n, n)."""
+    """Apply the measurement: turn `step.rows` into L^T, T, L^-1 and L^-1 e, and update x (n,) and P (n, n)."""
     rows, nv, n = step.rows, step.rows.shape[0], x.shape[0]
     factorise(rows)
     T = rows[:, nv : nv + n]
@@ -202,7 +209,7 @@ def correct(x: Array, P: Array, step: Step) -> None:
 
 @kernel
 def report(step: Step, dt: float, out: Array) -> None:
-    """Write residual, forces and standard deviations (nv + 2 c,) from the forces' coefficients and covariance."""
+    """Write residual, components and standard deviations (nv + 2 c,) from the coefficients and their covariance."""
     nv, blocks = step.rows.shape[0], step.basis.shape[0]
     c = step.z.shape[0] // blocks
     for i in range(nv):
@@ -221,14 +228,14 @@ def report(step: Step, dt: float, out: Array) -> None:
 
 @kernel
 def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
-    """Take the interval between two samples (3 + c + nv, nv); False, and nothing changed, where it is NaN or huge.
+    """Advance the filter over one interval. If the innovation is NaN or huge, change no estimate and return False.
 
     Args:
-        before: at its start.
-        after: at its end.
-        u: (nv,) known generalised force, its mean.
-        dt: its length [s].
-        filter_: changes.
+        before: (3 + c + nv, nv) sample at the start.
+        after: (3 + c + nv, nv) sample at the end.
+        u: (nv,) known generalised force, mean over the interval.
+        dt: length of the interval [s].
+        filter_: the filter; changes.
         step: written.
     """
     x, P, nv = filter_.x, filter_.P, u.shape[0]
@@ -250,9 +257,9 @@ def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: F
 
 @kernel
 def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
-    """Take a sample and `filter_interval` since the one before.
+    """Take a sample and apply `filter_interval` to the interval since the previous sample.
 
-    Returns False, and changes nothing, where v or u does not have the model's size or the innovation is NaN or huge.
+    Returns False and changes no estimate if v or u does not have the model's size or the innovation is NaN or huge.
     """
     kalman = kalman_in(memory)
     filter_, step, nv, newest = kalman.filter, kalman.step, kalman.observer.sizes.nv, kalman.observer.newest[0]
@@ -269,14 +276,14 @@ def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> b
 
 @kernel
 def start_filter(memory: Array, v: Array) -> None:
-    """Write the first sample."""
+    """Write the first sample of a stream."""
     kalman = kalman_in(memory)
     write_noisy_sample(kalman.observer, kalman.filter.noise, v, kalman.filter.samples[0])
 
 
 @kernel
 def record_noisy_sample(memory: Array) -> None:
-    """Write the next sample (3 + c + nv, nv) of a record, at which Pinocchio just was."""
+    """Write the next sample (3 + c + nv, nv) of a record, for which Pinocchio has just computed M, C and g."""
     kalman = kalman_in(memory)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
     write_noisy_sample(kalman.observer, kalman.filter.noise, v, sample)
@@ -284,16 +291,16 @@ def record_noisy_sample(memory: Array) -> None:
 
 @kernel
 def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Array, steps: Array, out: Array) -> int:
-    """`filter_interval` over a whole record; return the first interval that is not finite, or -1.
+    """Apply `filter_interval` to a whole record; return the first interval that is not finite, or -1.
 
     Args:
-        samples: (m + 1, 3 + c + nv, nv); a repeated stamp's changes.
-        time: (m + 1,) [s].
+        samples: (m + 1, 3 + c + nv, nv) samples; one with a repeated time is overwritten by the previous sample.
+        time: (m + 1,) sample times [s].
         u: (m, nv) known generalised force, interval means.
-        errors: (ne, m, nv) those of the known forces that are in doubt.
-        memory: the filter, begun at the first sample.
-        steps: (m, size of a step) written, for a smoother that then writes `out`; or (0, size of a step).
-        out: (m, nv + 2 c) written.
+        errors: (ne, m, nv) the known forces that have an uncertain factor.
+        memory: memory of the filter, started at the first sample.
+        steps: (m, step size) written if a smoother follows, which then writes `out`; otherwise (0, step size).
+        out: (m, nv + 2 c) written if `steps` has no rows.
     """
     kalman, smoothed = kalman_in(memory), steps.shape[0] > 0
     filter_ = kalman.filter

@@ -1,4 +1,4 @@
-"""What a Kalman filter keeps between calls: the memory of its kernels."""
+"""Memory of the Kalman filter's kernels: the data that the filter keeps between calls."""
 
 from __future__ import annotations
 
@@ -9,46 +9,46 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_fields
 
 
 class Step(NamedTuple):
-    """What one interval leaves behind for its smoothing; `step_fields` says the shapes, `kernels` the symbols.
+    """Data of one interval that the smoother needs later; shapes are in `step_fields`, symbols in `kernels`.
 
-    The zeros and the rounded width are there because a product of whole vectors costs less than one of parts.
+    Arrays are padded with zeros and widths rounded up because products of whole processor vectors are faster.
     """
 
-    shear: Array  # dt G, then zeros
-    decay: Array  # a
+    shear: Array  # dt G, padded with zero columns
+    decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
-    rows: Array  # S, P_p, [1, 0] and e; after the update, with S = L L^T, L^-1 times all that: L^T, T, L^-1, e whitened
+    rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
     basis: Array  # weight of each block of c coefficients in the forces
-    z: Array  # these blocks' part of x after the update
-    Z: Array  # theirs of P
+    z: Array  # coefficients of the forces in x after the update
+    Z: Array  # rows of P for these coefficients after the update
 
 
 class Filter(NamedTuple):
-    """What a Kalman filter keeps between calls; `kalman_in` says the shapes."""
+    """Data that a Kalman filter keeps between calls; shapes are in `kalman_in`."""
 
     mass_in_doubt: int  # whether the last coefficient is an error of the mass
-    power_known: int  # whether the joints' power is known where their torques are not
-    walk_gain: Array  # factor of a walk that a gain sets, 0 for a walk that is given
-    head_start: Array  # by how much the walk leads at the first interval [s]
-    pulsation: Array  # of the harmonics [rad/s], 0 for none
-    misfit: Array  # [sqrt(s)]
+    power_known: int  # whether the joints' total power is known although their torques are not
+    walk_gain: Array  # factor of the random walk if the gain sets it, 0 if the walk is given
+    head_start: Array  # extra time of random walk added in the first interval [s]
+    pulsation: Array  # pulsation of the harmonics [rad/s], 0 for none
+    misfit: Array  # the setting `misfit` of `KalmanObserver` [sqrt(s)]
     elapsed: Array  # time since the start [s]
-    noise: Array  # standard deviations of the sensors
-    rate: Array  # of coefficients that decay [1/s], 0 for those that walk
-    variance: Array  # of coefficients that decay
-    walk: Array  # covariance that the components gain in a second
+    noise: Array  # standard deviations of the sensor noise
+    rate: Array  # decay rate of each coefficient [1/s], 0 for a random walk
+    variance: Array  # stationary variance of coefficients that decay
+    walk: Array  # covariance added to the components per second of random walk
     scale: Array  # as `Applications.scale`
     information: Array  # scratch
-    hidden: Array  # projector on generalised forces of which nothing is known, or empty
-    errors: Array  # known forces whose size is in doubt, in this interval
-    doubt: Array  # running mean square of what may be wrong with them
-    x: Array  # the estimate
-    P: Array  # its covariance
-    samples: Array  # as in `kernels.residual`, followed by B^T
+    hidden: Array  # projector onto generalised forces that do not change the rows in use, or empty
+    errors: Array  # known forces with an uncertain factor, in the current interval
+    doubt: Array  # running mean square of the possible errors of known forces and mass, for each row
+    x: Array  # estimate of the state
+    P: Array  # covariance of the estimate
+    samples: Array  # the two latest samples as in `kernels.residual`, each followed by B^T
 
 
 class KalmanMemory(NamedTuple):
-    """A Kalman filter's memory: what every observer keeps, what a filter keeps, and its latest step."""
+    """Memory of a Kalman filter: the data of every observer, the data of the filter, and its latest step."""
 
     observer: ObserverMemory
     filter: Filter
@@ -57,9 +57,9 @@ class KalmanMemory(NamedTuple):
 
 @merged
 def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step:
-    """Lay out a step's fields."""
+    """Lay out the fields of a step."""
     n, h = nv + nz, blocks * c
-    width = (nv + 2 * n + 8) // 8 * 8  # rounded up to what a processor's vectors hold
+    width = (nv + 2 * n + 8) // 8 * 8  # rounded up to a multiple of 8 doubles, the size of a processor's vectors
     return Step(
         shear=take(cursor, (nz, n)),
         decay=take(cursor, (nz,)),
@@ -73,19 +73,23 @@ def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step
 
 @merged
 def step_in(memory: Array, latest: Step) -> Step:
-    """Lay out one of a record's steps, as long as the latest one, behind a cursor."""
+    """Lay out one step of a record, with the same shapes as the latest step, after a cursor."""
     (nz, n), blocks = latest.shear.shape, latest.basis.shape[0]
     return step_fields(rewind(memory), n - nz, nz, latest.z.shape[0] // blocks, blocks)
 
 
 def step_size(latest: Step) -> int:
-    """Return the number of doubles of one of a record's steps."""
+    """Return the number of doubles that one step of a record takes."""
     return 1 + sum(field.size for field in latest)
 
 
 @merged
 def kalman_in(memory: Array) -> KalmanMemory:
-    """Lay out a Kalman filter's memory: behind an observer's sizes 1 or 3 blocks, ne, nv or 0 hidden rows, choices."""
+    """Lay out the memory of a Kalman filter.
+
+    Sizes, after those of an observer: number of blocks (1, or 3 with harmonics), number ne of known forces with an
+    uncertain factor, number of rows of `hidden` (nv or 0), `mass_in_doubt`, `power_known`.
+    """
     cursor = rewind(memory)
     sizes = observer_sizes(cursor)
     blocks, ne, hidden = next_size(cursor), next_size(cursor), next_size(cursor)

@@ -1,4 +1,4 @@
-"""A smoother over a whole record: every interval is estimated from all samples, earlier and later ones."""
+"""A smoother for whole records: every interval is estimated from all earlier and later samples."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 
 
 class SmootherObserver(KalmanObserver):
-    """The Kalman filter run over a record and back (Rauch-Tung-Striebel, in Bryson and Frazier's form): no lag.
+    """The Kalman filter run forward over a record, then a smoother run backward; the estimate has no lag.
 
-    Takes what `KalmanObserver` takes; `run` alone works.
+    The smoother is Rauch-Tung-Striebel's in the form of Bryson and Frazier. The arguments are those of
+    `KalmanObserver`. Only `run` works; `update` raises an error.
     """
 
     name = "smoother"
@@ -26,12 +27,12 @@ class SmootherObserver(KalmanObserver):
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> NoReturn:
-        """Refuse.
+        """Raise an error: the smoother needs a whole record and cannot take single samples.
 
         Raises:
             ObserverError: always.
         """
-        raise ObserverError("observer smoother looks back from the end of a record: use run, or kalman on a stream")
+        raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         steps = np.empty((len(u), step_size(self._kalman.step)))

@@ -1,12 +1,13 @@
-"""The smoother's arithmetic, compiled: Bryson-Frazier, from the last interval of a record back to the first.
+"""Compiled kernels of the Bryson-Frazier smoother, which runs from the last interval of a record to the first.
 
-Along the filter's own steps run an adjoint l (n,) and its covariance N (n, n). With the filter's K^T = L^-T T, T and L
-of its update, and the momentum's rows p,
+The smoother carries an adjoint l (n,) and its covariance N (n, n) backward over the steps of the filter. T and L are
+those of the filter's update, K^T = L^-T T, and the index p marks the rows of the momentum:
 
     update, backwards:   l_p <- l_p + L^-T e - K^T l,   N <- C^T N C + [S^-1 in pp],   C = I - [K in columns p]
     interval, backwards: l <- F^T l,                    N <- F^T N F
 
-and after each update's estimate x, P the smoothed one is x + P l with covariance P - P N P. No covariance is inverted.
+With the filter's estimate x, P after an update, the smoothed estimate is x + P l with covariance P - P N P. No
+covariance is inverted.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from aerobat_pin.observers.kalman.memory import Step, kalman_in, step_in
 
 @kernel
 def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
-    """Replace the coefficients and their covariance in a step by the smoothed ones.
+    """Replace the coefficients and their covariance in a step by the smoothed values.
 
     Args:
-        step: `z` and the coefficients' part of `Z` change.
-        adjoint: (n,) after the step's update.
-        N: (n, n) its covariance.
+        step: the filter's step; `z` changes, and so do the columns of `Z` that belong to the coefficients.
+        adjoint: (n,) adjoint at the time after the step's update.
+        N: (n, n) covariance of the adjoint.
         work: (h c, n + h c) scratch.
     """
     Z, h, n = step.Z, step.z.shape[0], adjoint.shape[0]
@@ -34,7 +35,7 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
     add_product(work[:, :n], Z, N, 1.0)
     for a in range(h):
         step.z[a] += dot(Z[a], adjoint)
-    for component in range(c):  # a component needs the covariance of its own coefficients alone
+    for component in range(c):  # only covariances between coefficients of the same component are needed
         for a in range(component, h, c):
             row, found = work[a, :n], work[a, n:]
             for b in range(component, h, c):
@@ -47,10 +48,10 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
 
 @kernel
 def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Array) -> None:
-    """Carry the adjoint and its covariance back over the step's measurement.
+    """Carry the adjoint and its covariance backward over the measurement of a step.
 
     Args:
-        step: the filter's.
+        step: the filter's step.
         adjoint: (n,) changes.
         N: (n, n) changes.
         K: (n, n) written: the filter's gain, then zeros.
@@ -75,10 +76,10 @@ def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Ar
 
 @kernel
 def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array) -> None:
-    """Carry the adjoint (n,) and its covariance N (n, n) back over shear and decay.
+    """Carry the adjoint (n,) and its covariance N (n, n) backward over the shear and decay of a step.
 
     Args:
-        step: the filter's.
+        step: the filter's step.
         adjoint: (n,) changes.
         N: (n, n) changes.
         mirrored: (nv, n) scratch, zero at first.
@@ -104,12 +105,12 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array)
 
 @kernel
 def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
-    """Smooth a record that the filter has gone through.
+    """Smooth a record over which the filter has run.
 
     Args:
-        time: (m + 1,) [s].
-        memory: the filter.
-        steps: (m, size of a step); they change.
+        time: (m + 1,) sample times [s].
+        memory: memory of the filter.
+        steps: (m, step size) steps of the filter; they change.
         out: (m, nv + 2 c) written: residual, components, standard deviations.
     """
     latest = kalman_in(memory).step

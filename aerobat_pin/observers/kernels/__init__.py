@@ -1,1 +1,1 @@
-"""What the streaming and the batch call of an observer compute, compiled."""
+"""Compiled kernels of the observers, used both for single updates and for whole records."""

@@ -1,4 +1,4 @@
-"""The observers' filters: what follows the interval means of residual or force."""
+"""The observers' filters, which smooth the interval means of the residual or of the forces."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RISE = 2.1461932206205825
 
 @inner
 def rotate(basis: Array, value: Array, out: Array, back: bool) -> None:
-    """Write the coordinates of a value (size,) in an orthonormal basis, or the value of coordinates."""
+    """Write the coordinates of a vector (size,) in an orthonormal basis, or with `back` the vector of coordinates."""
     for i in range(value.shape[0]):
         out[i] = 0.0
         for j in range(value.shape[0]):
@@ -23,7 +23,7 @@ def rotate(basis: Array, value: Array, out: Array, back: bool) -> None:
 
 @inner
 def low_pass(observer: ObserverMemory, dt: float, value: Array) -> None:
-    """Filter a value (size,) in place, held over an interval dt [s]; exact for the linear kinds."""
+    """Filter a value (size,) in place, constant over an interval dt [s]; exact for the linear filters."""
     first, second, kind = observer.filtered[0], observer.filtered[1], observer.sizes.filter
     decay = 0.0
     for i in range(value.shape[0]):
@@ -48,21 +48,21 @@ def low_pass(observer: ObserverMemory, dt: float, value: Array) -> None:
 def super_twist(rate: float, slope: float, dt: float, value: float, state: Array) -> None:
     """Advance a super-twisting differentiator with linear terms by one implicit Euler step.
 
-    With e the integral of the force less that of its estimate z,
+    With z the estimate of the force f, and e the integral of f minus the integral of z,
 
         e' = f - z - k1 sqrt|e| sign e - 2 rate e          k1 = 1.5 sqrt(slope)
         z' = 1.1 slope sign e + rate^2 e
 
     Args:
-        rate: of the linear part, critically damped [1/s].
-        slope: bound on |f'| that the sliding part follows exactly [N/s].
-        dt: step [s].
-        value: f, mean over the step [N].
+        rate: rate of the linear part, which is critically damped [1/s].
+        slope: largest |f'| for which f is followed exactly [N/s].
+        dt: time step [s].
+        value: mean of f over the step [N].
         state: (2,) z [N] and e [N s]; both change.
     """
     pushed = state[1] + dt * (value - state[0])
     reach = 1.1 * slope * dt * dt
-    if abs(pushed) <= reach:  # on the sliding surface: the sign is whatever keeps e at zero
+    if abs(pushed) <= reach:  # on the sliding surface, where `sign e` takes the value that keeps e at zero
         state[0] += pushed / dt
         state[1] = 0.0
         return

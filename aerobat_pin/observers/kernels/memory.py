@@ -1,4 +1,4 @@
-"""What an observer keeps between calls: the memory of its kernels."""
+"""Memory of the observers' kernels: the data that an observer keeps between calls."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, tak
 
 
 class ObserverSizes(NamedTuple):
-    """The integers at the head of an observer's memory, in their order."""
+    """The integers at the start of an observer's memory, in this order."""
 
     nv: int
-    joints: int  # of the model, the universe included
+    joints: int  # number of joints of the model, including the universe
     components: int
-    filtered: int  # quantities that are filtered
-    basis: int  # as many where they are filtered in coordinates of their own, else 0
-    metric: int  # nv where rows are tied, else 0
-    project_first: int  # whether forces are filtered (1) or the residual (0)
-    rows: int  # which rows the projection believes, see `rows.ROWS`
+    filtered: int  # number of quantities that are filtered
+    basis: int  # equal to `filtered` if the gain is a matrix, else 0
+    metric: int  # nv if rows are tied, else 0
+    project_first: int  # 1 if the forces are filtered, 0 if the residual is
+    rows: int  # which rows the projection uses, see `rows.ROWS`
     filter: int  # which filter, see `filters`
 
 
 class ObserverMemory(NamedTuple):
-    """What an observer keeps between calls; `observer_fields` says the shapes."""
+    """Data that an observer keeps between calls; shapes are in `observer_fields`."""
 
     sizes: ObserverSizes
     robot: Integers  # addresses of Pinocchio's M, C, g, J and oMi
-    record: Integers  # addresses of a record's velocities and samples, and which one is next
-    newest: Integers  # which of the two samples is the newer
-    slope: Array  # of a super-twisting filter [unit of the filtered/s]
-    gain: Array  # of the filtered quantities, in the coordinates of `basis` [1/s]
-    basis: Array  # whose columns these coordinates are, or empty
-    weight: Array  # of the rows
-    metric: Array  # of tied rows, or empty
+    record: Integers  # addresses of a record's velocities and samples, and the index of the next sample
+    newest: Integers  # index of the newer one of the two samples
+    slope: Array  # slope of a super-twisting filter [unit of the filtered quantity per second]
+    gain: Array  # gains of the filtered quantities, or of their coordinates in `basis` [1/s]
+    basis: Array  # orthonormal basis, one vector per column, or empty
+    weight: Array  # weights of the rows
+    metric: Array  # `BelievedRows.metric` of tied rows, or empty
     components: Array  # as `Applications.table`
     support: Array  # as `Applications.support`
-    samples: Array  # as in `residual`
-    filtered: Array  # the filter's state
-    velocity: Array  # scratch, like all that follows
+    samples: Array  # the two latest samples, as in `residual`
+    filtered: Array  # state of the filter
+    velocity: Array  # scratch, like all fields below
     value: Array
     jacobian: Array
     equations: Array
@@ -61,7 +61,7 @@ def observer_sizes(cursor: Integers) -> ObserverSizes:
 
 @merged
 def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
-    """Lay out an observer's fields behind the sizes."""
+    """Lay out the fields of an observer after its sizes."""
     nv, c, size = sizes.nv, sizes.components, sizes.filtered
     return ObserverMemory(
         sizes=sizes,
@@ -86,6 +86,6 @@ def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
 
 @merged
 def observer_in(memory: Array) -> ObserverMemory:
-    """Lay out an observer's memory."""
+    """Lay out the memory of an observer."""
     cursor = rewind(memory)
     return observer_fields(cursor, observer_sizes(cursor))

@@ -1,4 +1,4 @@
-"""From a generalised force to the unknown components: weighted, damped least squares on the rows that are believed."""
+"""Unknown components from a generalised force, by weighted and damped least squares over the rows in use."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from aerobat_pin.numerics import Array, eigenvectors, inner, kernel, solve_posit
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
-DAMPING = 1.0e-12  # of the trace of J W J^T
-SUSPECT = 1.0e-6  # of the trace: below this pivot some pattern of components may leave no trace
-UNSEEN_EIGENVALUE = 1.0e-10  # of the trace: an eigenvalue below it belongs to components that leave no trace
+DAMPING = 1.0e-12  # added to the diagonal, as a share of the trace of J W J^T
+SUSPECT = 1.0e-6  # share of the trace: a smaller pivot means that some pattern of components may leave no trace
+UNSEEN_EIGENVALUE = 1.0e-10  # share of the trace: a smaller eigenvalue belongs to a pattern that leaves no trace
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
 
@@ -18,13 +18,13 @@ ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 def normal_equations(
     observer: ObserverMemory, J: Array, velocity: Array, generalized: Array, A: Array, b: Array
 ) -> float:
-    """Write A = J W^2 J^T (lower triangle) and b = J W^2 phi over the rows believed; return the trace of A.
+    """Write A = J W^2 J^T (lower triangle) and b = J W^2 phi over the rows in use; return the trace of A.
 
     Args:
         observer: rows and weights.
-        J: (c, nv) point Jacobians.
-        velocity: (nv,) whose joint part is the direction of the power row.
-        generalized: (nv,) phi.
+        J: (c, nv) Jacobians of the components.
+        velocity: (nv,) velocity; its joint part is the direction of the power row.
+        generalized: (nv,) generalised force phi.
         A: (c, c) written.
         b: (c,) written.
     """
@@ -66,7 +66,7 @@ def normal_equations(
 
 @inner
 def tied_equations(metric: Array, J: Array, generalized: Array, A: Array, b: Array) -> None:
-    """Add J W J^T (lower triangle) to A and J W phi to b, W the metric of tied rows."""
+    """Add J W J^T (lower triangle) to A and J W phi to b, where W is the metric of tied rows."""
     for i in range(J.shape[0]):
         for k in range(J.shape[1]):
             weighted = 0.0
@@ -79,14 +79,14 @@ def tied_equations(metric: Array, J: Array, generalized: Array, A: Array, b: Arr
 
 @kernel
 def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> None:
-    """Write the forces (c,) that explain a generalised force (nv,) best, with the observer's mid-interval Jacobian.
+    """Write the components (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
 
     Args:
         observer: rows, weights, Jacobian, scratch.
-        before: (3 + c, nv) remembered sample, for the direction of the power row.
-        after: (3 + c, nv) the next one.
-        generalized: (nv,) to be explained.
-        force: (c,) written, world axes.
+        before: (3 + c, nv) sample at the start of the interval, for the direction of the power row.
+        after: (3 + c, nv) sample at the end of the interval.
+        generalized: (nv,) generalised force.
+        force: (c,) components, written.
     """
     if force.shape[0] == 0:
         return
@@ -96,17 +96,17 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
             velocity[k] = 0.5 * (before[2, k] + after[2, k])
     trace = normal_equations(observer, observer.jacobian, velocity, generalized, A, force)
     for i in range(force.shape[0]):
-        A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # points that nothing moves get no force
+        A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # trace 0: no row depends on the forces, which become 0
     if solve_positive(A, force) < SUSPECT * trace:
         project_deficient(observer, after, generalized, force)
 
 
 @inner
 def project_deficient(observer: ObserverMemory, after: Array, generalized: Array, force: Array) -> None:
-    """As `project`, where some pattern of forces leaves no trace: its part of the answer is zero.
+    """Do what `project` does if some pattern of forces leaves no trace; the result contains nothing of this pattern.
 
-    The mean of two Jacobians that have lost rank has not quite lost it, and would magnify what leaves no trace.
-    The exact Jacobian at the interval's end decides which patterns these are.
+    The mean of two rank-deficient Jacobians has nearly, but not exactly, deficient rank, and least squares with it
+    would magnify such patterns. They are therefore found with the exact Jacobian at the end of the interval.
     """
     A, size = observer.equations, force.shape[0]
     seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)

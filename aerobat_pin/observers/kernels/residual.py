@@ -1,15 +1,15 @@
-"""The observers' arithmetic, compiled: one call after Pinocchio's M, C and g, on any model.
+"""Compiled kernels of the observers: one call for each sample, after Pinocchio has computed M, C and g.
 
-A sample leaves behind (3 + c, nv) numbers: the momentum p = M v, the drift C^T v - g, the velocity v, and the Jacobian
-of the c unknown components (see `applications`). From two samples
+From each sample (3 + c, nv) numbers are kept: the momentum p = M v, the drift C^T v - g, the velocity v, and the
+Jacobian of the c unknown components (see `applications`). From two samples, the kernels compute
 
     phi = (p_1 - p_0) / dt - (drift_0 + drift_1) / 2 - u            mean external generalised force of the interval
-    J   = (J_0 + J_1) / 2                                           Jacobian in its middle, to second order
-    f   = argmin |W (phi - J^T f)|^2 + damping |f|^2                components that explain a generalised force best
+    J   = (J_0 + J_1) / 2                                           Jacobian in mid-interval, to second order
+    f   = argmin |W (phi - J^T f)|^2 + damping |f|^2                components that best fit phi
 
-Without measured joint torques the joint rows of phi say nothing, and f explains the six rows of the base alone. Where
-the power of one motor that drives all joints is measured, one more row holds: v_j . phi_j. Of tied coordinates the
-sums of their rows hold. The kind of observer decides which of phi and f is filtered, and how.
+Without measured joint torques the joint rows of phi contain no information, and f is fitted only to the six rows of
+the base. If one motor drives all joints and its power is measured, one more row can be used: v_j . phi_j. For tied
+coordinates, the sums of their rows are used. The kind of observer determines whether phi or f is filtered, and how.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
 from aerobat_pin.observers.kernels.projection import project
 
-TOO_LARGE = 1.0e150  # of a residual: its square still is a number
+TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
 
 
 class Dynamics(NamedTuple):
-    """Pinocchio's results at a sample: M, C (nv, nv), g (nv, 1), the world Jacobians J (6, nv), oMi (12, njoints)."""
+    """Pinocchio's results at a sample: M and C (nv, nv), g (nv, 1), world Jacobian J (6, nv), oMi (12, njoints)."""
 
     M: Array
     C: Array
@@ -36,7 +36,7 @@ class Dynamics(NamedTuple):
 
 @inner
 def dynamics_of(observer: ObserverMemory) -> Dynamics:
-    """View Pinocchio's results where they lie: five arrays handed over one by one would cost a fifth of the call."""
+    """Return views of Pinocchio's results in place; passing five arrays instead would cost a fifth of the call."""
     places, nv = observer.robot, observer.sizes.nv
     return Dynamics(
         M=doubles_at(places[0], nv, nv),
@@ -52,16 +52,16 @@ def write_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
     """Write a sample's momentum, drift, velocity and Jacobian.
 
     Args:
-        observer: its memory; J, after Pinocchio's Coriolis matrix, is in WORLD.
+        observer: memory of the observer. After Pinocchio's `computeCoriolisMatrix`, J is in the WORLD frame.
         v: (nv,) velocity.
-        sample: (3 + c, nv) written.
+        sample: (3 + c, nv) written: momentum, drift, velocity, Jacobian.
     """
     M, C, g, J, oMi = dynamics_of(observer)
     nv = v.shape[0]
     momentum, drift, rate = sample[0], sample[1], sample[2]
     for i in range(nv):
         momentum[i], drift[i], rate[i] = 0.0, dot(C[:, i], v) - g[i, 0], v[i]
-    for j in range(nv):  # M is symmetric: whole columns at a time
+    for j in range(nv):  # M is symmetric, so whole columns can be read
         for i in range(nv):
             momentum[i] += M[i, j] * v[j]
     for row in range(observer.components.shape[0]):
@@ -90,14 +90,14 @@ def in_world_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float,
 
 @kernel
 def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, out: Array) -> bool:
-    """Turn one interval into an estimate; return False where it is NaN or huge.
+    """Compute the estimate for one interval; return False if the residual is NaN or huge.
 
     Args:
         before: (3 + c, nv) sample at the start.
         after: (3 + c, nv) sample at the end.
         u: (nv,) known generalised force, mean over the interval.
-        dt: its length [s].
-        observer: its memory; the filter's state changes.
+        dt: length of the interval [s].
+        observer: memory of the observer; the filter's state changes.
         out: (nv + c,) written: generalised residual, then components.
     """
     nv = u.shape[0]
@@ -133,7 +133,7 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
 
 @kernel
 def start_observer(memory: Array, v: Array) -> None:
-    """Take the first sample, with the filter at zero."""
+    """Take the first sample of a stream and set the filter to zero."""
     observer = observer_in(memory)
     observer.newest[0] = 0
     observer.filtered[:, :] = 0.0
@@ -142,9 +142,9 @@ def start_observer(memory: Array, v: Array) -> None:
 
 @kernel
 def update_observer(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
-    """Take a sample and `observe` the interval since the one before.
+    """Take a sample and apply `observe` to the interval since the previous sample.
 
-    Returns False, and changes nothing, where v or u does not have the model's size or the result is not finite.
+    Returns False and keeps the filter's state if v or u does not have the model's size or the residual is not finite.
     """
     observer = observer_in(memory)
     if v.shape[0] != observer.sizes.nv or u.shape[0] != observer.sizes.nv:
@@ -160,9 +160,9 @@ def update_observer(memory: Array, v: Array, u: Array, dt: float, out: Array) ->
 
 @inner
 def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
-    """Return the velocity (nv,) of the next sample in a record and the place (rows, nv) for it.
+    """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
 
-    A view of each, handed over from Python, would cost a fiftieth of the whole.
+    Passing these views from Python instead would cost a fiftieth of the whole computation.
     """
     record, nv = observer.record, observer.sizes.nv
     k = record[2]
@@ -172,7 +172,7 @@ def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
 
 @kernel
 def record_sample(memory: Array) -> None:
-    """Write the next sample (3 + c, nv) of a record, at which Pinocchio just was."""
+    """Write the next sample (3 + c, nv) of a record, for which Pinocchio has just computed M, C and g."""
     observer = observer_in(memory)
     v, sample = next_in_record(observer, 3 + observer.sizes.components)
     write_sample(observer, v, sample)
@@ -180,7 +180,7 @@ def record_sample(memory: Array) -> None:
 
 @inner
 def repeat_interval(samples: Array, out: Array, k: int) -> None:
-    """Let a repeated stamp change nothing: interval k has the result of the one before, and ends as it began."""
+    """Handle a repeated time stamp: copy the previous result to interval k, and its first sample to its last."""
     if k > 0:
         copy_values(out[k - 1], out[k])
     else:
@@ -191,7 +191,7 @@ def repeat_interval(samples: Array, out: Array, k: int) -> None:
 
 @kernel
 def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
-    """`observe` every interval of a record into out (m, nv + c); return the first that is not finite, or -1."""
+    """Apply `observe` to a record, writing out (m, nv + c); return the first interval that is not finite, or -1."""
     observer = observer_in(memory)
     observer.filtered[:, :] = 0.0
     for k in range(u.shape[0]):
