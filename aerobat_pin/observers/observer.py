@@ -1,7 +1,5 @@
 """One interface for all observers: `reset` and `update` for a stream of samples, `run` for a whole record.
 
-`update` returns a `Sample`, `run` an `Estimate`.
-
 With p = M v and Mdot = C + C^T, a robot under known generalised forces u and unknown generalised forces u_f obeys
 p' = u + u_f + C^T v - g. Every observer first computes the mean of u_f over one sample interval; see `kernels`.
 """
@@ -296,8 +294,7 @@ class Observer:
 def _modes(gain: Array, size: int) -> tuple[Array, Array]:
     """Split a gain into gains (size,) and the orthonormal basis (size, size) in which they act.
 
-    The basis is empty unless the gain is a matrix. Raises ObserverError if the gain has the wrong shape or would make
-    the filter unstable.
+    The basis is empty unless the gain is a matrix. Raises ObserverError if the gain does not fit or is not positive.
     """
     if gain.shape not in ((), (size,), (size, size)):
         raise ObserverError(
