@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 from support.browser import started
 
 from aerobat_pin.experiments.experiment import Experiment, run, write
@@ -14,6 +15,9 @@ from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.write_all import write_figures_and_pages
+
+settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")
