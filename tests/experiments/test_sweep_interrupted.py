@@ -9,15 +9,18 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import psutil
 import pytest
 from distributed import LocalCluster
 
-from aerobat_pin.experiments.sweep import load_sweep, run_sweep
+from aerobat_pin.experiments.sweep import executors, load_sweep, run_sweep
 
 RUNS = 40
 PROGRAM = [sys.executable, "-m", "aerobat_pin", "sweep"]
@@ -159,3 +162,11 @@ def test_a_cluster_survives_the_death_of_a_worker(
 
     run_sweep(load_sweep(file), tmp_path, cluster=cluster.scheduler_address, progress=progress)
     same_tables(tmp_path, uninterrupted)
+
+
+def test_an_error_in_a_thread_is_reported_unless_the_thread_is_joblibs() -> None:
+    """Joblib's manager can stumble over tasks that an interruption took away; nobody else's error is swallowed."""
+    reported: list[Any] = []
+    for name in ("ExecutorManagerThread", "reader"):
+        executors._unless_of_joblib(reported.append, SimpleNamespace(thread=threading.Thread(name=name)))
+    assert [error.thread.name for error in reported] == ["reader"]

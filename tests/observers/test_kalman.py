@@ -241,5 +241,5 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         observer.update(1e-3, q[1], v[1], tau[0])
     smoother = SmootherObserver(model, frames)
     smoother.reset(q[0], v[0])
-    with pytest.raises(ObserverError, match="use run, or kalman"):
+    with pytest.raises(ObserverError, match="use run, or the observer kalman"):
         smoother.update(1e-3, q[1], v[1], tau[0])

@@ -7,8 +7,9 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -120,12 +121,21 @@ def _started(pool: Any, tasks: list[Any]) -> Iterator[Outcomes]:
         outcomes = pool(tasks)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         yield outcomes
+    except BaseException:
+        threading.excepthook = partial(_unless_of_joblib, threading.excepthook)
+        raise
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if outcomes is not None:
                 outcomes.close()
+
+
+def _unless_of_joblib(hook: Callable[[Any], Any], error: Any) -> None:
+    """Report an error in a thread, unless it is joblib's own, which can fail while its tasks are taken away."""
+    if not str(getattr(error.thread, "name", "")).startswith("ExecutorManagerThread"):
+        hook(error)
 
 
 def _numbered(number: int, scenario: Scenario) -> tuple[int, str]:
