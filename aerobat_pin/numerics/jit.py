@@ -66,7 +66,7 @@ def merged(function: Function) -> Function:
 
     All memory layouts are such kernels. Python reads them with `memory.fields_of`, which needs no compilation.
     """
-    return _compiled(function, inline="always")
+    return _compiled(function, forceinline=True)
 
 
 def _compiled(function: Function, **more: Any) -> Function:
