@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-import tomllib
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -35,6 +35,7 @@ from aerobat_description.names import check_frames, check_name
 from aerobat_description.position_closure import ClosureError, elbow, reach, remedies
 from aerobat_description.reading import MorphologyError, build, dotted, require
 from aerobat_description.scaling import stretched
+from aerobat_description.toml_text import TomlError, toml_file
 
 STRETCH = 0.05  # allowed relative difference of the last proximal station and the elbow's distance; 2.5 % as shipped
 PLANFORM_EDGES = ("proximal_leading_edge", "proximal_trailing_edge", "distal_leading_edge", "distal_trailing_edge")
@@ -216,13 +217,13 @@ def _file_values(morphology: str) -> dict[str, Any]:
     path = Path(morphology)
     if morphology in MORPHOLOGIES:
         path = Path(PACKAGE_PATH, "morphologies", f"{morphology}.toml")
-    elif not path.is_file():
+    elif not os.path.isfile(path):
         shipped = ", ".join(MORPHOLOGIES)
         raise MorphologyError(f"no morphology named '{morphology}': shipped are {shipped}; or give a TOML file")
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MorphologyError(f"morphology file {path}: not valid TOML: {error}") from error
+        values = toml_file(path)
+    except TomlError as error:
+        raise MorphologyError(f"morphology file {path}: {error}") from error
     parent = values.pop("extends", None)
     if parent is None:
         return values

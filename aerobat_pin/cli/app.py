@@ -20,6 +20,8 @@ from aerobat_pin.cli.options import Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.play import play_command
 from aerobat_pin.cli.sweep import sweep_command
 
+LONGEST_MESSAGE = 2000  # characters of an error message, which can quote a file
+
 app = typer.Typer(
     name="aerobat",
     help="Fly Aerobat, and ask what is pushing on it.",
@@ -217,10 +219,18 @@ def main() -> None:
     try:
         app()
     except AerobatError as error:
-        typer.echo(f"error: {error}", err=True)
+        typer.echo(f"error: {_readable(str(error))}", err=True)
         sys.exit(2)
     finally:
         gc.freeze()  # saves a quarter of a second: without it Python searches all libraries for garbage at exit
+
+
+def _readable(message: str) -> str:
+    """Return a message without its middle if it is long, and with signs that a terminal would obey made visible."""
+    if len(message) > LONGEST_MESSAGE:
+        half = LONGEST_MESSAGE // 2
+        message = f"{message[:half]} ... {message[-half:]}"
+    return "".join(sign if sign.isprintable() or sign == "\n" else repr(sign)[1:-1] for sign in message)
 
 
 def _show_warning(

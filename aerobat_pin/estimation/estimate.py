@@ -7,6 +7,7 @@ scenario.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tabl
 
 def read_log(path: Path) -> FlightLog:
     """Read a flight log: a NetCDF file written by this package, or a recorded CSV table. Raises LogError."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise LogError(f"flight log {path}: there is no such file")
     return read_csv(path) if path.suffix.lower() == ".csv" else FlightLog.load(path)
 

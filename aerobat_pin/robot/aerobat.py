@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -143,7 +144,7 @@ def _with_file(message: str, morphology: str) -> str:
     """Return an error message, with the file name added if the morphology comes from a file of the user."""
     if morphology in MORPHOLOGIES or message.startswith("morphology file"):
         return message
-    if Path(morphology).is_file():
+    if os.path.isfile(morphology):
         return f"morphology file {morphology}: {message.removeprefix('morphology: ')}"
     is_path = morphology.endswith(".toml") or "/" in morphology
     return f"morphology file {morphology}: there is no such file" if is_path else message

@@ -5,10 +5,10 @@ A part of a key that applies to a list is an index, counted from 0, or `*` for e
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from typing import Any
 
+from aerobat_description.toml_text import MOST_LEVELS, TomlError, toml_values
 from aerobat_pin.errors import ScenarioError
 
 
@@ -25,8 +25,8 @@ def with_settings(values: dict[str, Any], settings: Iterable[str]) -> dict[str, 
 def parsed_value(text: str) -> Any:
     """Read a value as TOML; return the text unchanged if it is not TOML, so that strings need no quotes."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return toml_values(f"value = {text}")["value"]
+    except TomlError:
         return text
 
 
@@ -40,9 +40,14 @@ def assign(values: Any, key: str, value: Any, source: str | None = None) -> None
         source: where the setting comes from; error messages begin with it. The key itself when omitted.
 
     Raises:
-        ScenarioError: the key leads to a list item that does not exist, or into a value that is not a table.
+        ScenarioError: the key has too many parts, or leads to a list item that does not exist, or into a value that is not a table.
     """
-    _assign(values, key.split("."), 0, value, source or f"key '{key}'")
+    parts = key.split(".")
+    if len(parts) > MOST_LEVELS:
+        raise ScenarioError(
+            f"{source or 'key'}: {len(parts)} parts of a dotted key: at most {MOST_LEVELS} were expected"
+        )
+    _assign(values, parts, 0, value, source or f"key '{key}'")
 
 
 def _assign(here: Any, parts: list[str], depth: int, value: Any, source: str) -> None:

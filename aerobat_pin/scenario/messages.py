@@ -10,6 +10,8 @@ from aerobat_pin.scenario.dotted_keys import parsed_value
 from aerobat_pin.scenario.tables import Section, sections_of
 from aerobat_pin.scenario.toml import scenario_value
 
+LONGEST_SHOWN = 200  # characters of a wrong value in an error message
+
 
 def explain(error: dict[str, Any], root: type[Section]) -> str:
     """Return the message for one of pydantic's errors in a scenario; `root` is the class of the outermost table."""
@@ -46,7 +48,13 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
         return f"missing key '{where}'"
     if error["type"] == "value_error":
         return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
-    return f"{where} = {error['input']!r}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+    return f"{where} = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _shown(value: object) -> str:
+    """Return a value as an error message shows it: its Python text, or the beginning of a long one."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
 
 def _fixed_length(section: type[Section], key: str) -> int:

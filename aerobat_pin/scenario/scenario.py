@@ -5,6 +5,7 @@ Units are SI, except that keys ending in `_deg` are in degrees, which are easier
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -39,7 +40,10 @@ class Scenario(Section):
     """One experiment: the content of a scenario file."""
 
     name: str = Field(
-        min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder"
+        min_length=1,
+        max_length=200,
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
+        description="also the default output folder",
     )
     description: str = Field("", description="what happens, in a line")
     robot: RobotSection = RobotSection()
@@ -127,7 +131,7 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
             key, value and rule.
     """
     values = read_toml("scenario", str(source), SHIPPED_SCENARIOS, ScenarioError)
-    if Path(source).is_file():
+    if os.path.isfile(source):
         _find_beside(Path(source).parent, values)
     return parse_scenario(with_settings(values, settings), str(source))
 
@@ -142,7 +146,7 @@ def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
     named += [(force, "file") for force in forces] if isinstance(forces, list) else []
     for table, key in named:
         if isinstance(table, dict) and isinstance(table.get(key), str) and table[key] not in MORPHOLOGIES:
-            table[key] = str((folder / table[key]).resolve())
+            table[key] = os.path.realpath(folder / table[key])
 
 
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+from aerobat_description.toml_text import TomlError, toml_file
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.scenario.tables import Section
 
@@ -31,20 +32,16 @@ def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], Aero
         error: error class to raise.
 
     Raises:
-        AerobatError: of the class `error`: there is no such file, it cannot be read, or it is not TOML.
+        AerobatError: of the class `error`: there is no such file, it cannot be read, or `toml_file` refuses it.
     """
     file = shipped / f"{source}.toml"
-    if "/" in source or not file.is_file():
+    if "/" in source or not os.path.isfile(file):
         file = Path(source)
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as cause:
-        raise error(f"{kind} {source}: not valid TOML: {cause}") from cause
-    except (OSError, UnicodeDecodeError) as cause:
-        if file.is_file():
-            raise error(f"{kind} file {file}: cannot be read: {cause}") from cause
-    if source.endswith(".toml") or "/" in source:
-        raise error(f"{kind} file {source}: there is no such file")
+    if os.path.isfile(file) or source.endswith(".toml") or "/" in source:
+        try:
+            return toml_file(file)
+        except TomlError as cause:
+            raise error(f"{kind} file {file}: {cause}") from cause
     raise error(f"no {kind} '{source}': shipped are {', '.join(shipped_names(shipped))}; or give a TOML file")
 
 

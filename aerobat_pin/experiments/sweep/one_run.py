@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from functools import lru_cache
 from pathlib import Path
@@ -38,7 +39,7 @@ def outcome_of(scenario: Scenario) -> str:
 
 
 def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
-    own = section.morphology not in MORPHOLOGIES and Path(section.morphology).is_file()
+    own = section.morphology not in MORPHOLOGIES and os.path.isfile(section.morphology)
     stamp = Path(section.morphology).stat().st_mtime_ns if own else 0
     found = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
     if isinstance(found, AerobatError):

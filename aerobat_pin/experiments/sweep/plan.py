@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -108,7 +109,7 @@ def load_sweep(source: str | Path) -> Sweep:
     """
     file = read_sweep(str(source))
     beside = Path(source).parent / file.base
-    base = load_scenario(beside if Path(source).is_file() and beside.is_file() else file.base)
+    base = load_scenario(beside if os.path.isfile(source) and os.path.isfile(beside) else file.base)
     values = _plain(base)
     for key, value in file.set.items():
         assign(values, key, value)

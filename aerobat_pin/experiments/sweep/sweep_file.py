@@ -124,7 +124,9 @@ class Factors(_Table):
 class SweepFile(_Table):
     """The content of a sweep file, checked."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder")
+    name: str = Field(
+        max_length=200, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="also the default output folder"
+    )
     description: str = ""
     base: str = Field(description="shipped scenario, or TOML file beside this one")
     seeds: Whole = Field(1, ge=1, description="number of seeds, counted up from the base scenario's")

@@ -1,0 +1,76 @@
+"""Read TOML, from a file or a text, that may come from a stranger: its size, depth and words are checked before parsing.
+
+The parser of the standard library calls itself for each level of nesting, and Python refuses numbers of many digits; both
+would end in a traceback. The limits are far above anything that a file of this project needs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+MOST_BYTES = 1_000_000  # the largest shipped file has 20,000
+MOST_LEVELS = 32  # of brackets, and of the parts of a dotted key
+LONGEST_WORD = 255  # characters of a key, and digits of a number
+TOKEN = re.compile(  # a string, a comment, a word, blanks, or one sign; a string that does not end goes to the line's end
+    r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)|\'\'\'.*?(?:\'{3,5}|\Z)|"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*|[\w+-]+|[ \t]+|.',
+    re.DOTALL,
+)
+NUL = re.compile(r"(?<!\\)(?:\\\\)*\\(?:u0{4}|U0{8})")  # no file, frame or column can have it in its name
+
+
+class TomlError(ValueError):
+    """A file or a text is not TOML, or is larger or nests deeper than it may. The message says what was expected."""
+
+
+def toml_file(path: Path) -> dict[str, Any]:
+    """Read a TOML file. Raises TomlError if there is no such file, or if it cannot be read, is too large or not TOML."""
+    if not os.path.isfile(path):  # False also for names that are too long, which `Path.is_file` raises an error for
+        raise TomlError("there is no such file")
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise TomlError(f"{path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
+        return toml_values(content.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise TomlError(f"cannot be read: {error}; UTF-8 was expected") from error
+    except OSError as error:
+        raise TomlError(f"cannot be read: {error.strerror}") from error
+
+
+def toml_values(text: str) -> dict[str, Any]:
+    """Return the values of TOML text. Raises TomlError if it is not TOML, nests too deep, or has too long a word or a NUL."""
+    if len(text) > MOST_BYTES:
+        raise TomlError(f"{len(text)} characters: at most {MOST_BYTES} were expected")
+    _check(text)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise TomlError(f"not valid TOML: {error}") from error
+
+
+def _check(text: str) -> None:
+    """Raise TomlError if a word is too long, a text has a NUL, or brackets or dotted keys have too many levels."""
+    line, brackets, parts = 1, 0, 0
+    for found in TOKEN.finditer(text):
+        token = found[0]
+        first = token[0]
+        if first in "[{":
+            brackets, parts = brackets + 1, 0
+        elif first in "]}":
+            brackets, parts = brackets - 1, 0
+        elif first == ".":
+            parts += 1
+        elif first in "=,\n#":
+            parts = 0
+        elif first == '"' and NUL.search(token):
+            raise TomlError(f"line {line}: a text with the character U+0000")
+        elif first not in "\"' \t" and len(token) > LONGEST_WORD:
+            raise TomlError(f"line {line}: a word of {len(token)} characters: at most {LONGEST_WORD} were expected")
+        if max(brackets, parts) > MOST_LEVELS:
+            raise TomlError(f"line {line}: more than {MOST_LEVELS} levels of brackets or of a dotted key")
+        line += token.count("\n")
