@@ -15,7 +15,7 @@ from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
 from aerobat_pin.numerics import announce_compilation
 from aerobat_pin.robot import Aerobat, load_robot
-from aerobat_pin.scenario import Scenario
+from aerobat_pin.scenario import Scenario, check_size
 
 
 def simulate(
@@ -33,10 +33,11 @@ def simulate(
         robot: the scenario's robot, if it is already loaded by `load_robot`.
 
     Raises:
-        ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot.
+        ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot, or is too large.
         CrankError: the drive's angle, rate and acceleration do not agree.
         SimulationError: the flight diverged.
     """
+    check_size(scenario)  # again: a copy of a scenario with other values is not checked
     settings = scenario.simulation
     announce_compilation(advance_stage)
     plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)

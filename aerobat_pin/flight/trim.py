@@ -22,12 +22,13 @@ from aerobat_pin.errors import AerobatError, TrimError
 from aerobat_pin.flight.plant.plant import Plant, State
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import load_robot
-from aerobat_pin.scenario import Scenario
+from aerobat_pin.scenario import MOST_SECONDS, SECONDS_PER_STEP, Scenario
 
 BODY = 5  # unknowns besides the aerodynamic state: frequency, offset, pitch, vertical speed, pitch rate
 BODY_SCALE = np.array([1.0, 0.01, 0.1, 0.1, 1.0])  # Hz, m, rad, m/s, rad/s
 AIR_SCALE = 0.1
 DIFFERENCE_STEP = 1.0e-6  # step of the finite differences, in scaled unknowns
+FLAPS_PER_STRIP = 20  # that a search flies: measured with 8 strips
 CONVERGED = 1.0e-6  # largest residual of a flight that counts as periodic, in the units of `Trim.residual`
 
 
@@ -74,6 +75,14 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
         raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
     if scenario.crank.drive != "constant":
         raise TrimError(f"crank.drive = {scenario.crank.drive!r}: only a crank that turns steadily can be trimmed")
+    flaps = FLAPS_PER_STRIP * scenario.air.strips
+    seconds = flaps * SECONDS_PER_STEP / (scenario.crank.frequency * scenario.simulation.dt)
+    if seconds > MOST_SECONDS:
+        raise TrimError(
+            f"simulation.dt = {scenario.simulation.dt:g} s at crank.frequency = {scenario.crank.frequency:g} Hz: the search "
+            f"takes some {flaps} flaps, about {seconds:.3g} s; at most {MOST_SECONDS:g} s are allowed: a longer "
+            "simulation.dt was expected"
+        )
     guess = load_robot(scenario).morphology.wing.offset_x
     flight = scenario.flight
     body = [

@@ -17,6 +17,7 @@ from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.dotted_keys import with_settings
 from aerobat_pin.scenario.messages import explain
+from aerobat_pin.scenario.size import check_size
 from aerobat_pin.scenario.tables import (
     AirSection,
     BelievedSection,
@@ -93,6 +94,11 @@ class Scenario(Section):
                 f"air.warm_up_cycles = {cycles} at crank.frequency = {frequency} Hz take {cycles / frequency:.0f} s "
                 f"to fly; at most {MOST_WARM_UP:.0f} s are allowed"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _small_enough(self) -> Scenario:
+        check_size(self)
         return self
 
     @model_validator(mode="after")

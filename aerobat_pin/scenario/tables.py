@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -204,7 +205,7 @@ class SimulationSection(Section):
     @model_validator(mode="after")
     def _whole_steps(self) -> SimulationSection:
         steps = self.duration / self.dt
-        if steps < 0.5 or abs(steps - round(steps)) > 1e-6 * steps:
+        if not 0.5 <= steps < math.inf or abs(steps - round(steps)) > 1e-6 * steps:
             raise ValueError(f"duration = {self.duration} s is not a whole number of steps of dt = {self.dt} s")
         return self
 

@@ -14,7 +14,7 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,10 +23,12 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import OutputError
 from aerobat_pin.experiments.experiment import versions
 from aerobat_pin.experiments.output_folder import WORK, write_files
+from aerobat_pin.experiments.sweep.finished import content_of, finished_runs, plain_json
 from aerobat_pin.experiments.sweep.plan import Sweep
-from aerobat_pin.scenario import scenario_toml
+from aerobat_pin.scenario import Scenario, scenario_toml
 
 FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc")
+MOST_MANIFEST = 10_000_000  # bytes of a sweep file as JSON
 MANIFEST, BASE_SCENARIO, FINISHED, TABLE, GRID = FILES
 
 
@@ -56,7 +58,7 @@ class Checkpoint:
         try:
             self._lock_folder()
             self._resume_or_start(_manifest(sweep), sweep, force)
-            self.finished = self._read_finished(len(sweep.scenarios))
+            self.finished = self._read_finished(sweep.scenarios)
             self._file = (folder / FINISHED).open("ab")
         except BaseException:
             os.close(self._lock)
@@ -113,22 +115,12 @@ class Checkpoint:
         text = json.dumps(manifest, indent=2) + "\n"
         write_files({self.folder / BASE_SCENARIO: scenario_toml(sweep.base).encode(), there: text.encode()})
 
-    def _read_finished(self, count: int) -> dict[int, Any]:
-        """Read the finished runs; delete incomplete lines, which an interrupted write leaves, from the file."""
+    def _read_finished(self, scenarios: Sequence[Scenario]) -> dict[int, Any]:
+        """Read the finished runs; delete the last line from the file if an interrupted write has cut it off."""
         path = self.folder / FINISHED
-        content = path.read_bytes() if path.exists() else b""
-        finished, good = {}, []
-        for line in content.splitlines(keepends=True):
-            try:
-                read = json.loads(line)
-                number, outcome = int(read["run"]), dict(read["outcome"])
-            except (ValueError, KeyError, TypeError):
-                continue
-            if line.endswith(b"\n") and 0 <= number < count:
-                finished[number] = outcome
-                good.append(line)
-        if b"".join(good) != content:
-            write_files({path: b"".join(good)})
+        finished, whole = finished_runs(path, scenarios)
+        if path.exists() and path.stat().st_size > len(whole):
+            write_files({path: whole})
         return finished
 
 
@@ -146,8 +138,8 @@ def _manifest(sweep: Sweep) -> dict[str, Any]:
 
 def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
     try:
-        there = dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError) as error:
+        there = plain_json(content_of(path, MOST_MANIFEST))
+    except ValueError as error:
         raise OutputError(f"output {path}: cannot be read: {error}; --force starts anew") from error
     other = [key for key in manifest if there.get(key) != manifest[key] and key != "description"]
     if other:

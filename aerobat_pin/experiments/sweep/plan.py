@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +16,11 @@ import numpy as np
 from aerobat_pin.errors import SweepError
 from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
-from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
+from aerobat_pin.scenario import Scenario, assign, flight_size, load_scenario, parse_scenario
 
-MOST_RUNS = 100_000
+MOST_RUNS, MOST_DAYS = 100_000, 30.0  # of a sweep, the days on one processor
+LONGEST_NAME = 255  # bytes of a dimension's name
+DAY = 86400.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,7 @@ def load_sweep(source: str | Path) -> Sweep:
     for key, value in file.set.items():
         assign(values, key, value)
     base = parse_scenario(values, f"of sweep {file.name}")
+    _check_names_and_size(file, base)
     dimensions = [_range_dimension(key, chosen) for key, chosen in file.ranges.items()]
     dimensions += [_factor_dimension(name, factors) for name, factors in file.factors.items()]
     dimensions += [Dimension(name, tuple(sets), tuple(sets.values())) for name, sets in file.variants.items()]
@@ -121,14 +125,35 @@ def load_sweep(source: str | Path) -> Sweep:
         dimensions.append(_draw_dimension(file.draws))
     seeds = tuple(base.simulation.seed + k for k in range(file.seeds))
     dimensions.append(Dimension(SEED, seeds, tuple({"simulation.seed": seed} for seed in seeds)))
-    for name in (dimension.name for dimension in dimensions if dimension.name in RESERVED_NAMES):
-        raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
     sweep = Sweep(file, base, tuple(dimensions))
-    count = int(np.prod(sweep.shape))
-    if count > MOST_RUNS:
-        raise SweepError(f"sweep {file.name}: {sweep.sizes} are {count} runs; at most {MOST_RUNS} are allowed")
-    assert len(sweep.scenarios) == count
+    days = sum(flight_size(scenario).seconds for scenario in sweep.scenarios) / DAY
+    if days > MOST_DAYS:
+        raise SweepError(_too_large(file, sweep.sizes, len(sweep.scenarios), days))
     return sweep
+
+
+def _check_names_and_size(file: SweepFile, base: Scenario) -> None:
+    """Raise SweepError if a dimension has a name that no file of results can hold, or if the runs are too many.
+
+    The sizes of the dimensions are enough for this, so that no list of a thousand million seeds is made.
+    """
+    for name in (*file.sizes, *(file.draws.values if file.draws else {})):
+        if name in RESERVED_NAMES:
+            raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
+        if not name.strip(". ") or "/" in name or not name.isprintable() or len(name.encode()) > LONGEST_NAME:
+            rule = f"a name without / of 1 to {LONGEST_NAME} bytes was expected, as NetCDF takes it"
+            raise SweepError(f"sweep {file.name}: dimension {name!r}: {rule}")
+    count = math.prod(file.sizes.values())
+    if count > MOST_RUNS:
+        sizes = " x ".join(f"{size} {name}" for name, size in file.sizes.items())
+        raise SweepError(_too_large(file, sizes, count, count * flight_size(base).seconds / DAY))
+
+
+def _too_large(file: SweepFile, sizes: str, count: int, days: float) -> str:
+    return (
+        f"sweep {file.name}: {sizes} are {count} runs, about {days:.3g} days on one processor; at most {MOST_RUNS} runs "
+        f"and {MOST_DAYS:g} days are allowed"
+    )
 
 
 def _range_dimension(key: str, chosen: list[Any] | Span) -> Dimension:

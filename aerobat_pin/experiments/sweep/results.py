@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerobat_pin.errors import SweepError
 from aerobat_pin.estimation import FORCE_AXES, ObserverScores
 from aerobat_pin.experiments.experiment import versions
 from aerobat_pin.experiments.sweep.columns import FLIGHT_UNITS, JUDGED, LISTS, SCORES
@@ -69,6 +70,16 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
             grid[key] = ((*dims, more) if more else dims, values, {"units": FLIGHT_UNITS.get(key, "1")})
     grid["failed"] = (dims, failed, {"long_name": "why the run has no numbers"})
     return grid
+
+
+def check_labels(sweep: Sweep) -> None:
+    """Raise SweepError if NetCDF cannot hold the labels of a dimension; the last run would be too late to find this."""
+    for dimension in sweep.dimensions:
+        try:
+            xr.Dataset(coords={dimension.name: list(dimension.labels)}).to_netcdf(engine="h5netcdf")
+        except (TypeError, ValueError, OverflowError) as error:
+            labels = ", ".join(map(repr, dimension.labels[:3]))
+            raise SweepError(f"sweep {sweep.file.name}: labels {labels}, ... of {dimension.name}: {error}") from error
 
 
 def results_csv(sweep: Sweep, outcomes: Mapping[int, Any]) -> str:

@@ -10,7 +10,7 @@ import xarray as xr
 from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
-from aerobat_pin.experiments.sweep.results import results_csv, results_grid
+from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
 
 SweepProgress = Callable[[int, int, int], None]
 
@@ -38,9 +38,11 @@ def run_sweep(
         The grid of results, as in `results.nc`.
 
     Raises:
+        SweepError: the tables cannot hold the labels of a dimension.
         OutputError: the folder contains something else, or cannot be written.
         WorkersLostError: the processes that simulated some of the runs died; finished runs are kept.
     """
+    check_labels(sweep)
     count = len(sweep.scenarios)
     with Checkpoint(Path(folder), sweep, force=force) as checkpoint:
         failed = sum("failed" in outcome for outcome in checkpoint.finished.values())

@@ -136,6 +136,13 @@ class SweepFile(_Table):
     variants: dict[str, Annotated[dict[str, dict[str, Any]], Field(min_length=1)]] = Field(default_factory=dict)
     draws: Draws | None = None
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Number of labels of each dimension, in order; known without making the labels."""
+        chosen = {**self.ranges, **{name: factors.values for name, factors in self.factors.items()}, **self.variants}
+        sizes = {name: values.count if isinstance(values, Span) else len(values) for name, values in chosen.items()}
+        return {**sizes, **({DRAW: self.draws.count} if self.draws else {}), SEED: self.seeds}
+
     @model_validator(mode="after")
     def _distinct(self) -> SweepFile:
         names = [*self.ranges, *self.factors, *self.variants, DRAW, SEED]

@@ -1,0 +1,54 @@
+"""The size of a flight is estimated before it begins: steps, bytes of the log, seconds; too large a one is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from aerobat_pin.errors import ScenarioError, TrimError
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight.trim import find_trim
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario.size import flight_size
+
+
+@pytest.mark.parametrize("strips", [4, 16, 40])
+def test_the_log_has_the_size_that_was_estimated(strips: int) -> None:
+    """To 3 %: measured and true channels together."""
+    scenario = load_scenario("paper", ["simulation.duration=0.05", "simulation.dt=1e-4", f"air.strips={strips}"])
+    log = simulate(scenario)
+    assert log.truth is not None
+    assert log.measured.nbytes + log.truth.nbytes == pytest.approx(flight_size(scenario).log_bytes, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            ["simulation.duration=1e7"],
+            r"duration = 1e\+07 s .* 1e\+10 steps, a log of 2\.\d+e\+04 GB and about 1e\+06 s",
+        ),
+        (["simulation.dt=1e-12"], r"dt = 1e-12 s.*at most 2 GB and 3600 s are allowed: a shorter simulation\.duration"),
+        (["simulation.dt=1e-12", "simulation.duration=1e-11"], "a longer simulation.dt"),  # the warm-up alone
+        (["simulation.duration=10_000", "simulation.dt=0.02", "unknown_force.*.tick=1e-5"], r"unknown_force\.\*\.tick"),
+        (["simulation.duration=1e300", "simulation.dt=1e-300"], "not a whole number of steps"),
+    ],
+)
+def test_too_large_a_flight_is_refused_before_it_takes_memory(settings: list[str], message: str) -> None:
+    """With the estimate, the limit, and the key to change; also where a copy of a good scenario is made too large."""
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario("paper", settings)
+
+
+def test_python_is_refused_as_the_command_line_is() -> None:
+    """`model_copy` checks nothing."""
+    good = load_scenario("paper")
+    large = good.model_copy(update={"simulation": good.simulation.model_copy(update={"duration": 1e7})})
+    with pytest.raises(ScenarioError, match="a shorter simulation.duration"):
+        simulate(large)
+
+
+def test_a_search_for_trim_is_sized_too() -> None:
+    """It flies hundreds of flaps, of which a scenario alone knows nothing."""
+    tiny = load_scenario("paper", ["simulation.dt=1e-6", "simulation.duration=1e-3"])
+    with pytest.raises(TrimError, match=r"takes some 320 flaps, about 6\.7\d+e\+03 s; at most 3600 s"):
+        find_trim(tiny)
