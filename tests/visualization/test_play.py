@@ -223,17 +223,19 @@ def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
 
 
 def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The folder of a `package://` six levels up, or elsewhere by ROS_PACKAGE_PATH; else the message names both."""
+    """A package beside the sixth folder up, or elsewhere by ROS_PACKAGE_PATH; else the message names both."""
     monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
     deep = tmp_path / "a" / "b" / "c" / "d" / "e" / "f"
     deep.mkdir(parents=True)
     mesh = '<mesh filename="package://bird/body.stl"/>'
     (deep / "arm.urdf").write_text(ARM.replace('<box size="0.1 0.1 1"/>', mesh))
     motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
-    with pytest.raises(LogError, match=r"bird/body\.stl .* folders above the URDF, or those of ROS_PACKAGE_PATH"):
+    with pytest.raises(LogError, match=r"bird/body\.stl: a file .* package\.xml, .* or in one of ROS_PACKAGE_PATH"):
         replay_table(motion, deep / "arm.urdf")
     for place in (tmp_path, tmp_path / "elsewhere"):
         (place / "bird").mkdir(parents=True)
+        if place == tmp_path:
+            (place / "bird" / "package.xml").touch()
         shutil.copy(Path(PACKAGE_PATH) / "meshes" / "aerobat_body.stl", place / "bird" / "body.stl")
         assert replay_table(motion, deep / "arm.urdf").visual_model.ngeoms == 1
         shutil.rmtree(place / "bird")
@@ -267,5 +269,5 @@ def test_a_robot_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no such file"):
         replay_table(motion, tmp_path / "no.urdf")
     (tmp_path / "bad.urdf").write_text("<robot")
-    with pytest.raises(LogError, match="Pinocchio cannot read it"):
+    with pytest.raises(LogError, match="cannot be read as XML"):
         replay_table(motion, tmp_path / "bad.urdf")

@@ -16,15 +16,15 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import TextTable
+from aerobat_pin.visualization.replay.any_robot import FREE_BASE, load_any_robot
 from aerobat_pin.visualization.replay.recording import Recording, record
 
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
-FREE_BASE = 7  # number of entries of q for a free base
+LARGEST = 1e6  # of any number: no motion goes further, and a page holds single precision
 
 
 def replay_table(table: Path, urdf: Path) -> Recording:
@@ -53,7 +53,7 @@ def replay_table(table: Path, urdf: Path) -> Recording:
     for frame, force in forces.items():
         if np.isnan(force).any():
             raise LogError(f"motion {table}: three columns {frame}.Fx, {frame}.Fy and {frame}.Fz were expected")
-    model, visual_model = _load_any_robot(urdf, len(columns), table)
+    model, visual_model = load_any_robot(urdf, len(columns), table)
     q = values[:, columns]
     if model.joints[1].nq == FREE_BASE:
         length = np.linalg.norm(q[:, 3:7], axis=1)
@@ -63,34 +63,17 @@ def replay_table(table: Path, urdf: Path) -> Recording:
     return record(model, visual_model, values[:, names.index("time")], q, forces, title=table.stem)
 
 
-def _load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.GeometryModel]:
-    """Load a robot from its URDF, with a free base if the table has columns for the placement of the base."""
-    if not urdf.is_file():
-        raise LogError(f"robot {urdf}: there is no such file")
-    try:
-        model = pin.buildModelFromUrdf(str(urdf))
-        fixed = model.nq
-        if columns == fixed + FREE_BASE:
-            model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-        folders = [str(folder) for folder in urdf.resolve().parents]
-        visual_model = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, package_dirs=folders)
-    except (ValueError, RuntimeError) as error:
-        reason = str(error).strip()
-        if "could not be found" in reason:  # Pinocchio itself searches ROS_PACKAGE_PATH
-            reason += " In the folders above the URDF, or those of ROS_PACKAGE_PATH, it was expected."
-        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {reason}") from error
-    if columns != model.nq:
-        raise LogError(
-            f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or "
-            f"{fixed + FREE_BASE} on a free base, in the order {', '.join(list(model.names)[1:])}"
-        )
-    return model, visual_model
-
-
 def _read_table(table: Path) -> tuple[list[str], Array]:
     """Return the names of the columns without units, and the values (n, columns)."""
     text = TextTable(table, "motion", LogError)
+    if len(set(text.names)) < len(text.names):
+        twice = next(name for name in text.names if text.names.count(name) > 1)
+        raise LogError(f"motion {table}: two columns are named {twice}")
     numbers = text.numbers()
+    if np.any(np.abs(numbers) > LARGEST):
+        row, column = np.argwhere(np.abs(numbers) > LARGEST)[0]
+        where = f"line {text.line(int(row))}: {text.names[column]} = {numbers[row, column]:g}"
+        raise LogError(f"motion {table}, {where}: numbers up to {LARGEST:g} were expected")
     if len(numbers) < 2:
         raise LogError(f"motion {table}: a header and two rows or more were expected")
     return text.names, numbers

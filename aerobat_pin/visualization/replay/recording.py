@@ -215,7 +215,7 @@ class Recording:
             if move is not None:
                 move(visible, int(k))
             pin.updateGeometryPlacements(self.model, self._data, visible, placed, self._q[k])
-            placements[row] = [pin.SE3ToXYZQUAT(placement) for placement in placed.oMg]
+            placements[row] = np.reshape([pin.SE3ToXYZQUAT(placement) for placement in placed.oMg], (-1, 7))
             points = [
                 placement.rotation @ box.T + placement.translation[:, None]
                 for placement, box in zip(placed.oMg, corners, strict=True)

@@ -1,0 +1,213 @@
+"""Load any robot from a URDF file that may come from a stranger.
+
+The files that a URDF names end up in a page that is then passed on, so only files of the robot's own packages are read:
+the folder of the URDF (the folder above it, if its own is called `urdf`), every folder above it that has a `package.xml`,
+packages beside those, and the packages of ROS_PACKAGE_PATH. The Collada files among them name textures, which must be
+pictures in the same folders.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_description import PACKAGE_PATH
+from aerobat_pin.errors import LogError
+
+Element = ElementTree.Element
+Loaded = TypeVar("Loaded")
+FREE_BASE = 7  # number of entries of q for a free base
+MOST_BYTES = 100_000_000  # of a URDF or a mesh
+MOST_LEVELS = 100  # of nested elements
+LARGEST = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
+    **dict.fromkeys(("xyz", "rpy", "size", "radius", "length", "scale"), 1e6),
+    **dict.fromkeys(("rgba", "value", "lower", "upper", "effort", "velocity", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1e30),
+}
+EXTENTS = {"size", "radius", "length"}  # of a box, a ball, a cylinder
+MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Collada names other files
+PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM")  # how the content of a texture begins
+
+
+def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.GeometryModel]:
+    """Load a robot, with a free base if the number of columns is that of its joints and of the base's placement.
+
+    Args:
+        urdf: the URDF file.
+        columns: number of columns of the configuration in the table that moves the robot.
+        table: that table, for the message.
+
+    Raises:
+        LogError: the file or one that it names cannot be read or lies outside the robot's packages; a number is not
+            finite or too large; the robot cannot move, or has another number of joints.
+    """
+    root = _parsed(urdf, f"robot {urdf}", "robot")
+    _check_numbers(root, f"robot {urdf}")
+    packages = Packages(urdf)
+    for element in root.iter():
+        if element.tag in ("mesh", "texture") and "filename" in element.attrib:
+            check = _check_mesh if element.tag == "mesh" else _check_picture
+            element.set("filename", str(packages.file(element.attrib["filename"], urdf.parent, check)))
+    text = ElementTree.tostring(root, encoding="unicode")
+    model = _by_pinocchio(urdf, lambda: pin.buildModelFromXML(text))
+    fixed = model.nq
+    if columns == fixed + FREE_BASE:
+        model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    if model.nq == 0:
+        raise LogError(f"robot {urdf}: no joint of it moves; a joint, or the {FREE_BASE} columns of a free base, were expected")
+    if columns != model.nq:
+        raise LogError(
+            f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or "
+            f"{fixed + FREE_BASE} on a free base, in the order {', '.join(list(model.names)[1:])}"
+        )
+    kind = pin.GeometryType.VISUAL
+    visual_model = _by_pinocchio(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind))
+    for part in visual_model.geometryObjects:
+        if hasattr(part.geometry, "vertices") and not np.all(np.isfinite(part.geometry.vertices())):
+            raise LogError(f"robot {urdf}: mesh {part.meshPath} holds NaN or infinity")
+    return model, visual_model
+
+
+class Packages:
+    """The folders whose files a robot may name.
+
+    Args:
+        urdf: the URDF file; the folders follow from its place.
+    """
+
+    def __init__(self, urdf: Path) -> None:
+        self._name = f"robot {urdf}"
+        place = Path(os.path.abspath(urdf)).parent
+        above = [*dict.fromkeys([place, *place.parents, *Path(os.path.realpath(urdf)).parents])]
+        self._own = [place.parent if place.name == "urdf" else place]
+        self._own += [folder for folder in above if _is_package(folder)] + [Path(PACKAGE_PATH)]
+        self._above = above
+        self._ros = [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
+
+    def file(self, name: str, folder: Path, check: Callable[[Path, Packages], None]) -> Path:
+        """Return the path of a file that the robot names.
+
+        Args:
+            name: `package://` or `file://` address, absolute path, or path relative to `folder`.
+            folder: folder of the file that contains the name.
+            check: called with the path and this object; raises LogError if the file is none of those allowed.
+
+        Raises:
+            LogError: there is no such file, or it lies outside the robot's packages.
+        """
+        path, roots = Path(folder, name), self._own + self._ros
+        if name.startswith(("package://", "model://")):
+            package, _, rest = name.partition("://")[2].partition("/")
+            beside = [base / package for base in self._above]
+            roots = [root for root in beside if root in self._own or _is_package(root)]
+            roots += [base / package for base in self._ros]
+            path = next((root / rest for root in roots if os.path.isfile(root / rest)), Path(folder, rest))
+        elif name.startswith("file://"):
+            path = Path(unquote(urlsplit(name).path))
+        place = Path(os.path.realpath(path))
+        if not any(place.is_relative_to(os.path.realpath(root)) for root in roots):
+            raise LogError(
+                f"{self._name} names {name}: a file in the folder of the URDF, in a folder above it that has a "
+                "package.xml, in such a package beside these, or in one of ROS_PACKAGE_PATH was expected"
+            )
+        if not os.path.isfile(place):
+            raise LogError(f"{self._name} names {name}: there is no such file")
+        try:
+            check(place, self)
+        except LogError as error:
+            raise LogError(f"{self._name} names {name}: {error}") from error
+        return place
+
+
+def _is_package(folder: Path) -> bool:
+    return os.path.isfile(folder / "package.xml")
+
+
+def _check_mesh(path: Path, packages: Packages) -> None:
+    """Raise LogError unless a file is a mesh that a page can draw, and the textures that it names are pictures."""
+    if path.suffix.lower() not in MESHES:
+        raise LogError(f"{path.suffix or 'no ending'}: one of {', '.join(MESHES)} was expected")
+    if path.stat().st_size > MOST_BYTES:
+        raise LogError(f"{path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
+    if path.suffix.lower() == ".dae":
+        for library in _parsed(path, "mesh", "COLLADA").iter():
+            if library.tag.endswith("library_images"):
+                for element in (inner for inner in library.iter() if "init_from" in inner.tag):
+                    packages.file(element.text or "", path.parent, _check_picture)
+
+
+def _check_picture(path: Path, packages: Packages) -> None:
+    """Raise LogError unless a file begins as a picture does, whatever its name."""
+    with path.open("rb") as file:
+        start = file.read(8)
+    if not start.startswith(PICTURES):
+        raise LogError("a picture (PNG, JPEG, GIF or BMP) was expected")
+
+
+def _parsed(path: Path, name: str, tag: str) -> Element:
+    """Read an XML file. Raises LogError if it is none, too large, nests too deep, or has another outermost element."""
+    if not os.path.isfile(path):
+        raise LogError(f"{name}: there is no such file")
+    if path.stat().st_size > MOST_BYTES:
+        raise LogError(f"{name}: {path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
+    level, root = 0, None
+    try:
+        for event, element in ElementTree.iterparse(path, ("start", "end")):
+            root = element if root is None else root
+            level += 1 if event == "start" else -1
+            if level > MOST_LEVELS:
+                raise LogError(f"{name}: more than {MOST_LEVELS} levels of elements")
+    except (ElementTree.ParseError, ValueError, OSError) as error:
+        if isinstance(error, LogError):
+            raise
+        raise LogError(f"{name}: cannot be read as XML: {error}") from error
+    if root is None or root.tag.rpartition("}")[2] != tag:
+        raise LogError(f"{name}: an outermost element <{tag}> was expected")
+    return root
+
+
+def _check_numbers(root: Element, name: str) -> None:
+    """Raise LogError unless all numbers of a URDF are finite and not absurd; its parser leaves out what it cannot read."""
+    for element in root.iter():
+        for key, text in element.attrib.items():
+            if key in LARGEST:
+                try:
+                    numbers = np.array(text.split(), float)
+                except ValueError:
+                    numbers = np.array([np.nan])
+                rule = f"numbers up to {LARGEST[key]:g} were expected"
+                good = numbers.size > 0 and bool(np.all(np.abs(numbers) <= LARGEST[key]))
+                if good and (key in EXTENTS or element.tag == "axis"):
+                    rule, good = "more than 0 was expected", bool(np.all(numbers > 0.0) if key in EXTENTS else np.any(numbers))
+                if not good:
+                    raise LogError(f'{name}: <{element.tag} {key}="{text[:80]}">: {rule}')
+
+
+def _by_pinocchio(urdf: Path, load: Callable[[], Loaded]) -> Loaded:
+    """Call a function of Pinocchio, whose parser prints its reasons to standard error and can leave parts out.
+
+    Raises LogError with those reasons.
+    """
+    with tempfile.TemporaryFile() as said:
+        stderr = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            loaded, reason = load(), ""
+        except (ValueError, RuntimeError) as error:
+            reason = " ".join(str(error).rpartition("message: ")[2].partition("\nHint")[0].split())
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        said.seek(0)
+        lines = said.read().decode(errors="replace").splitlines()
+    errors = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+    if errors or reason:
+        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {'; '.join(errors) or reason}")
+    return loaded

@@ -1,0 +1,191 @@
+"""Robots from strangers: only files of the robot's own packages enter a page, and what is no robot is refused by name."""
+
+from __future__ import annotations
+
+import base64
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerobat_description import PACKAGE_PATH
+from aerobat_description.export import shipped_urdf
+from aerobat_description.morphology import Morphology
+from aerobat_pin.errors import LogError
+from aerobat_pin.visualization.replay.any_robot import load_any_robot
+from aerobat_pin.visualization.replay.motion_csv import replay_table
+
+HINGE = """<joint name="hinge" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
+SHAPE = '<box size="1 1 1"/>'
+ARM = f"""<robot name="arm"><link name="base"/><link name="bar"><visual><geometry>{SHAPE}</geometry></visual></link>
+{HINGE}</robot>"""
+SECRET, PICTURE = b"the secret of this machine", b"\x89PNG\r\n\x1a\n" + 40 * b"\0"
+COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset><library_images><image id="i"><init_from>{}</init_from></image></library_images>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array>
+<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source><vertices id="v"><input semantic="POSITION"
+source="#p"/></vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
+<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>"""
+
+
+def stl(*corner: float) -> bytes:
+    """Return a mesh of one triangle."""
+    return 80 * b"\0" + struct.pack("<I12fH", 1, 0, 0, 1, *corner, 1, 0, 0, 0, 1, 0, 0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder of a robot, with a table that moves it, beside files that are none of its business."""
+    inside = tmp_path / "arm"
+    (inside / "meshes").mkdir(parents=True)
+    for place in (tmp_path, inside / "meshes"):
+        (place / "bar.stl").write_bytes(stl(0.0, 0.0, 0.0))
+        (place / "bar.png").write_bytes(PICTURE)
+        (place / "bar.txt").write_bytes(SECRET)
+    (inside / "motion.csv").write_text("time,hinge\n0,0\n1,0.5\n")
+    return inside
+
+
+def page_of(folder: Path, mesh: str) -> str:
+    """Return the page of a robot with a mesh."""
+    (folder / "arm.urdf").write_text(ARM.replace(SHAPE, f'<mesh filename="{mesh}"/>'))
+    return replay_table(folder / "motion.csv", folder / "arm.urdf").html()
+
+
+def test_meshes_of_the_robots_own_folders_are_drawn(folder: Path) -> None:
+    """Relative, absolute, as an address; from a folder called urdf, its sibling; by `package.xml`, any below it."""
+    for mesh in ("meshes/bar.stl", str(folder / "meshes" / "bar.stl"), f"file://{folder}/meshes/bar.stl"):
+        page_of(folder, mesh)
+    page_of(folder, "package://arm/meshes/bar.stl")
+    for deeper in ("urdf", "some/where"):
+        place = folder / deeper
+        place.mkdir(parents=True)
+        (place / "motion.csv").write_bytes((folder / "motion.csv").read_bytes())
+        if deeper != "urdf":
+            (folder / "package.xml").touch()
+        page_of(place, os.path.relpath(folder / "meshes" / "bar.stl", place))
+    absolute = shipped_urdf(Morphology.load("aerobat"), "absolute")
+    assert absolute is not None
+    (folder / "bird.urdf").write_text(absolute)  # printed by `aerobat urdf --meshes absolute` and saved anywhere
+    _, visual_model = load_any_robot(folder / "bird.urdf", 11, folder / "motion.csv")
+    assert all(part.meshPath.startswith(PACKAGE_PATH) for part in visual_model.geometryObjects)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        ("../bar.stl", r"names \.\./bar\.stl: a file in the folder of the URDF"),
+        ("{above}/bar.stl", "names .*/bar.stl: a file in the folder of the URDF"),
+        ("file://{above}/bar.stl", "a file in the folder of the URDF"),
+        ("package://../bar.stl", "a file in the folder of the URDF"),
+        ("package://arm/../bar.stl", "a file in the folder of the URDF"),
+        ("package:///../bar.stl", "a file in the folder of the URDF"),
+        ("link.stl", "a file in the folder of the URDF"),
+        ("meshes/bar.txt", r"\.txt: one of \.dae, \.obj, \.stl was expected"),
+        ("pipe.stl", "there is no such file"),
+        ("meshes", "there is no such file"),
+        ("http://example.org/a.stl", "there is no such file"),
+        ("cut.stl", "Pinocchio cannot read it: Could not load resource"),
+        ("nan.stl", r"mesh .*nan\.stl holds NaN or infinity"),
+        ("huge.stl", "bytes: at most 100000000 were expected"),
+    ],
+)
+def test_meshes_from_elsewhere_or_of_another_kind_are_refused(mesh: str, message: str, folder: Path) -> None:
+    """By their address; and the page of a mesh that cannot be read is not the page of the robot."""
+    (folder / "link.stl").symlink_to(folder.parent / "bar.stl")
+    (folder / "cut.stl").write_bytes(stl(0.0, 0.0, 0.0)[:-9])
+    (folder / "nan.stl").write_bytes(stl(np.nan, 0.0, 0.0))
+    with (folder / "huge.stl").open("wb") as file:
+        file.truncate(10**11)
+    os.mkfifo(folder / "pipe.stl")
+    with pytest.raises(LogError, match=message):
+        page_of(folder, mesh.format(above=folder.parent))
+
+
+@pytest.mark.parametrize(
+    "texture", ["{above}/bar.txt", "../bar.txt", "../../bar.txt", "bar.txt", "{above}/bar.png", "../../bar.png", "link.png"]
+)
+def test_a_texture_pulls_no_file_into_the_page(texture: str, folder: Path) -> None:
+    """A text within the folder is no picture, and a picture of another folder is not this robot's."""
+    (folder / "meshes" / "link.png").symlink_to(folder.parent / "bar.png")
+    (folder / "bar.txt").write_bytes(SECRET)
+    (folder / "meshes" / "bar.dae").write_text(COLLADA.format(texture.format(above=folder.parent)))
+    with pytest.raises(LogError, match=r"names .*: a (file in the folder of the URDF|picture \(PNG, JPEG, GIF or BMP\))"):
+        page_of(folder, "meshes/bar.dae")
+
+
+def test_a_texture_of_the_robots_own_is_drawn(folder: Path) -> None:
+    """The page holds the picture."""
+    (folder / "meshes" / "bar.dae").write_text(COLLADA.format("bar.png"))
+    (folder / "arm.urdf").write_text(ARM.replace(SHAPE, '<mesh filename="meshes/bar.dae"/>'))
+    recording = replay_table(folder / "motion.csv", folder / "arm.urdf")
+    assert base64.b64encode(PICTURE)[:20].decode() in base64.b64decode(_commands(recording.html())).decode("latin-1")
+
+
+def _commands(page: str) -> bytes:
+    """Return the longest run of base64 text in a page: the command that draws the mesh."""
+    import re
+
+    runs = [run for run in re.findall(r'"([A-Za-z0-9+/=]{400,})"', page) if b"init_from" in base64.b64decode(run)]
+    return runs[0].encode()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('<robot name="r"><link name="base"/></robot>', "no joint of it moves; a joint, or the 7 columns"),
+        (ARM.replace(SHAPE, 9000 * "<b>" + 9000 * "</b>"), "more than 100 levels of elements"),
+        ("<a/>", "an outermost element <robot> was expected"),
+        ("", "cannot be read as XML: no element found"),
+        ("\0\1\2", "cannot be read as XML"),
+        ('<!DOCTYPE r [<!ENTITY a "aaaaaaaaaaaaaaaa">' + "".join(
+            f'<!ENTITY a{i} "{16 * f"&a{i - 1 if i else str()};"}">' for i in range(8)
+        ) + ']><robot name="&a7;"/>', "cannot be read as XML"),
+        (ARM.replace("0 1 0", "a b c"), '<axis xyz="a b c">: numbers up to'),
+        (ARM.replace("0 1 0", "0 0 0"), '<axis xyz="0 0 0">: more than 0 was expected'),
+        (ARM.replace("1 1 1", "nan 1 1"), '<box size="nan 1 1">: numbers up to 1e'),
+        (ARM.replace("1 1 1", "1e300 1 1"), '<box size="1e300 1 1">: numbers up to 1e'),
+        (ARM.replace("1 1 1", "-1 1 1"), '<box size="-1 1 1">: more than 0'),
+        (ARM.replace('name="bar"', 'name="base"'), "Pinocchio cannot read it: link 'base' is not unique"),
+        (ARM.replace("<limit", "<!-- ").replace('velocity="1"/>', "-->"), "it does not specify limits"),
+        (ARM.replace("revolute", "magic"), r"has no known type \[magic\]"),
+    ],
+)  # fmt: skip
+def test_what_is_no_robot_is_refused_with_its_reason(
+    text: str, message: str, folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Pinocchio's parser leaves out what it cannot read, and tells it to the terminal alone: the error says it here."""
+    (folder / "arm.urdf").write_text(text)
+    with pytest.raises(LogError, match=message):
+        replay_table(folder / "motion.csv", folder / "arm.urdf")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_robot_without_visible_parts_is_placed_by_its_joints(folder: Path) -> None:
+    """A skeleton has a page too; it used to end in a message of numpy about shapes."""
+    (folder / "arm.urdf").write_text(ARM.replace(f"<visual><geometry>{SHAPE}</geometry></visual>", ""))
+    assert "hinge" not in replay_table(folder / "motion.csv", folder / "arm.urdf").title
+    (folder / "ball.urdf").write_text('<robot name="r"><link name="base"/></robot>')
+    (folder / "ball.csv").write_text("time,a,b,c,d,e,f,g\n0,0,0,0,0,0,0,1\n1,1,0,0,0,0,0,1\n")
+    assert replay_table(folder / "ball.csv", folder / "ball.urdf").duration == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,hinge\n0,0\n1,1e300\n", r"line 3: hinge = 1e\+300: numbers up to 1e\+06"),
+        ("time,hinge,hinge\n0,0,0\n1,0,0\n", "two columns are named hinge"),
+    ],
+)
+def test_a_motion_of_absurd_numbers_or_doubled_columns_is_refused(text: str, message: str, folder: Path) -> None:
+    """A page holds single precision."""
+    (folder / "arm.urdf").write_text(ARM)
+    (folder / "motion.csv").write_text(text)
+    with pytest.raises(LogError, match=message):
+        replay_table(folder / "motion.csv", folder / "arm.urdf")
