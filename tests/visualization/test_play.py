@@ -9,6 +9,8 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -26,6 +28,7 @@ from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.csv_log import write_csv
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.visualization.replay.motion_csv import replay_table
+from aerobat_pin.visualization.replay.serve import serve
 from aerobat_pin.visualization.replay.snapshots import snapshots
 
 ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin xyz="0 0 0.5"/><geometry>
@@ -72,6 +75,34 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
     finally:
         server.kill()
         server.wait()
+
+
+def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connections() -> None:
+    """A name of a foreign site can lead to this machine, but its requests name that site; whoever says nothing is cut."""
+    addresses: list[str] = []
+    threading.Thread(target=serve, args=("the page", addresses.append), daemon=True).start()
+    while not addresses:
+        time.sleep(0.01)
+    for host, status in ((None, 200), ("localhost:{}", 200), ("evil.example", 403), ("127.0.0.1", 403), ("", 403)):
+        asked = urllib.request.Request(addresses[0])
+        port = asked.host.rpartition(":")[2]
+        if host is not None:
+            asked.add_header("Host", host.format(port))
+        try:
+            with urllib.request.urlopen(asked) as answer:
+                assert (answer.status, answer.read()) == (status, b"the page")
+        except urllib.error.HTTPError as error:
+            assert (error.code, b"the page" in error.read()) == (status, False)
+    start, before = time.monotonic(), threading.active_count()
+    idle = [socket.create_connection(("127.0.0.1", int(port))) for _ in range(300)]
+    for one in idle[::3]:
+        one.sendall(b"GET / HT")
+    with urllib.request.urlopen(addresses[0], timeout=10.0) as answer:
+        assert answer.read() == b"the page"
+    assert time.monotonic() - start < 5.0  # it was 49 s until all had connected
+    assert threading.active_count() < before + 100
+    for one in idle:
+        one.close()
 
 
 def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:

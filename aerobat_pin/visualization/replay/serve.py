@@ -2,15 +2,40 @@
 
 from __future__ import annotations
 
+import socket
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 LOCALHOST = "127.0.0.1"
+MOST_OPEN = 64  # connections: a further one closes the oldest, so that idle ones do not use up what a process may open
+WAITING = 512  # connections that can wait to be accepted; further ones would be delayed by seconds
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads, block_on_close, request_queue_size = True, False, WAITING
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._open: deque[socket.socket] = deque()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        self._open.append(request)
+        if len(self._open) > MOST_OPEN:
+            with suppress(OSError):  # it is closed already
+                self._open.popleft().shutdown(socket.SHUT_RDWR)
+        super().process_request(request, client_address)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print nothing: a browser may leave in the middle of the page."""
 
 
 def serve(page: str, announce: Callable[[str], None]) -> None:
-    """Serve a page on a free port until Ctrl-C; only browsers on this machine can open it.
+    """Serve a page on a free port until Ctrl-C; only browsers on this machine can open it, by the announced address.
+
+    A page of a foreign site, whose name was made to lead to this machine, is refused: its requests name another host.
 
     Args:
         page: HTML of the page.
@@ -20,6 +45,9 @@ def serve(page: str, announce: Callable[[str], None]) -> None:
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
+            if self.headers.get("Host") not in hosts:
+                self.send_error(403, "this page is served at its own address only")
+                return
             if self.path not in ("/", "/favicon.ico"):
                 self.send_error(404)
                 return
@@ -34,9 +62,9 @@ def serve(page: str, announce: Callable[[str], None]) -> None:
         def log_message(self, format: str, *args: Any) -> None:
             """Print nothing."""
 
-    with ThreadingHTTPServer((LOCALHOST, 0), Handler) as server:
-        server.daemon_threads, server.block_on_close = True, False
-        announce(f"http://{LOCALHOST}:{server.server_address[1]}/")
+    with _Server((LOCALHOST, 0), Handler) as server:
+        hosts = [f"{name}:{server.server_address[1]}" for name in (LOCALHOST, "localhost")]
+        announce(f"http://{hosts[0]}/")
         try:
             server.serve_forever()
         except KeyboardInterrupt:
