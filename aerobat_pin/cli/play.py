@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from aerobat_pin.visualization import Recording
 
 PICTURES_PER_SECOND = 30.0  # frame rate of a video made from the pictures
+MOST_PICTURES, DRAWN_PER_SECOND = 100_000, 3.0  # of one command; measured without a graphics card
 
 
 @interruptible()
@@ -37,13 +39,22 @@ def play_command(
     """Replay a flight in the browser: serve the page until Ctrl-C, or write it to a file or as pictures."""
     import numpy as np
 
+    from aerobat_pin.errors import LogError
     from aerobat_pin.experiments import check_file, output_folder, write_text
     from aerobat_pin.visualization import SLOW_MOTION, serve, snapshots
 
     if html is not None:
         check_file(html, force=force)
-    recording = _recording(source, morphology, from_csv, urdf)
     rate = rate or (1.0 if source is None else SLOW_MOTION)
+    if not math.isfinite(rate):
+        raise LogError(f"play: --rate {rate}: a finite number was expected")
+    recording = _recording(source, morphology, from_csv, urdf)
+    count = recording.duration / rate * PICTURES_PER_SECOND
+    if frames is not None and count > MOST_PICTURES:
+        raise LogError(
+            f"play: {count:.0f} pictures at --rate {rate:g} take about {count / DRAWN_PER_SECOND:.3g} s; at most "
+            f"{MOST_PICTURES} are allowed: a larger --rate was expected"
+        )
     page = recording.html(rate)
     if frames is not None:
         times = np.arange(0.0, recording.duration, rate / PICTURES_PER_SECOND)

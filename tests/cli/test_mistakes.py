@@ -40,6 +40,7 @@ STUCK = 'extends = "aerobat"\nname = "stuck"\n[linkage]\nL3b = 4e-3\n'
         (["play", "--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
         (["play", "nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["play", "nowhere.nc", "--rate", "0"], "--rate"),
+        (["play", "nowhere.nc", "--rate", "inf"], "--rate inf: a finite number was expected"),
         (["play", "nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
         (
             ["play", ".", "--morphology", "aerobat_guard"],
