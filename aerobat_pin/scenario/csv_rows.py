@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -27,7 +28,7 @@ class TextTable:
     """
 
     def __init__(self, path: Path, what: str, error: Callable[[str], AerobatError]) -> None:
-        if not path.is_file():
+        if not os.path.isfile(path):  # also False for names that no file can have
             raise error(f"{what} {path}: there is no such file")
         self.path, self._name, self._error = path, f"{what} {path}", error
         self._header_line, self.header = next(self._rows(), (0, []))
