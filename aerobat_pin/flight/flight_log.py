@@ -73,8 +73,12 @@ class FlightLog:
         time = measured["time"].values
         if time.dtype.kind not in "fiu":
             raise LogError(f"{name}: the coordinate time has no numbers: seconds were expected")
-        if len(time) < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0.0):
-            raise LogError(f"{name}: time must be finite and must not decrease, with two samples or more")
+        if len(time) < 2:
+            raise LogError(f"{name}: {len(time)} samples: two or more were expected")
+        wrong = ~np.isfinite(time) | (np.diff(time, prepend=time[0]) < 0.0)
+        if np.any(wrong):
+            at = int(np.argmax(wrong))
+            raise LogError(f"{name}: time, sample {at} = {time[at]:g} s: time must be finite and must not decrease")
         intervals = measured.sizes.get("interval", len(time) - 1)
         if intervals != len(time) - 1:
             raise LogError(f"{name}: {intervals} intervals between {len(time)} samples")

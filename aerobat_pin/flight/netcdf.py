@@ -24,7 +24,7 @@ LARGEST_ATTRIBUTE = 1e6  # [bytes]
 MOST_ENTRIES = 1000  # in a group
 DEFLATE_LIMIT = 1100.0  # zlib cannot make data smaller than by this factor
 NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"  # begins NAME of a dimension without values
-PACKING = ("scale_factor", "add_offset", "_Unsigned")  # attributes that change the meaning of numbers
+PACKING = ("scale_factor", "add_offset", "_Unsigned", "dtype")  # attributes that change the meaning of numbers
 INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates")
 
 
@@ -102,6 +102,8 @@ def _checked_size(group: h5py.Group, name: str) -> float:
             continue
         where = f"{name}: '{key}'"
         _check_attributes(item, where)
+        if item.dtype.kind not in "fiuS" and h5py.check_string_dtype(item.dtype) is None:
+            raise LogError(f"{where} has the type {str(item.dtype)[:40]}: real numbers or text were expected")
         size = float(np.prod([float(n) for n in item.shape or ()])) * item.dtype.itemsize
         total += size
         if size > LARGEST_FILE or (item.chunks and np.prod([float(n) for n in item.chunks]) * 8 > LARGEST_FILE):
@@ -112,6 +114,7 @@ def _checked_size(group: h5py.Group, name: str) -> float:
         stored = item.id.get_storage_size() * (DEFLATE_LIMIT if filters else 1.0)
         if stored < size and not _is_bare(item):
             raise LogError(f"{where} of {item.shape}: the file contains only a part of its values")
+        _check_texts(item, where)
     return total
 
 
@@ -122,6 +125,24 @@ def _check_attributes(item: Any, where: str) -> None:
     for key in item.attrs:
         if item.attrs.get_id(key).get_storage_size() > LARGEST_ATTRIBUTE:
             raise LogError(f"{where}: attribute {key} takes more than {LARGEST_ATTRIBUTE / 1e6:g} MB")
+
+
+def _check_texts(item: h5py.Dataset, where: str) -> None:
+    """Raise LogError for a text of absurd length, for which the HDF5 library would take minutes and gigabytes.
+
+    In the file each text is its length (4 bytes) and its place (12 bytes).
+    """
+    text = h5py.check_string_dtype(item.dtype)
+    if text is None or text.length is not None or item.id.get_create_plist().get_nfilters():
+        return
+    chunks = [item.id.get_chunk_info(i).byte_offset for i in range(item.id.get_num_chunks())] if item.chunks else [0]
+    count = int(np.prod(item.chunks or item.shape or (1,)))
+    with open(item.file.filename, "rb") as file:
+        for start in chunks:
+            file.seek(start if item.chunks else item.id.get_offset() or 0)
+            places = np.frombuffer(file.read(16 * count)[: 16 * count], np.uint32)
+            if item.id.get_storage_size() and np.max(places[::4], initial=0) > LARGEST_ATTRIBUTE:
+                raise LogError(f"{where} has a text of more than {LARGEST_ATTRIBUTE / 1e6:g} MB: labels were expected")
 
 
 def _is_bare(item: h5py.Dataset) -> bool:
@@ -178,4 +199,6 @@ def _plain(value: Any) -> Any:
         return ""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
+    if isinstance(value, str):
+        value.encode("utf-8")  # fails for damaged text, which could not be printed
     return value.decode("utf-8") if isinstance(value, bytes) else value

@@ -93,7 +93,7 @@ class TextTable:
                 f"{self._name}, line {line}: {name} is not finite ({len(infinite)} such rows): leave those rows out; "
                 "gaps in time are allowed"
             )
-        return np.array(rows, float).reshape(-1, len(columns))
+        return np.array(rows, float).reshape(len(rows), len(columns))
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield (line number, cells) of each row that is not empty, starting with the header."""
