@@ -7,12 +7,11 @@ scenario.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from aerobat_pin.errors import LogError, ScenarioError
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs, noted_air
 from aerobat_pin.flight import FlightLog, read_csv
 from aerobat_pin.observers import OBSERVERS, Estimate
@@ -24,8 +23,6 @@ BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tabl
 
 def read_log(path: Path) -> FlightLog:
     """Read a flight log: a NetCDF file written by this package, or a recorded CSV table. Raises LogError."""
-    if not os.path.isfile(path):
-        raise LogError(f"flight log {path}: there is no such file")
     return read_csv(path) if path.suffix.lower() == ".csv" else FlightLog.load(path)
 
 

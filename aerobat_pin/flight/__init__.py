@@ -1,9 +1,11 @@
 """From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
+from aerobat_pin.flight.channels import KNOWN, channel
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
 from aerobat_pin.flight.csv_log import read_csv, write_csv
-from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.netcdf import checksums, read_netcdf
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
@@ -24,9 +26,11 @@ __all__ = [
     "WingInertia",
     "advance_stage",
     "channel",
+    "checksums",
     "find_trim",
     "interval_means",
     "read_csv",
+    "read_netcdf",
     "robot_air",
     "simulate",
     "wake_of",

@@ -23,7 +23,7 @@ intervals on both sides of a sample.
 
 from __future__ import annotations
 
-import difflib
+import os
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,13 +35,25 @@ import pandas as pd
 import xarray as xr
 
 from aerobat_pin.errors import LogError, OutputError
-from aerobat_pin.flight.flight_log import KNOWN, POSE_AXIS, TWIST_AXIS, FlightLog, channel
+from aerobat_pin.flight.channels import (
+    FASTEST_CRANK,
+    KNOWN,
+    LABELS,
+    MEASURED,
+    QUATERNION_ERROR,
+    Channel,
+    channel,
+    did_you_mean,
+    filled,
+    is_unit,
+)
+from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
 THRUSTERS = f"{KNOWN}thrusters"
-FASTEST_CRANK = 60.0  # [Hz]: if the crank seems faster, its angle is in degrees
+LARGEST_TABLE = 100e6  # [bytes]: an hour at 1 kHz with the least columns would be 300 MB, and minutes to read
 LONGEST_SAMPLE_TIME = 0.5  # [s]: a flap is shorter, so if samples seem further apart, the time is in milliseconds
 FEWEST_SAMPLES = 3  # fewer samples do not give rates
 HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
@@ -54,52 +66,48 @@ class ColumnGroup:
     Attributes:
         channels: names of the log channels that can contain these columns; reading creates the last one.
         columns: column names by unit, separated by blanks.
-        meaning: description of the channel.
-        axis: name of the channel's second dimension; empty for a channel with one number per sample.
-        labels: names of the columns along that dimension.
-        means: whether the channel has interval means instead of samples.
     """
 
     channels: tuple[str, ...]
     columns: dict[str, str]
-    meaning: str
-    axis: str = ""
-    labels: tuple[str, ...] = ()
-    means: bool = False
 
     @cached_property
     def units(self) -> dict[str, str]:
         """Unit of each column, by column name."""
         return {name: unit for unit, names in self.columns.items() for name in names.split()}
 
+    @property
+    def row(self) -> Channel:
+        """The channel that reading creates."""
+        return THRUST_CHANNEL if self.channels[-1] == THRUSTERS else MEASURED[self.channels[-1]]
 
-QUATERNION, XYZ = "qx qy qz qw", ("x", "y", "z")
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the columns along the channel's second dimension."""
+        return LABELS[self.row.dims[1]] if len(self.row.dims) > 1 else ()
 
+    @property
+    def means(self) -> bool:
+        """Whether the channel has interval means instead of samples."""
+        return self.row.dims[0] == "interval"
+
+
+QUATERNION = "qx qy qz qw"
 RATES, TORQUES = " ".join(f"{name}_rate" for name in JOINTS), " ".join(f"torque_{name}" for name in JOINTS)
 THRUST = {"N": "thrust_fx thrust_fy thrust_fz", "N m": "thrust_mx thrust_my thrust_mz"}
-TWIST = {"m/s": "vx vy vz", "rad/s": "wx wy wz"}
+THRUST_CHANNEL = Channel(("interval", "twist_axis"), "N, N m", "known wrench at the body COM")
 GROUPS = (
-    ColumnGroup(
-        ("q", "pose"),
-        {"m": "x y z", "-": QUATERNION},
-        "body placement in world: position, quaternion",
-        "pose_axis",
-        POSE_AXIS,
-    ),
-    ColumnGroup(("v", "twist"), TWIST, "body twist in body axes", "twist_axis", TWIST_AXIS),
-    ColumnGroup(("crank_angle",), {"rad": "crank_angle"}, "absolute crank angle t1"),
-    ColumnGroup(("crank_rate",), {"rad/s": "crank_rate"}, "rate of the crank angle"),
-    ColumnGroup(("q", "joint_angle"), {"rad": " ".join(JOINTS)}, "joint angles", "joint", JOINTS),
-    ColumnGroup(("v", "joint_rate"), {"rad/s": RATES}, "joint rates", "joint", JOINTS),
-    ColumnGroup(("airspeed",), {"m/s": "airspeed"}, "airspeed along the body's x axis"),
-    ColumnGroup(
-        ("wind_W",), {"m/s": "wind_x wind_y wind_z"}, "velocity of the air over ground, world axes", "axis", XYZ
-    ),
-    ColumnGroup(("crank_torque",), {"N m": "crank_torque"}, "motor torque at the crank", means=True),
-    ColumnGroup(
-        ("motor_torque", "joint_torque"), {"N m": TORQUES}, "motor torque at the joints", "joint", JOINTS, True
-    ),
-    ColumnGroup((THRUSTERS,), THRUST, "known wrench at the body COM", "twist_axis", TWIST_AXIS, True),
+    ColumnGroup(("q", "pose"), {"m": "x y z", "-": QUATERNION}),
+    ColumnGroup(("v", "twist"), {"m/s": "vx vy vz", "rad/s": "wx wy wz"}),
+    ColumnGroup(("crank_angle",), {"rad": "crank_angle"}),
+    ColumnGroup(("crank_rate",), {"rad/s": "crank_rate"}),
+    ColumnGroup(("q", "joint_angle"), {"rad": " ".join(JOINTS)}),
+    ColumnGroup(("v", "joint_rate"), {"rad/s": RATES}),
+    ColumnGroup(("airspeed",), {"m/s": "airspeed"}),
+    ColumnGroup(("wind_W",), {"m/s": "wind_x wind_y wind_z"}),
+    ColumnGroup(("crank_torque",), {"N m": "crank_torque"}),
+    ColumnGroup(("motor_torque", "joint_torque"), {"N m": TORQUES}),
+    ColumnGroup((THRUSTERS,), THRUST),
 )
 UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()}
 
@@ -110,6 +118,7 @@ def read_csv(path: str | Path) -> FlightLog:
     Raises:
         LogError: the file cannot be read, or does not describe a flight; the message names file, column and line.
     """
+    _check_size(path)
     text = TextTable(Path(path), "log", LogError)
     columns = _columns(text)
     _check(columns, text)
@@ -127,15 +136,11 @@ def read_csv(path: str | Path) -> FlightLog:
         if all(name in columns for name in group.units):
             values = np.column_stack([columns[name] for name in group.units])
             values = 0.5 * (values[1:] + values[:-1]) if group.means else values
-            dims: tuple[str, ...] = ("interval" if group.means else "time",)
-            if group.axis:
-                dims = (*dims, group.axis)
-                coords[group.axis] = list(group.labels)
-            else:
-                values = values[:, 0]
-            unit = ", ".join(dict.fromkeys(group.units.values()))
-            made[group.channels[-1]] = channel(values, dims, unit, group.meaning)
-    return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}))
+            if group.labels:
+                coords[group.row.dims[1]] = list(group.labels)
+            key = group.channels[-1]
+            made[key] = filled(key, values if group.labels else values[:, 0], {key: group.row})
+    return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}), name=f"log {path}")
 
 
 def write_csv(log: FlightLog, path: str | Path) -> None:
@@ -154,7 +159,7 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
     columns = {"time": log.time}
     for group in GROUPS:
         for values in (log.measured[name] for name in group.channels if name in log.measured):
-            array = values.sel({values.dims[1]: list(group.labels)}).values if group.axis else values.values[:, None]
+            array = values.sel({values.dims[1]: list(group.labels)}).values if group.labels else values.values[:, None]
             columns |= dict(zip(group.units, (_samples(array) if group.means else array).T, strict=True))
     table = pd.DataFrame({f"{name} [{UNITS[name]}]": values for name, values in columns.items()})
     try:
@@ -181,11 +186,9 @@ def _name(cell: str, path: Path) -> str:
     found = HEADER_CELL.fullmatch(cell)
     name = found["name"] if found else cell.strip()
     if name not in UNITS:
-        close = difflib.get_close_matches(name, UNITS, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else f"known are {', '.join(UNITS)}"
-        raise LogError(f"log {path}: unknown column '{name}'; {hint}")
+        raise LogError(f"log {path}: unknown column '{name[:60]}'; {did_you_mean(name[:60], UNITS)}")
     unit = found["unit"] if found else None
-    if unit is not None and unit.strip().replace("·", " ") not in (UNITS[name], UNITS[name].replace(" ", "")):
+    if unit is not None and not is_unit(unit, UNITS[name]):
         raise LogError(f"log {path}: column '{cell.strip()}': {UNITS[name]} was expected")
     return name
 
@@ -215,17 +218,25 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
     if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
     norm = np.linalg.norm([columns[name] for name in QUATERNION.split()], axis=0)
-    if np.any(np.abs(norm - 1.0) > 0.01):
-        row = int(np.argmax(np.abs(norm - 1.0) > 0.01))
+    if np.any(np.abs(norm - 1.0) > QUATERNION_ERROR):
+        row = int(np.argmax(np.abs(norm - 1.0) > QUATERNION_ERROR))
         raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
     if "crank_angle" in columns:
         rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
         if rate > FASTEST_CRANK:
             raise LogError(f"log {path}: crank_angle turns at {rate:.0f} Hz: radians were expected")
-    for name in JOINTS:
-        if name in columns and np.max(np.abs(columns[name])) > 2.0 * np.pi:
-            row = int(np.argmax(np.abs(columns[name])))
-            raise LogError(f"log {path}, line {text.line(row)}: {name} = {columns[name][row]:g}: radians were expected")
+
+
+def _check_size(path: str | Path) -> None:
+    """Raise LogError if a table is too large to be read, with an estimate of its rows."""
+    if os.path.isfile(path) and (size := os.path.getsize(path)) > LARGEST_TABLE:
+        with open(path, "rb") as file:
+            head = file.read(100_000)
+        rows = size * head.count(b"\n") / len(head)
+        raise LogError(
+            f"log {path}: {size / 1e6:.0f} MB, about {rows:.0f} rows: at most {LARGEST_TABLE / 1e6:.0f} MB are read; "
+            "cut the table, or write it as NetCDF"
+        )
 
 
 def _samples(means: Array) -> Array:

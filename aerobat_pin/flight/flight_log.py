@@ -15,7 +15,8 @@ provides. Both are labelled tables with units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import InitVar, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,19 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.flight.channels import (
+    FASTEST_CRANK,
+    LARGEST_JOINT_ANGLE,
+    MEASURED,
+    OPTIONAL_TRUTH,
+    TRUTH,
+    checked,
+)
+from aerobat_pin.flight.netcdf import checksums, read_netcdf
+from aerobat_pin.robot import JOINTS
+from aerobat_pin.scenario import AirSection
 
-KNOWN = "known_"
-POSE_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
-TWIST_AXIS = ("vx", "vy", "vz", "wx", "wy", "wz")
+TEXT_ATTRIBUTES = ("scenario", "morphology", "morphology_changes", "air")  # the last two contain JSON
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,19 +54,36 @@ class FlightLog:
 
     measured: xr.Dataset
     truth: xr.Dataset | None = None
+    name: InitVar[str] = "flight log"
 
-    def __post_init__(self) -> None:
-        """Raise LogError unless the log has the channels that an observer needs, in order of time."""
-        if "q" not in self.measured and "pose" not in self.measured:
-            raise LogError("flight log: no channel named q or pose")
-        if "time" not in self.measured.coords:
-            raise LogError("flight log: no coordinate named time")
-        time = self.measured["time"].values
-        if len(time) < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0.0):
-            raise LogError("flight log: time must be finite and must not decrease, with two samples or more")
-        intervals = self.measured.sizes.get("interval", len(time) - 1)
+    def __post_init__(self, name: str) -> None:
+        """Put labelled columns in their order, and raise LogError for what an observer could misread.
+
+        Labels and units may be missing as a whole; the columns are then those of `channels.LABELS`, in SI units.
+
+        Args:
+            name: what error messages call the log.
+        """
+        measured = checked(self.measured, MEASURED, name, complete=False)
+        object.__setattr__(self, "measured", measured)
+        if "q" not in measured and "pose" not in measured:
+            raise LogError(f"{name}: no channel named q or pose")
+        if "time" not in measured.coords:
+            raise LogError(f"{name}: no coordinate named time")
+        time = measured["time"].values
+        if time.dtype.kind not in "fiu":
+            raise LogError(f"{name}: the coordinate time has no numbers: seconds were expected")
+        if len(time) < 2:
+            raise LogError(f"{name}: {len(time)} samples: two or more were expected")
+        wrong = ~np.isfinite(time) | (np.diff(time, prepend=time[0]) < 0.0)
+        if np.any(wrong):
+            at = int(np.argmax(wrong))
+            raise LogError(f"{name}: time, sample {at} = {time[at]:g} s: time must be finite and must not decrease")
+        intervals = measured.sizes.get("interval", len(time) - 1)
         if intervals != len(time) - 1:
-            raise LogError(f"flight log: {intervals} intervals between {len(time)} samples")
+            raise LogError(f"{name}: {intervals} intervals between {len(time)} samples")
+        _check_angles(measured, name)
+        _check_attributes(measured.attrs, name)
 
     def __repr__(self) -> str:
         """Name the flight, its duration and its channels."""
@@ -86,25 +113,95 @@ class FlightLog:
         return np.asarray(self.measured["time"].values, float)
 
     def save(self, path: str | Path) -> None:
-        """Write NetCDF-4: measured channels at the root, truth in the group `truth`."""
-        self.measured.to_netcdf(path, mode="w", engine="h5netcdf")
-        if self.truth is not None:
-            self.truth.to_netcdf(path, mode="a", group="truth", engine="h5netcdf")
+        """Write NetCDF-4 with checksums: measured channels at the root, truth in the group `truth`."""
+        measured, truth = self.measured, self.truth
+        measured.to_netcdf(path, mode="w", engine="h5netcdf", encoding=checksums(measured))
+        if truth is not None:
+            truth.to_netcdf(path, mode="a", group="truth", engine="h5netcdf", encoding=checksums(truth))
 
     @classmethod
     def load(cls, path: str | Path) -> FlightLog:
-        """Read what `save` wrote. Raises LogError when the file is missing or not a flight log."""
-        try:
-            measured = xr.load_dataset(path, engine="h5netcdf")
-        except (OSError, ValueError) as error:
-            raise LogError(f"flight log {path}: cannot be read as NetCDF-4: {error}") from error
-        try:
-            truth = xr.load_dataset(path, group="truth", engine="h5netcdf")
-        except OSError:
-            truth = None
-        return cls(measured, truth)
+        """Read a flight log from NetCDF-4.
+
+        Raises:
+            LogError: the file is missing, damaged, or not a flight log, or a label, unit or value in it is wrong.
+        """
+        name = f"flight log {path}"
+        parts = read_netcdf(path, "flight log", ("truth",))
+        measured = checked(parts[""], MEASURED, name, complete=True)
+        log = cls(measured, None, name)
+        _check_clock(measured, log.time, name)
+        return log if "truth" not in parts else cls(measured, _checked_truth(parts["truth"], log.time, name), name)
 
 
-def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.Variable:
-    """Make one labelled channel. A Variable has no coordinates, so adding it to a Dataset is ten times faster."""
-    return xr.Variable(dims, np.asarray(values), attrs={"units": unit, "long_name": meaning})
+def _checked_truth(truth: xr.Dataset, time: Any, name: str) -> xr.Dataset:
+    """Return the truth of a log with its columns in order. Raises LogError if it is not the truth of this flight."""
+    name = f"{name}, group truth"
+    truth = checked(truth, TRUTH | OPTIONAL_TRUTH, name, complete=True)
+    for key in TRUTH:
+        if key not in truth:
+            raise LogError(f"{name}: no channel named {key}")
+    _check_clock(truth, time, name)
+    if truth.sizes["interval"] != len(time) - 1:
+        raise LogError(f"{name}: {truth.sizes['interval']} intervals between {len(time)} samples")
+    for dim in ("point", "event"):
+        if dim in truth.dims and (dim not in truth.coords or truth[dim].dtype.kind != "U"):
+            raise LogError(f"{name}: {dim} has no labels: names were expected")
+    if "event" in truth.dims and not {"event_point", "event_start", "event_end"} <= set(truth.variables):
+        raise LogError(f"{name}: events need event_point, event_start and event_end")
+    return truth
+
+
+def _check_clock(data: xr.Dataset, time: Any, name: str) -> None:
+    """Raise LogError unless the coordinates of a dataset are the times (n + 1,) [s] of the flight."""
+    for key, expected in (("time", time), ("interval", time[:-1])):
+        if key in data.dims:
+            if key not in data.coords:
+                raise LogError(f"{name}: no coordinate named {key}")
+            found, unit = data[key].values, data[key].attrs.get("units")
+            if unit != "s":
+                raise LogError(f"{name}: coordinate {key} has units = {str(unit)[:40]!r}: 's' was expected")
+            if len(found) == len(expected) and not np.allclose(found, expected, rtol=0.0, atol=1e-9):
+                at = int(np.argmax(~(np.abs(found - expected) <= 1e-9)))
+                raise LogError(f"{name}: {key} {at} is {found[at]:g} s: {expected[at]:g} s was expected")
+
+
+def _check_angles(measured: xr.Dataset, name: str) -> None:
+    """Raise LogError for angles that are in degrees: a crank that turns too fast, or a joint that turns too far."""
+    if "crank_angle" in measured:
+        steps = np.diff(measured["time"].values)
+        turned = np.abs(np.diff(measured["crank_angle"].values))[steps > 0.0] / steps[steps > 0.0]
+        rate = float(np.median(turned)) / (2.0 * np.pi) if len(turned) else 0.0
+        if rate > FASTEST_CRANK:
+            raise LogError(f"{name}: crank_angle turns at {rate:.0f} Hz: radians were expected")
+    for channel_name in ("q", "joint_angle"):
+        if channel_name in measured:
+            angles = measured[channel_name].values[:, -len(JOINTS) :]
+            large = np.argwhere(np.abs(angles) > LARGEST_JOINT_ANGLE)
+            if len(large):
+                at, joint = large[0]
+                raise LogError(
+                    f"{name}: sample {at} ({measured['time'].values[at]:g} s): {JOINTS[joint]} = "
+                    f"{angles[at, joint]:g}: radians were expected"
+                )
+
+
+def _check_attributes(attributes: dict[Any, Any], name: str) -> None:
+    """Raise LogError for a wrong note about the robot or the air."""
+    for key in TEXT_ATTRIBUTES:
+        if key in attributes and not isinstance(attributes[key], str):
+            raise LogError(f"{name}: attribute {key} = {str(attributes[key])[:60]!r}: text was expected")
+    if "gravity" in attributes:
+        gravity = attributes["gravity"]
+        if not isinstance(gravity, (int, float, np.number)) or not 0.0 <= float(gravity) <= 100.0:
+            raise LogError(f"{name}: attribute gravity = {str(gravity)[:60]!r}: a number in m/s2 was expected")
+    try:
+        if not isinstance(json.loads(attributes.get("morphology_changes", "{}")), dict):
+            raise ValueError
+    except (ValueError, RecursionError):
+        raise LogError(f"{name}: attribute morphology_changes: a JSON object was expected") from None
+    try:
+        AirSection.model_validate_json(attributes.get("air", "{}"))
+    except ValueError as error:
+        reason = " ".join(str(error).split("For further")[0].split())[:200]
+        raise LogError(f"{name}: attribute air: {reason}") from None

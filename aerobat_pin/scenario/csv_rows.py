@@ -28,7 +28,7 @@ class TextTable:
     """
 
     def __init__(self, path: Path, what: str, error: Callable[[str], AerobatError]) -> None:
-        if not os.path.isfile(path):
+        if not os.path.isfile(path):  # also False for names that no file can have
             raise error(f"{what} {path}: there is no such file")
         self.path, self._name, self._error = path, f"{what} {path}", error
         self._header_line, self.header = next(self._rows(), (0, []))
@@ -93,7 +93,7 @@ class TextTable:
                 f"{self._name}, line {line}: {name} is not finite ({len(infinite)} such rows): leave those rows out; "
                 "gaps in time are allowed"
             )
-        return np.array(rows, float).reshape(-1, len(columns))
+        return np.array(rows, float).reshape(len(rows), len(columns))
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield (line number, cells) of each row that is not empty, starting with the header."""

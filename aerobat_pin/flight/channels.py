@@ -1,0 +1,245 @@
+"""The channels that a flight log can contain: dimensions, unit and meaning of each, and the labels of its axes.
+
+Every reader and writer of logs uses this table. Labels decide what a column means, not its place: `checked` puts the
+columns of each channel in the order of `LABELS`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.robot import JOINTS, LINKS
+
+KNOWN = "known_"  # prefix of the channels with known generalised forces or body wrenches
+POSE_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+TWIST_AXIS = ("vx", "vy", "vz", "wx", "wy", "wz")
+LABELS = {
+    "q_axis": (*POSE_AXIS, *JOINTS),
+    "v_axis": (*TWIST_AXIS, *JOINTS),
+    "pose_axis": POSE_AXIS,
+    "twist_axis": TWIST_AXIS,
+    "joint": JOINTS,
+    "axis": ("x", "y", "z"),
+    "link": LINKS,
+    "wrench_axis": ("fx", "fy", "fz", "mx", "my", "mz"),
+}
+LARGEST = 1e9  # no quantity of a flight is larger in SI units; a larger number is a damaged one
+QUATERNION_ERROR = 0.01  # allowed deviation of a quaternion's length from 1
+FASTEST_CRANK = 60.0  # [Hz]: if the crank seems faster, its angle is in degrees
+LARGEST_JOINT_ANGLE = 2.0 * np.pi  # [rad]: no joint turns that far; a larger angle is in degrees
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a channel must look like: its dimensions, its unit, and its meaning in words."""
+
+    dims: tuple[str, ...]
+    unit: str
+    meaning: str
+
+
+def _channel(dims: str, unit: str, meaning: str) -> Channel:
+    return Channel(tuple(dims.split()), unit, meaning)
+
+
+MEASURED = {
+    "q": _channel("time q_axis", "m, -, rad", "configuration: position in world, quaternion, joints"),
+    "pose": _channel("time pose_axis", "m, -", "body placement in world: position, quaternion"),
+    "v": _channel("time v_axis", "m/s, rad/s", "velocity: body twist in body axes, joint rates"),
+    "twist": _channel("time twist_axis", "m/s, rad/s", "body twist in body axes"),
+    "crank_angle": _channel("time", "rad", "absolute crank angle t1"),
+    "crank_rate": _channel("time", "rad/s", "rate of the crank angle"),
+    "joint_angle": _channel("time joint", "rad", "joint angles"),
+    "joint_rate": _channel("time joint", "rad/s", "joint rates"),
+    "airspeed": _channel("time", "m/s", "airspeed along the body's x axis, at its COM"),
+    "wind_W": _channel("time axis", "m/s", "velocity of the air over ground, world axes"),
+    "motor_torque": _channel("interval v_axis", "N m", "motor torque at the joints, interval mean"),
+    "joint_torque": _channel("interval joint", "N m", "motor torque at the joints, interval mean"),
+    "crank_torque": _channel("interval", "N m", "motor torque at the crank, interval mean"),
+}
+KNOWN_FORCE = _channel("interval v_axis", "N, N m", "known generalised force, interval mean")
+TRUTH = {
+    "force_W": _channel("interval point axis", "N", "unknown force in world axes, interval mean"),
+    "force_noise_free_W": _channel("interval point axis", "N", "unknown force without its noise, interval mean"),
+    "unknown": _channel("interval v_axis", "N, N m", "unknown generalised force, interval mean"),
+    "aerodynamic": _channel("interval v_axis", "N, N m", "aerodynamic generalised force, interval mean"),
+    "added_mass": _channel("interval v_axis", "N, N m", "generalised force of the wings' added mass, interval mean"),
+    "motor_power": _channel("interval", "W", "motor power, interval mean"),
+    "air_power": _channel("interval", "W", "power of air and added mass, interval mean"),
+    "link_wrench": _channel("interval link wrench_axis", "N, N m", "air on links, at and in their frames"),
+    "airspeed": _channel("interval strip", "m/s", "air past the strip, in its plane, at start"),
+    "incidence": _channel("interval strip", "rad", "incidence at the 3/4 chord, at start"),
+    "downwash": _channel("interval strip", "m/s", "downwash of the wake, at start"),
+    "circulation": _channel("interval strip", "m2/s", "bound circulation, at start"),
+    "strip_force_z": _channel("interval strip", "N", "force along the link's z, at start"),
+    "strip_force_x": _channel("interval strip", "N", "force along the link's x, at start"),
+}
+OPTIONAL_TRUTH = {
+    "air_state": _channel("time air_axis", "m, m, m2/s", "zeta_1, zeta_2, circulation"),
+    "event_start": _channel("event", "s", "when an unknown force comes"),
+    "event_end": _channel("event", "s", "when it goes; infinity where it stays"),
+    "body_airspeed": MEASURED["airspeed"],  # in the truth, `airspeed` is that of the strips
+    **{name: MEASURED[name] for name in ("q", "v", "crank_angle", "motor_torque")},  # exact, if sensors have errors
+}
+
+
+def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.Variable:
+    """Make one labelled channel. A Variable has no coordinates, so adding it to a Dataset is ten times faster."""
+    return xr.Variable(dims, np.asarray(values), attrs={"units": unit, "long_name": meaning})
+
+
+def filled(name: str, values: Any, table: Mapping[str, Channel] = MEASURED) -> xr.Variable:
+    """Make the channel of a name in the table from its values."""
+    row = table[name]
+    return channel(values, row.dims, row.unit, row.meaning)
+
+
+def is_unit(text: str, unit: str) -> bool:
+    """Return whether a text names a unit of the table.
+
+    `N·m` and `Nm` are `N m`. A list of units may be longer, as that of `q` is where `pose` is a part of `q`.
+    """
+    found, expected = ([one.strip().replace("·", " ") for one in words.split(",")] for words in (text, unit))
+    alike = [a in (b, b.replace(" ", "")) for a, b in zip(found, expected, strict=False)]
+    return all(alike) and (len(found) == len(expected) or 1 < len(expected) < len(found))
+
+
+def checked(data: xr.Dataset, table: Mapping[str, Channel], name: str, *, complete: bool) -> xr.Dataset:
+    """Return a dataset whose channels are those of a table, with columns in the order of `LABELS`.
+
+    Args:
+        data: the dataset.
+        table: channels that are allowed, by name.
+        name: what error messages call the dataset.
+        complete: whether every axis must have labels and every channel its unit, as in a file. Else the labels and
+            units that are missing are added, and units are not checked: arithmetic on a Dataset does not keep them.
+
+    Raises:
+        LogError: a channel or label is unknown, doubled or missing, or a dimension, a unit, a type or a value is
+            wrong. The message names the channel and what was expected.
+    """
+    variables = {}
+    for key, values in data.variables.items():
+        if key in data.data_vars:
+            row = _row(str(key), table, values.dims, name)
+            _check_form(values, row, f"{name}: channel '{key}'", complete=complete)
+            variables[key] = row, values
+    order = {dim: _order(dim, data, name, complete=complete) for row, _ in variables.values() for dim in row.dims}
+    made, changed = {}, any(column is not None for column in order.values())
+    for key, (row, values) in variables.items():
+        new = values if values.dims == row.dims else values.transpose(*row.dims)
+        new = new.isel({dim: column for dim in row.dims if (column := order[dim]) is not None})
+        if new.dtype != float or "units" not in new.attrs:
+            attributes = {"units": row.unit, "long_name": row.meaning, **new.attrs}
+            new = xr.Variable(new.dims, new.values.astype(float), attributes)
+        _check_values(str(key), new, data, name)
+        made[key], changed = new, changed or new is not values
+    if not changed:
+        return data
+    labels = {dim: list(LABELS[dim]) for dim, column in order.items() if column is not None}
+    return data.drop_vars([dim for dim in labels if dim in data.coords]).assign(made).assign_coords(labels)
+
+
+def _row(key: str, table: Mapping[str, Channel], dims: tuple[Any, ...], name: str) -> Channel:
+    """Return the row of the table for a channel. Raises LogError if there is none."""
+    if key.startswith(KNOWN) and table is MEASURED:
+        return replace(KNOWN_FORCE, dims=("interval", "twist_axis")) if "twist_axis" in dims else KNOWN_FORCE
+    if key not in table:
+        raise LogError(f"{name}: unknown channel '{key}'; {did_you_mean(key, table)}")
+    return table[key]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the known name that is closest to a wrong one as a question, or else all known names."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}"
+
+
+def _check_form(values: xr.Variable, row: Channel, where: str, *, complete: bool) -> None:
+    """Raise LogError unless a channel has the dimensions and the unit of its row, and contains numbers."""
+    if sorted(map(str, values.dims)) != sorted(row.dims):
+        found = ", ".join(map(str, values.dims))
+        raise LogError(f"{where} has the dimensions ({found}): ({', '.join(row.dims)}) were expected")
+    if values.dtype.kind not in "fiu":
+        kind = {"M": "dates", "m": "durations", "c": "complex numbers", "b": "true or false"}
+        found = kind.get(values.dtype.kind, "text")
+        raise LogError(f"{where} contains {found}: real numbers [{row.unit}] were expected")
+    unit = values.attrs.get("units")
+    if complete and unit is None:
+        raise LogError(f"{where} has no attribute units: '{row.unit}' was expected")
+    if complete and not (isinstance(unit, str) and is_unit(unit, row.unit)):
+        raise LogError(f"{where} has units = {str(unit)[:40]!r}: '{row.unit}' was expected; units are not converted")
+
+
+def _order(dim: str, data: xr.Dataset, name: str, *, complete: bool) -> list[int] | None:
+    """Return the columns of an axis in the order of `LABELS`, or None if they stand in this order already.
+
+    Raises:
+        LogError: a label is unknown, missing or doubled.
+    """
+    expected = LABELS.get(dim)
+    if expected is None:
+        return None
+    if dim not in data.variables:
+        if data.sizes[dim] != len(expected) or complete:
+            raise LogError(f"{name}: {dim} has no labels for its {data.sizes[dim]} columns: {_list(expected)}")
+        return list(range(len(expected)))
+    found = [str(label) for label in data.variables[dim].values.tolist()]
+    if found == list(expected):
+        return None
+    for label in found:
+        if label not in expected:
+            raise LogError(f"{name}: {dim} has the unknown label '{label[:40]}': {_list(expected)}")
+        if found.count(label) > 1:
+            raise LogError(f"{name}: {dim} has the label '{label}' twice: {_list(expected)}")
+    missing = [label for label in expected if label not in found]
+    if missing:
+        raise LogError(f"{name}: {dim} has no label '{missing[0]}': {_list(expected)}")
+    return [found.index(label) for label in expected]
+
+
+def _list(labels: Iterable[str]) -> str:
+    return f"{', '.join(labels)} were expected"
+
+
+def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) -> None:
+    """Raise LogError for a number that is not finite or too large, and for a quaternion of wrong length."""
+    values = variable.values
+    if values.size == 0 or key == "event_end":
+        return
+    if not (values.min() >= -LARGEST and values.max() <= LARGEST):  # also false for NaN
+        at = np.unravel_index(int(np.argmax(~(np.abs(values) <= LARGEST))), values.shape)
+        labels = [
+            str(data.variables[dim].values[i])
+            for dim, i in zip(variable.dims[1:], at[1:], strict=True)
+            if dim in data.variables
+        ]
+        what = f", {' '.join(labels)}" if labels else ""
+        raise LogError(
+            f"{name}: channel '{key}', {_place(variable, data, int(at[0]))}{what} = {values[at]:g}: a number between "
+            f"-{LARGEST:g} and {LARGEST:g} was expected"
+        )
+    if key in ("q", "pose"):
+        length = np.sqrt(np.einsum("ij,ij->i", values[:, 3:7], values[:, 3:7]))
+        wrong = np.abs(length - 1.0) > QUATERNION_ERROR
+        if np.any(wrong):
+            at_row = int(np.argmax(wrong))
+            raise LogError(
+                f"{name}: channel '{key}', {_place(variable, data, at_row)}: the quaternion has length "
+                f"{length[at_row]:.3g}: 1 was expected"
+            )
+
+
+def _place(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
+    """Return where a row of a channel is: `sample 12 (0.012 s)`."""
+    dim = variable.dims[0]
+    what = "sample" if dim == "time" else str(dim)
+    at = data.variables.get(dim)
+    return f"{what} {row}" + (f" ({float(at.values[row]):g} s)" if at is not None and at.dtype.kind == "f" else "")
