@@ -94,6 +94,10 @@ class OutputError(AerobatError, OSError):
     """Results cannot be written to the requested file or folder."""
 
 
+class OutputWarning(UserWarning):
+    """Results were written, but not in one step."""
+
+
 class BrowserError(AerobatError, RuntimeError):
     """No browser can take pictures of a replay. The message says what to install."""
 

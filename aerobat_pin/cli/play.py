@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import interruptible
 from aerobat_pin.cli.options import BelievedMorphology, Force
 
 if TYPE_CHECKING:
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
 PICTURES_PER_SECOND = 30.0  # frame rate of a video made from the pictures
 
 
-@interruptible()
 def play_command(
     source: Annotated[
         Path | None, typer.Argument(metavar="RUN|LOG", help="Folder of a run, or a recorded flight (.nc, .csv).")
@@ -36,7 +34,7 @@ def play_command(
     """Replay a flight in the browser: serve the page until Ctrl-C, or write it to a file or as pictures."""
     import numpy as np
 
-    from aerobat_pin.experiments import check_file, output_folder, write_text
+    from aerobat_pin.files import check_file, output_folder, write_text
     from aerobat_pin.visualization import SLOW_MOTION, serve, snapshots
 
     if html is not None:

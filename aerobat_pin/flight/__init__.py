@@ -3,7 +3,7 @@
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
 from aerobat_pin.flight.csv_log import read_csv, write_csv
-from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel
+from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel, netcdf_bytes
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
@@ -26,6 +26,7 @@ __all__ = [
     "channel",
     "find_trim",
     "interval_means",
+    "netcdf_bytes",
     "read_csv",
     "robot_air",
     "simulate",

@@ -15,6 +15,7 @@ provides. Both are labelled tables with units.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.files import write_files
 
 KNOWN = "known_"
 POSE_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -86,10 +88,11 @@ class FlightLog:
         return np.asarray(self.measured["time"].values, float)
 
     def save(self, path: str | Path) -> None:
-        """Write NetCDF-4: measured channels at the root, truth in the group `truth`."""
-        self.measured.to_netcdf(path, mode="w", engine="h5netcdf")
-        if self.truth is not None:
-            self.truth.to_netcdf(path, mode="a", group="truth", engine="h5netcdf")
+        """Write NetCDF-4: measured channels at the root, truth in the group `truth`; completely or not at all.
+
+        Raises OutputError if the file cannot be written.
+        """
+        write_files({Path(path): netcdf_bytes(self.measured, self.truth)})
 
     @classmethod
     def load(cls, path: str | Path) -> FlightLog:
@@ -103,6 +106,19 @@ class FlightLog:
         except OSError:
             truth = None
         return cls(measured, truth)
+
+
+def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
+    """Return the content of a NetCDF-4 file: a dataset, and perhaps another in the group `truth`.
+
+    The file is made in memory, because the HDF5 library ends the process with a segmentation fault when the disk is
+    full. Python writes the bytes, and a full disk is an OSError.
+    """
+    file = io.BytesIO()
+    root.to_netcdf(file, mode="w", engine="h5netcdf")
+    if truth is not None:
+        truth.to_netcdf(file, mode="a", group="truth", engine="h5netcdf")
+    return file.getvalue()
 
 
 def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.Variable:

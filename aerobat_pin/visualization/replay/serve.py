@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
+
+from aerobat_pin.files import raising
 
 LOCALHOST = "127.0.0.1"
 
@@ -37,7 +40,5 @@ def serve(page: str, announce: Callable[[str], None]) -> None:
     with ThreadingHTTPServer((LOCALHOST, 0), Handler) as server:
         server.daemon_threads, server.block_on_close = True, False
         announce(f"http://{LOCALHOST}:{server.server_address[1]}/")
-        try:
+        with suppress(KeyboardInterrupt), raising():
             server.serve_forever()
-        except KeyboardInterrupt:
-            return
