@@ -12,7 +12,7 @@ import typer
 
 from aerobat_pin.cli.console import progress_bar
 from aerobat_pin.cli.options import NameOrFile
-from aerobat_pin.files import ends_as, interrupted
+from aerobat_pin.files import raising
 
 LINE_EVERY = 10.0  # [s] between progress lines if there is no terminal
 
@@ -38,11 +38,12 @@ def sweep_command(
     processes = len(os.sched_getaffinity(0)) if jobs is None else jobs
     with progress_bar() as bar:
         progress = _SweepProgress(bar)
-        ends_as(lambda: f"{progress.text}; the same command goes on from there")
         try:
-            grid = run_sweep(planned, target, jobs=processes, cluster=cluster, force=force, progress=progress)
+            with raising():
+                grid = run_sweep(planned, target, jobs=processes, cluster=cluster, force=force, progress=progress)
         except KeyboardInterrupt:
-            interrupted()
+            typer.echo(f"\ninterrupted: {progress.text}; the same command goes on from there", err=True)
+            raise typer.Exit(130) from None
     reasons = [str(reason) for reason in grid["failed"].values.flat if reason]
     typer.echo(f"{progress.text}; results in {target}/: results.nc, results.csv")
     if reasons:

@@ -3,7 +3,7 @@
 Only the standard library is imported, so that the command line can load this room before anything else.
 """
 
-from aerobat_pin.files.ending import cleaned, end_on_signals, ends_as, interrupted, raising
+from aerobat_pin.files.ending import cleaned, end_on_signals, raising
 from aerobat_pin.files.output_folder import claimed, output_folder, replace_results
 from aerobat_pin.files.whole_files import check_file, picture_files, write_files, write_text
 
@@ -12,8 +12,6 @@ __all__ = [
     "claimed",
     "cleaned",
     "end_on_signals",
-    "ends_as",
-    "interrupted",
     "output_folder",
     "picture_files",
     "raising",

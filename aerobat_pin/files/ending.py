@@ -19,20 +19,12 @@ if TYPE_CHECKING:
     from types import FrameType
 
 
-def _what_was_written() -> str:
-    if not _now.written:
-        return "nothing was written"
-    more = len(_now.written) - 1
-    return f"{_now.written[0]}{f' and {more} more' if more else ''} had been written and is whole"
-
-
 class _Now:
     """What the handler has to know at this moment."""
 
     def __init__(self) -> None:
         self.cleanups: list[Callable[[], object]] = []
         self.written: list[Path] = []
-        self.line = _what_was_written
         self.held = 0  # blocks `undisturbed` that are entered
         self.waiting = 0  # number of a signal that came in such a block
         self.raising = False
@@ -47,21 +39,6 @@ def end_on_signals() -> None:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _end)
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when the reader of a pipe closes it
-
-
-def interrupted(number: int = signal.SIGINT) -> None:
-    """End the program as the signal with this number does: clean up, say what was written, exit with 128 + number."""
-    for other in SIGNALS:
-        signal.signal(other, signal.SIG_IGN)
-    for cleanup in reversed(_now.cleanups):
-        with suppress(Exception):
-            cleanup()
-    with suppress(Exception):
-        sys.stdout.flush()
-    with suppress(Exception):
-        sys.stderr.flush()
-        os.write(2, f"interrupted: {_now.line()}\n".encode())
-    os._exit(128 + number)
 
 
 @contextmanager
@@ -106,17 +83,25 @@ def written(path: Path) -> None:
     _now.written.append(path)
 
 
-def ends_as(line: Callable[[], str]) -> None:
-    """Set the text behind `interrupted: `; the function is called when a signal comes."""
-    _now.line = line
-
-
 def _end(number: int, frame: FrameType | None) -> None:
-    """Handle a signal."""
+    """Handle a signal: end the program with exit code 128 + number, or do what the block around says."""
     if _now.held:
         _now.waiting = number
-    elif _now.raising:
+        return
+    if _now.raising:
         _now.raising = False
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
-    else:
-        interrupted(number)
+    for other in SIGNALS:
+        signal.signal(other, signal.SIG_IGN)
+    for step in (*reversed(_now.cleanups), sys.stdout.flush, sys.stderr.flush, _say_what_was_written):
+        with suppress(Exception):  # a closed pipe, for instance
+            step()
+    os._exit(128 + number)
+
+
+def _say_what_was_written() -> None:
+    line = "nothing was written"
+    if _now.written:
+        more = f" and {len(_now.written) - 1} more" if len(_now.written) > 1 else ""
+        line = f"{_now.written[0]}{more} had been written and is whole"
+    os.write(2, f"interrupted: {line}\n".encode())

@@ -81,10 +81,10 @@ def claimed(target: Path) -> Iterator[Path]:
             (place / NEW).mkdir()
             yield place / NEW
     except BlockingIOError as error:
+        number = ""
         with suppress(OSError):
             number = (place / LOCK).read_text().strip()
-            raise OutputError(f"output folder {target}: another process, number {number}, writes into it") from error
-        raise OutputError(f"output folder {target}: another process writes into it") from error
+        raise OutputError(f"output folder {target}: another process{f' ({number})' * bool(number)} writes into it") from error
     except OSError as error:
         if isinstance(error, OutputError) or error.errno is None:
             raise

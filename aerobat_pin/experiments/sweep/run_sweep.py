@@ -11,7 +11,6 @@ from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.results import results_csv, results_grid
-from aerobat_pin.files import raising
 from aerobat_pin.flight import netcdf_bytes
 
 SweepProgress = Callable[[int, int, int], None]
@@ -53,12 +52,11 @@ def run_sweep(
             outcomes = on_cluster(left, cluster)
         else:
             outcomes = in_this_process(left) if min(jobs, len(left)) < 2 else on_this_machine(left, jobs)
-        with raising():  # other processes and threads have to be ended in order
-            for number, outcome in outcomes:
-                checkpoint.add(number, outcome)
-                failed += "failed" in checkpoint.finished[number]
-                if progress is not None:
-                    progress(len(checkpoint.finished), count, failed)
+        for number, outcome in outcomes:
+            checkpoint.add(number, outcome)
+            failed += "failed" in checkpoint.finished[number]
+            if progress is not None:
+                progress(len(checkpoint.finished), count, failed)
         grid = results_grid(sweep, checkpoint.finished)
         checkpoint.write({GRID: netcdf_bytes(grid), TABLE: results_csv(sweep, checkpoint.finished).encode()})
     return grid
