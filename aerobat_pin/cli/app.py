@@ -42,6 +42,7 @@ def run_command(
 ) -> None:
     """Simulate a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
     from aerobat_pin import experiments
+    from aerobat_pin.errors import SimulationError
     from aerobat_pin.files import output_folder
     from aerobat_pin.scenario import load_scenario
 
@@ -54,7 +55,13 @@ def run_command(
     loaded = load_scenario(scenario, changes)
     target = out or Path("runs") / loaded.name
     with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
-        experiment = experiments.run(loaded, show)
+        diverged = None
+        try:
+            experiment = experiments.run(loaded, show)
+        except SimulationError as error:
+            if not isinstance(error.kept, experiments.Experiment):
+                raise
+            experiment, diverged = error.kept, error
         experiments.write(experiment, folder)
         if not no_report:
             from aerobat_pin.visualization import write_figures_and_pages
@@ -63,6 +70,8 @@ def run_command(
         files = files_in(folder)
     print_scores(experiment.scores, noisy=bool(loaded.sensors.fitted))
     print_files(target, files)
+    if diverged is not None:
+        raise diverged
 
 
 app.command("estimate")(estimate_command)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import TABLE_HEADER, Scores, check_names, estimate_log, flight_summary, observer_scores
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
@@ -94,14 +95,23 @@ def run(
         robots: the robot that flies and the robot that the observers assume; loaded from the scenario when omitted.
 
     Raises:
+        SimulationError: the flight diverged; its attribute `kept` is the experiment until then.
         AerobatError: the scenario cannot be run, for instance because it names an unknown observer.
     """
     check_names(scenario.observers.names)
     robot, believed = loaded(scenario) if robots is None else robots
-    log = simulate(scenario, _stage(progress, "flying"), robot=robot)
-    made = _estimated(log, believed, scenario, flight_note(scenario, robot), progress)
-    scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
-    return replace(made, robot=robot, scores=scores)
+
+    def judged(log: FlightLog) -> Experiment:
+        made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress)
+        scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
+        return replace(made, robot=robot, scores=scores)
+
+    try:
+        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot))
+    except SimulationError as error:
+        if isinstance(error.kept, FlightLog):
+            error.kept = judged(error.kept)
+        raise
 
 
 def run_recorded(log: FlightLog, belief: Scenario, progress: Progress | None = None) -> Experiment:

@@ -37,6 +37,11 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 
+# Name, limit and unit of the entries of velocity, angular velocity and aerodynamic state. Beyond these limits a flight
+# has diverged: the fastest sample of the shipped scenarios is a hundred times slower.
+LIMITS = (("velocity", 1e3, "m/s"), ("angular velocity", 1e4, "rad/s"), ("aerodynamic state", 1e3, "m or m2/s"))
+
+
 @dataclass(frozen=True)
 class State:
     """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,)."""
@@ -183,7 +188,7 @@ class Plant:
 
         Raises:
             ShapeError: `held` or `start` has the wrong shape.
-            SimulationError: the flight diverged.
+            SimulationError: the flight diverged; its attribute `kept` is the flight before that.
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
@@ -199,6 +204,7 @@ class Plant:
         placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
+        limits = np.repeat([limit for _, limit, _ in LIMITS], [3, 3, self.air.state_size])
         tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
 
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
@@ -211,21 +217,25 @@ class Plant:
             q = lie_step(evaluate_stage, retract, q)
             placement[k + 1], states[k + 1] = q[:7], fields.start
             if k % every == 0:
-                if not np.all(np.isfinite(fields.start)):
-                    states[k + 1 :] = np.nan
+                if not np.all(np.abs(fields.start) <= limits):
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        _check_finite(self.scenario.name, states, dt)
-        joints = motion[::2]
-        return Flown(
-            crank_angle=closed.crank_angle[::2],
-            q=self.robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
-            v=self.robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
-            air=states[:, BASE_SIZE:],
-            forces=split_forces(fields.forces, means),
-            loads=loads,
+        outside = ~np.all(np.abs(states) <= limits, axis=1)
+        kept = int(np.argmax(outside)) if outside.any() else count + 1  # samples
+        joints = motion[: 2 * kept : 2]
+        flown = Flown(
+            crank_angle=closed.crank_angle[: 2 * kept : 2],
+            q=self.robot.configuration(placement[:kept], joints[:, 0, 0], joints[:, 0, 1]),
+            v=self.robot.velocity(states[:kept, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
+            air=states[:kept, BASE_SIZE:],
+            forces=split_forces(fields.forces, means[: max(kept - 1, 0)]),
+            loads=loads[: max(kept - 1, 0)],
         )
+        if kept <= count:
+            message = f"scenario {self.scenario.name}: {_divergence(kept * dt, placement, states, kept, limits)}"
+            raise SimulationError(message, kept * dt, flown if kept > 1 else None)
+        return flown
 
     def wind(self, time: Array) -> Array:
         """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
@@ -252,8 +262,17 @@ class Plant:
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt))
 
 
-def _check_finite(name: str, states: Array, dt: float) -> None:
-    bad = np.flatnonzero(~np.all(np.isfinite(states), axis=1))
-    if bad.size:
-        advice = "try a smaller simulation.dt, fewer air.strips, or gentler forces and speeds"
-        raise SimulationError(f"scenario {name}: the flight diverged at t = {bad[0] * dt:.4f} s; {advice}")
+def _divergence(time: float, placement: Array, states: Array, sample: int, limits: Array) -> str:
+    """Say when a flight diverged, which limit it passed at this sample, and its state one sample before."""
+    entry = int(np.argmax(~(np.abs(states[sample]) <= limits)))
+    name, limit, unit = LIMITS[min(entry // 3, 2)]
+    before = max(sample - 1, 0)
+    x, v, w = (
+        ", ".join(f"{number:.3g}" for number in row[:3])
+        for row in (placement[before], states[before], states[before, 3:])
+    )
+    return (
+        f"the flight diverged at t = {time:.4f} s: {name} {states[sample, entry]:.3g} {unit} is beyond the limit of "
+        f"{limit:g} {unit}; {'at this time' if sample == 0 else 'one step before'} the body was at {x} m with {v} m/s "
+        f"and {w} rad/s in its axes; try a smaller simulation.dt, fewer air.strips, or gentler forces and speeds"
+    )
