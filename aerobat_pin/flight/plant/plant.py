@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import STRIP_ROWS, RobotInAir, fill
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, fill, strips_of
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
@@ -37,9 +37,13 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 
-# Name, limit and unit of the entries of velocity, angular velocity and aerodynamic state. Beyond these limits a flight
-# has diverged: the fastest sample of the shipped scenarios is a hundred times slower.
-LIMITS = (("velocity", 1e3, "m/s"), ("angular velocity", 1e4, "rad/s"), ("aerodynamic state", 1e3, "m or m2/s"))
+# Beyond these limits a flight has diverged.
+LIMITS = {
+    "velocity": (1e3, "m/s"),
+    "angular velocity": (1e4, "rad/s"),
+    "aerodynamic state": (1e3, "m or m2/s"),
+    "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
+}
 
 
 @dataclass(frozen=True)
@@ -204,8 +208,8 @@ class Plant:
         placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
-        limits = np.repeat([limit for _, limit, _ in LIMITS], [3, 3, self.air.state_size])
         tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
+        hopeless = max(limit for limit, _ in LIMITS.values())
 
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
@@ -217,11 +221,14 @@ class Plant:
             q = lie_step(evaluate_stage, retract, q)
             placement[k + 1], states[k + 1] = q[:7], fields.start
             if k % every == 0:
-                if not np.all(np.abs(fields.start) <= limits):
+                if not np.all(np.abs(fields.start) <= hopeless):
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        outside = ~np.all(np.abs(states) <= limits, axis=1)
+        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in (states[:, :3], states[:, 3:6], states[:, 6:])]
+        sizes.append(np.append(strips_of(loads).airspeed.max(axis=1, initial=0.0), 0.0))
+        inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
+        outside = ~np.all(inside, axis=0)
         kept = int(np.argmax(outside)) if outside.any() else count + 1  # samples
         joints = motion[: 2 * kept : 2]
         flown = Flown(
@@ -233,8 +240,11 @@ class Plant:
             loads=loads[: max(kept - 1, 0)],
         )
         if kept <= count:
-            message = f"scenario {self.scenario.name}: {_divergence(kept * dt, placement, states, kept, limits)}"
-            raise SimulationError(message, kept * dt, flown if kept > 1 else None)
+            name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
+            value = dict(zip(LIMITS, sizes, strict=True))[name][kept]
+            before = max(kept - 1, 0)
+            message = _divergence(kept * dt, name, value, placement[before], states[before])
+            raise SimulationError(f"scenario {self.scenario.name}: {message}", kept * dt, flown if kept > 1 else None)
         return flown
 
     def wind(self, time: Array) -> Array:
@@ -262,17 +272,12 @@ class Plant:
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt))
 
 
-def _divergence(time: float, placement: Array, states: Array, sample: int, limits: Array) -> str:
-    """Say when a flight diverged, which limit it passed at this sample, and its state one sample before."""
-    entry = int(np.argmax(~(np.abs(states[sample]) <= limits)))
-    name, limit, unit = LIMITS[min(entry // 3, 2)]
-    before = max(sample - 1, 0)
-    x, v, w = (
-        ", ".join(f"{number:.3g}" for number in row[:3])
-        for row in (placement[before], states[before], states[before, 3:])
-    )
+def _divergence(time: float, name: str, value: float, placement: Array, state: Array) -> str:
+    """Say when a flight diverged, which limit it passed, and the placement and state one step before."""
+    limit, unit = LIMITS[name]
+    x, v, w = (", ".join(f"{number:.3g}" for number in row[:3]) for row in (placement, state, state[3:]))
     return (
-        f"the flight diverged at t = {time:.4f} s: {name} {states[sample, entry]:.3g} {unit} is beyond the limit of "
-        f"{limit:g} {unit}; {'at this time' if sample == 0 else 'one step before'} the body was at {x} m with {v} m/s "
-        f"and {w} rad/s in its axes; try a smaller simulation.dt, fewer air.strips, or gentler forces and speeds"
+        f"the flight diverged at t = {time:.4f} s: {name} {value:.3g} {unit} is beyond the limit of {limit:g} {unit}; "
+        f"before, the body was at {x} m, with {v} m/s and {w} rad/s in its axes; try a smaller simulation.dt, fewer "
+        "air.strips, or gentler forces and speeds"
     )
