@@ -5,10 +5,10 @@ A name is imported when it is first used, so that `import aerobat_pin` alone cos
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # without importing `typing`: a Ctrl-C while this module loads would be a traceback
 if TYPE_CHECKING:
+    from typing import Any
+
     from aerobat_pin.experiments import run as run
     from aerobat_pin.flight import FlightLog as FlightLog
     from aerobat_pin.flight import simulate as simulate
@@ -30,6 +30,8 @@ __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
     room = next(room for room, names in _ROOMS.items() if name in names)
     return getattr(import_module(f"{__name__}.{room}"), name)
 

@@ -94,12 +94,28 @@ class OutputError(AerobatError, OSError):
     """Results cannot be written to the requested file or folder."""
 
 
+class OutputWarning(UserWarning):
+    """Results were written, but not in one step."""
+
+
 class BrowserError(AerobatError, RuntimeError):
     """No browser can take pictures of a replay. The message says what to install."""
 
 
 class SimulationError(AerobatError, ArithmeticError):
-    """The simulated flight diverged."""
+    """The simulated flight diverged.
+
+    Attributes:
+        diverged_at: time of the first sample at which a limit was passed [s].
+        kept: what was flown before, in the form that the caller would have got (`Flown`, `FlightLog`, `Experiment`);
+            None if there is less than one interval.
+    """
+
+    def __init__(self, message: str, diverged_at: float, kept: object = None) -> None:
+        """Store the message, the time and what was flown."""
+        super().__init__(message)
+        self.diverged_at = diverged_at
+        self.kept = kept
 
 
 class TrimError(AerobatError, ArithmeticError):

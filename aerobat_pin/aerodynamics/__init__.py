@@ -8,9 +8,10 @@ from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, air_in, fil
 from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads, air_loads_in, air_memory
 from aerobat_pin.aerodynamics.robot_in_air import RobotInAir
 from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, StripLoads, strips_of
-from aerobat_pin.aerodynamics.wind import Gust, Wind
+from aerobat_pin.aerodynamics.wind import LARGEST_AIRSPEED, Gust, Wind
 
 __all__ = [
+    "LARGEST_AIRSPEED",
     "LINK_COUNT",
     "STRIP_ROWS",
     "Gust",

@@ -11,6 +11,8 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 
+LARGEST_AIRSPEED = 100.0  # [m/s]: Mach 0.3, where air stops to be incompressible; all models of this package take it so
+
 
 @dataclass(frozen=True)
 class Gust:

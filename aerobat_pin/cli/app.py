@@ -5,8 +5,9 @@ Exit codes are 0 for success, 2 for bad input, and 1 for a failed check or a bug
 
 from __future__ import annotations
 
+import errno
 import gc
-import signal
+import os
 import sys
 import warnings
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from aerobat_pin.cli.console import files_in, interruptible, print_files, print_scores, progress_bar
+from aerobat_pin.cli.console import files_in, print_files, print_scores, progress_bar
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.options import Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.play import play_command
@@ -32,7 +33,6 @@ app = typer.Typer(
 
 
 @app.command("run")
-@interruptible()
 def run_command(
     scenario: NameOrFile,
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<scenario>.")] = None,
@@ -44,6 +44,8 @@ def run_command(
 ) -> None:
     """Simulate a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
     from aerobat_pin import experiments
+    from aerobat_pin.errors import SimulationError
+    from aerobat_pin.files import output_folder
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])
@@ -54,8 +56,14 @@ def run_command(
         changes.append(f"observers.names=[{quoted}]")
     loaded = load_scenario(scenario, changes)
     target = out or Path("runs") / loaded.name
-    with experiments.output_folder(target, force=force) as folder, progress_bar() as show:
-        experiment = experiments.run(loaded, show)
+    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
+        diverged = None
+        try:
+            experiment = experiments.run(loaded, show)
+        except SimulationError as error:
+            if not isinstance(error.kept, experiments.Experiment):
+                raise
+            experiment, diverged = error.kept, error
         experiments.write(experiment, folder)
         if not no_report:
             from aerobat_pin.visualization import write_figures_and_pages
@@ -64,6 +72,8 @@ def run_command(
         files = files_in(folder)
     print_scores(experiment.scores, noisy=bool(loaded.sensors.fitted))
     print_files(target, files)
+    if diverged is not None:
+        raise diverged
 
 
 app.command("estimate")(estimate_command)
@@ -71,7 +81,6 @@ app.command("sweep")(sweep_command)
 
 
 @app.command("trim")
-@interruptible()
 def trim_command(
     scenario: NameOrFile,
     out: Annotated[Path | None, typer.Option(help="File for the trimmed scenario; printed when omitted.")] = None,
@@ -83,7 +92,7 @@ def trim_command(
     The horizontal velocity is kept. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate are
     only first guesses, even if they are given with --set: the search changes all of them.
     """
-    from aerobat_pin.experiments import check_file, write_text
+    from aerobat_pin.files import check_file, write_text
     from aerobat_pin.flight import find_trim
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
@@ -122,7 +131,7 @@ def urdf_command(
     """Convert a morphology to URDF, SRDF and meshes for other tools."""
     from aerobat_description.export import export, shipped_urdf
     from aerobat_pin.errors import OutputError
-    from aerobat_pin.experiments import check_file, write_files
+    from aerobat_pin.files import check_file, write_files
     from aerobat_pin.robot import load_morphology
 
     robot = load_morphology(morphology)
@@ -151,7 +160,7 @@ def linkage_command(
     force: Force = False,
 ) -> None:
     """Draw the linkage over a turn of its crank, and print the ranges of its joints and transmission angles."""
-    from aerobat_pin.experiments import picture_files, write_files
+    from aerobat_pin.files import picture_files, write_files
     from aerobat_pin.linkage import KineticSculpture
     from aerobat_pin.robot import load_morphology
     from aerobat_pin.visualization import draw_linkage, range_table, render_figure
@@ -210,16 +219,26 @@ def list_command() -> None:
 
 
 def main() -> None:
-    """Run the command line; an error in the user's input prints one message and exits with code 2."""
+    """Run the command line; an error in the user's input prints one message and exits with code 2.
+
+    Signals are not handled here, but where a program starts: `aerobat_pin.cli.main`.
+    """
     from aerobat_pin.errors import AerobatError
 
     warnings.showwarning = _show_warning
-    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when the reader of a pipe closes it
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # clean up as on Ctrl-C
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except AerobatError as error:
         typer.echo(f"error: {_readable(str(error))}", err=True)
+        sys.exit(2)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes what is left once more at exit
+        typer.echo(f"error: standard output: cannot be written: {error.strerror}", err=True)
         sys.exit(2)
     finally:
         gc.freeze()  # saves a quarter of a second: without it Python searches all libraries for garbage at exit
@@ -237,9 +256,7 @@ def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
 ) -> None:
     """Print a warning: those of this package without file and line, which users do not need, all others with them."""
-    from aerobat_pin.errors import NearSingularWarning
-
     text = f"warning: {message}\n"
-    if not issubclass(category, NearSingularWarning):
+    if category.__module__ != "aerobat_pin.errors":
         text = warnings.formatwarning(message, category, filename, lineno, line)
     typer.echo(text, err=True, nl=False)

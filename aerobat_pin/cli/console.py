@@ -10,20 +10,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from aerobat_pin.files import cleaned
+
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Scores
-
-INTERRUPTED = 130  # exit code of a program that was ended by Ctrl-C
-
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """On Ctrl-C, print one line and exit with code 130; for commands that write all their files at the end."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        typer.echo("interrupted: nothing was written", err=True)
-        raise typer.Exit(INTERRUPTED) from None
 
 
 @contextmanager
@@ -39,7 +29,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(transient=True, console=Console(stderr=True)) as bar:
+    with Progress(transient=True, console=Console(stderr=True)) as bar, cleaned(bar.stop):
         task = bar.add_task("starting", total=1.0)
         yield lambda label, share: bar.update(task, description=label, completed=share)
 

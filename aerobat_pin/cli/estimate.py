@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import files_in, interruptible, print_files, print_scores, progress_bar
+from aerobat_pin.cli.console import files_in, print_files, print_scores, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, ObserverNames, Settings
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from aerobat_pin.scenario import Scenario
 
 
-@interruptible()
 def estimate_command(
     log: Annotated[
         Path | None, typer.Argument(help="Recorded flight: `.nc` of a run, or `.csv` (columns in docs/recorded.md).")
@@ -37,6 +36,7 @@ def estimate_command(
     from aerobat_pin import experiments
     from aerobat_pin.errors import LogError
     from aerobat_pin.estimation import belief_about, describe_belief, read_log
+    from aerobat_pin.files import output_folder
 
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
@@ -49,7 +49,7 @@ def estimate_command(
     if flight is None:
         return
     target = out or Path("runs") / f"{name}-estimate"
-    with experiments.output_folder(target, force=force) as folder, progress_bar() as show:
+    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
         estimated = experiments.run_recorded(flight, belief, show)
         experiments.write(estimated, folder)
         from aerobat_pin.visualization import draw_estimation, save_figure

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import interruptible
 from aerobat_pin.cli.options import BelievedMorphology, Force
 
 if TYPE_CHECKING:
@@ -19,7 +18,6 @@ PICTURES_PER_SECOND = 30.0  # frame rate of a video made from the pictures
 MOST_PICTURES, DRAWN_PER_SECOND = 100_000, 3.0  # of one command; measured without a graphics card
 
 
-@interruptible()
 def play_command(
     source: Annotated[
         Path | None, typer.Argument(metavar="RUN|LOG", help="Folder of a run, or a recorded flight (.nc, .csv).")
@@ -40,7 +38,7 @@ def play_command(
     import numpy as np
 
     from aerobat_pin.errors import LogError
-    from aerobat_pin.experiments import check_file, output_folder, write_text
+    from aerobat_pin.files import check_file, output_folder, write_text
     from aerobat_pin.visualization import SLOW_MOTION, serve, snapshots
 
     if html is not None:

@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from aerobat_pin.cli.console import INTERRUPTED, progress_bar
+from aerobat_pin.cli.console import progress_bar
 from aerobat_pin.cli.options import NameOrFile
+from aerobat_pin.files import raising
 
 LINE_EVERY = 10.0  # [s] between progress lines if there is no terminal
 
@@ -38,10 +39,11 @@ def sweep_command(
     with progress_bar() as bar:
         progress = _SweepProgress(bar)
         try:
-            grid = run_sweep(planned, target, jobs=processes, cluster=cluster, force=force, progress=progress)
+            with raising():
+                grid = run_sweep(planned, target, jobs=processes, cluster=cluster, force=force, progress=progress)
         except KeyboardInterrupt:
             typer.echo(f"\ninterrupted: {progress.text}; the same command goes on from there", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            raise typer.Exit(130) from None
     reasons = [str(reason) for reason in grid["failed"].values.flat if reason]
     typer.echo(f"{progress.text}; results in {target}/: results.nc, results.csv")
     if reasons:

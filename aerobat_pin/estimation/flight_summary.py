@@ -25,7 +25,8 @@ class FlightSummary:
     Numbers that the log does not determine are None.
 
     Attributes:
-        duration: duration of the flight.
+        duration: duration of the flight, until it diverged if it did.
+        diverged_at: time at which the flight diverged.
         position_end: world position of the body COM at the end.
         z_range: lowest and highest height of the body COM.
         roll_range, pitch_range, yaw_range: smallest and largest angle; pitch is positive nose up.
@@ -45,6 +46,7 @@ class FlightSummary:
     aerodynamic_lift_over_weight: float | None = field(default=None, metadata=_in("1"))
     motor_power_mean: float | None = field(default=None, metadata=_in("W"))
     incidence_range: Range | None = field(default=None, metadata=_in("rad"))
+    diverged_at: float | None = field(default=None, metadata=_in("s"))
 
     def to_json(self) -> dict[str, Any]:
         """Return all numbers that are not None, as written to `metrics.json`."""
@@ -86,6 +88,7 @@ def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
         ),
         motor_power_mean=None if truth is None else float(np.mean(truth["motor_power"].values)),
         incidence_range=None if truth is None else _range(truth["incidence"].values),
+        diverged_at=measured.attrs.get("diverged_at"),
     )
 
 

@@ -13,14 +13,29 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import TABLE_HEADER, Scores, check_names, estimate_log, flight_summary, observer_scores
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.flight import FlightLog, simulate
+from aerobat_pin.flight import FlightLog, netcdf_bytes, simulate
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import RecordedForce, Scenario, scenario_toml
 
+FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power")
+RESULTS = (  # all that a run or an estimate writes, as glob patterns
+    "scenario.toml",
+    "belief.toml",
+    "morphology.toml",
+    "unknown_force_*.csv",
+    "flight.nc",
+    "estimate.nc",
+    "estimate.csv",
+    "metrics.json",
+    *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")),
+    "report.html",
+    "replay.html",
+)
 VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
 Progress = Callable[[str, float], None]  # called with the name of the stage and the share of the stage that is done
 
@@ -80,14 +95,23 @@ def run(
         robots: the robot that flies and the robot that the observers assume; loaded from the scenario when omitted.
 
     Raises:
+        SimulationError: the flight diverged; its attribute `kept` is the experiment until then.
         AerobatError: the scenario cannot be run, for instance because it names an unknown observer.
     """
     check_names(scenario.observers.names)
     robot, believed = loaded(scenario) if robots is None else robots
-    log = simulate(scenario, _stage(progress, "flying"), robot=robot)
-    made = _estimated(log, believed, scenario, flight_note(scenario, robot), progress)
-    scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
-    return replace(made, robot=robot, scores=scores)
+
+    def judged(log: FlightLog) -> Experiment:
+        made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress)
+        scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
+        return replace(made, robot=robot, scores=scores)
+
+    try:
+        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot))
+    except SimulationError as error:
+        if isinstance(error.kept, FlightLog):
+            error.kept = judged(error.kept)
+        raise
 
 
 def run_recorded(log: FlightLog, belief: Scenario, progress: Progress | None = None) -> Experiment:
@@ -151,8 +175,8 @@ def write(experiment: Experiment, folder: Path) -> None:
         (folder / "estimate.csv").write_text(estimate_table(experiment.estimates), encoding="utf-8")
     else:
         write_scenario(experiment.scenario, folder)
-        experiment.log.save(folder / "flight.nc")
-    estimate_dataset(experiment.estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
+        (folder / "flight.nc").write_bytes(netcdf_bytes(experiment.log.measured, experiment.log.truth))
+    (folder / "estimate.nc").write_bytes(netcdf_bytes(estimate_dataset(experiment.estimates)))
     write_metrics(experiment.metrics, folder)
 
 

@@ -7,8 +7,10 @@ from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario
 
 
-def flight_note(scenario: Scenario, robot: Aerobat) -> str:
-    """Return a line that says whether the attitude is held, which sensors have errors, and which forces are not sought.
+def flight_note(scenario: Scenario, robot: Aerobat, log: FlightLog) -> str:
+    """Return a line about a flight: is the attitude held, which sensors have errors, did it diverge.
+
+    It also names the points of forces that no observer seeks.
 
     For instance, `attitude held, 79 % thruster-borne` means that the attitude hold (an ideal controller, a wrench on
     the body) is active, and that its constant lift is 79 % of the weight. The metrics contain its mean lift in flight,
@@ -23,10 +25,18 @@ def flight_note(scenario: Scenario, robot: Aerobat) -> str:
     unseen = sorted({force.frame for force in scenario.unknown_force} - set(scenario.observers.frames))
     sensors = scenario.sensors.fitted
     note += f"; imperfect sensors: {', '.join(sensors)}" if sensors else ""
-    return note + (f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else "")
+    note += f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else ""
+    return note + _divergence_note(log)
 
 
 def recorded_note(log: FlightLog, robot: Aerobat) -> str:
     """Return a line with the duration of a recorded flight and the robot that is assumed to have flown."""
     duration = log.time[-1] - log.time[0]
-    return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}"
+    return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}" + (
+        _divergence_note(log)
+    )
+
+
+def _divergence_note(log: FlightLog) -> str:
+    time = log.measured.attrs.get("diverged_at")
+    return "" if time is None else f"; DIVERGED at {float(time):.4g} s, shown until then"

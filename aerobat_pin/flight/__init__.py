@@ -4,7 +4,7 @@ from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.channels import KNOWN, channel
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
 from aerobat_pin.flight.csv_log import read_csv, write_csv
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.flight_log import FlightLog, netcdf_bytes
 from aerobat_pin.flight.netcdf import checksums, read_netcdf
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
@@ -29,6 +29,7 @@ __all__ = [
     "checksums",
     "find_trim",
     "interval_means",
+    "netcdf_bytes",
     "read_csv",
     "read_netcdf",
     "robot_air",

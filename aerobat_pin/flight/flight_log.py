@@ -15,6 +15,7 @@ provides. Both are labelled tables with units.
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import InitVar, dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.files import write_files
 from aerobat_pin.flight.channels import (
     FASTEST_CRANK,
     LARGEST_JOINT_ANGLE,
@@ -113,11 +115,11 @@ class FlightLog:
         return np.asarray(self.measured["time"].values, float)
 
     def save(self, path: str | Path) -> None:
-        """Write NetCDF-4 with checksums: measured channels at the root, truth in the group `truth`."""
-        measured, truth = self.measured, self.truth
-        measured.to_netcdf(path, mode="w", engine="h5netcdf", encoding=checksums(measured))
-        if truth is not None:
-            truth.to_netcdf(path, mode="a", group="truth", engine="h5netcdf", encoding=checksums(truth))
+        """Write NetCDF-4: measured channels at the root, truth in the group `truth`; completely or not at all.
+
+        Raises OutputError if the file cannot be written.
+        """
+        write_files({Path(path): netcdf_bytes(self.measured, self.truth)})
 
     @classmethod
     def load(cls, path: str | Path) -> FlightLog:
@@ -205,3 +207,16 @@ def _check_attributes(attributes: dict[Any, Any], name: str) -> None:
     except ValueError as error:
         reason = " ".join(str(error).split("For further")[0].split())[:200]
         raise LogError(f"{name}: attribute air: {reason}") from None
+
+
+def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
+    """Return the content of a NetCDF-4 file: a dataset, and perhaps another in the group `truth`; with checksums.
+
+    The file is made in memory, because the HDF5 library ends the process with a segmentation fault when the disk is
+    full. Python writes the bytes, and a full disk is an OSError.
+    """
+    file = io.BytesIO()
+    root.to_netcdf(file, mode="w", engine="h5netcdf", encoding=checksums(root))
+    if truth is not None:
+        truth.to_netcdf(file, mode="a", group="truth", engine="h5netcdf", encoding=checksums(truth))
+    return file.getvalue()

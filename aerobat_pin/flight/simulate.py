@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.crank import CrankDrive
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.plant.kernels import advance_stage
-from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
 from aerobat_pin.numerics import announce_compilation
@@ -35,7 +36,8 @@ def simulate(
     Raises:
         ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot, or is too large.
         CrankError: the drive's angle, rate and acceleration do not agree.
-        SimulationError: the flight diverged.
+        SimulationError: the flight diverged; its attribute `kept` is the log until then, with an attribute
+            `diverged_at` [s], or None if nothing was flown.
     """
     check_size(scenario)  # again: a copy of a scenario with other values is not checked
     settings = scenario.simulation
@@ -43,6 +45,15 @@ def simulate(
     plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
-    flown = plant.fly(count, dt, interval_means(plant.forces, time, settings.seed), progress)
-    log = flight_log_of(plant, time, flown)
-    return recorded(log, plant.robot, scenario.sensors, settings.seed)
+
+    def log_of(flown: Flown) -> FlightLog:
+        log = flight_log_of(plant, time[: len(flown.q)], flown)
+        return recorded(log, plant.robot, scenario.sensors, settings.seed)
+
+    try:
+        return log_of(plant.fly(count, dt, interval_means(plant.forces, time, settings.seed), progress))
+    except SimulationError as error:
+        if isinstance(error.kept, Flown):
+            error.kept = log_of(error.kept)
+            error.kept.measured.attrs["diverged_at"] = error.diverged_at
+        raise

@@ -192,7 +192,7 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
 def test_ctrl_c_leaves_a_line_and_nothing_else(tmp_path: Path) -> None:
     """While it flies: exit code 130, no traceback, no folder."""
     words = ["run", "paper", "--out", "result", "--set", "simulation.duration=100"]
-    done = interrupted(*words, cwd=tmp_path, at="result/*")
+    done = interrupted(*words, cwd=tmp_path, at=".aerobat-result/*")
     assert done.returncode == 130
     assert done.stdout == ""
     assert done.stderr.endswith("interrupted: nothing was written\n")
@@ -231,7 +231,7 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
     """A folder that takes no files, as one of somebody else's; the search takes a minute, the answer does not."""
     from importlib import import_module
 
-    output = import_module("aerobat_pin.experiments.output_folder")
+    output = import_module("aerobat_pin.files.whole_files")
     from aerobat_pin import flight
 
     monkeypatch.setattr(flight, "trim", lambda *_: pytest.fail("it was sought"))

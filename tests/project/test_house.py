@@ -17,6 +17,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 ROOMS = (  # from the ground up; code imports from its own layer or below
     {"aerobat_description"},
     {"errors"},
+    {"files"},
     {"numerics"},
     {"linkage", "scenario"},
     {"robot"},

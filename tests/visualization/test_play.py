@@ -197,7 +197,7 @@ def test_pictures_are_taken_beside_a_running_loop_and_may_be_left(paper_folder: 
 def test_ctrl_c_among_pictures_leaves_a_line_and_nothing_else(paper_folder: Path, tmp_path: Path) -> None:
     """Exit code 130; neither the pictures that were taken nor the page."""
     words = ["play", str(paper_folder), "--frames", "frames", "--html", "page.html", "--rate", "0.001"]
-    done = interrupted(*words, cwd=tmp_path, at="frames/*/frame_00002.png")
+    done = interrupted(*words, cwd=tmp_path, at=".aerobat-frames/new/frame_00002.png")
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted: nothing was written\n")
     assert list(tmp_path.iterdir()) == []
 

@@ -10,21 +10,20 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import OutputError
 from aerobat_pin.experiments.experiment import versions
-from aerobat_pin.experiments.output_folder import WORK, write_files
 from aerobat_pin.experiments.sweep.finished import content_of, finished_runs, plain_json
 from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.files import claimed, cleaned, replace_results, write_files
 from aerobat_pin.scenario import Scenario, scenario_toml
 
 FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc")
@@ -49,35 +48,19 @@ class Checkpoint:
         self.folder = folder = Path(os.path.abspath(folder))
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"output {folder}: is a file; a folder was expected")
-        try:
-            self._made = [path for path in (folder, *folder.parents) if not path.exists()]
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        except OSError as error:
-            raise OutputError(f"output folder {folder}: cannot be written: {error.strerror}") from error
-        try:
-            self._lock_folder()
-            self._resume_or_start(_manifest(sweep), sweep, force)
+        with ExitStack() as stack:
+            work = stack.enter_context(claimed(folder))
+            self._resume_or_start(_manifest(sweep), sweep, force, work)
             self.finished = self._read_finished(sweep.scenarios)
-            self._file = (folder / FINISHED).open("ab")
-        except BaseException:
-            os.close(self._lock)
-            raise
+            self._file = stack.enter_context((folder / FINISHED).open("ab"))
+            stack.enter_context(cleaned(self._remove_if_empty))
+            self._until_exit = stack.pop_all()
 
     def __enter__(self) -> Checkpoint:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
-        if error is not None and not self.finished:  # there is nothing to resume
-            for name in FILES:
-                (self.folder / name).unlink(missing_ok=True)
-            for folder in self._made:
-                if not any(folder.iterdir()):
-                    folder.rmdir()
-        os.close(self._lock)
+    def __exit__(self, *error: Any) -> None:
+        self._until_exit.__exit__(*error)
 
     def add(self, number: int, outcome: str) -> None:
         """Write the outcome of a run, JSON text, to disk. Raises OutputError if it cannot be written."""
@@ -93,27 +76,23 @@ class Checkpoint:
         """Write the results atomically: either all of them or none. Raises OutputError if they cannot be written."""
         write_files({self.folder / name: content for name, content in tables.items()})
 
-    def _lock_folder(self) -> None:
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise OutputError(f"output folder {self.folder}: another process is sweeping in it") from error
+    def _remove_if_empty(self) -> None:
+        """Remove the files of a sweep that has no finished run, so nothing to resume."""
+        if not self.finished:
+            for name in FILES:
+                (self.folder / name).unlink(missing_ok=True)
 
-    def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool) -> None:
+    def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool, work: Path) -> None:
         """Resume the sweep in the folder, or start a new one."""
-        for stale in self.folder.glob(f"{WORK}*"):  # temporary files of a sweep that was killed while writing
-            if stale.is_file():
-                stale.unlink()
         there = self.folder / MANIFEST
         if there.is_file() and not force:
             _refuse_other(there, manifest)
-            return
-        if any(self.folder.iterdir()) and not force:
+        elif self.folder.is_dir() and any(self.folder.iterdir()) and not force:
             raise OutputError(f"output folder {self.folder} is not empty and holds no sweep; --force starts one in it")
-        for name in FILES:
-            (self.folder / name).unlink(missing_ok=True)
-        text = json.dumps(manifest, indent=2) + "\n"
-        write_files({self.folder / BASE_SCENARIO: scenario_toml(sweep.base).encode(), there: text.encode()})
+        else:
+            (work / BASE_SCENARIO).write_text(scenario_toml(sweep.base), encoding="utf-8")
+            (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+            replace_results(work, self.folder, FILES)
 
     def _read_finished(self, scenarios: Sequence[Scenario]) -> dict[int, Any]:
         """Read the finished runs; delete the last line from the file if an interrupted write has cut it off."""

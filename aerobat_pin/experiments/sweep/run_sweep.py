@@ -11,6 +11,7 @@ from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
+from aerobat_pin.flight import netcdf_bytes
 
 SweepProgress = Callable[[int, int, int], None]
 
@@ -59,7 +60,5 @@ def run_sweep(
             if progress is not None:
                 progress(len(checkpoint.finished), count, failed)
         grid = results_grid(sweep, checkpoint.finished)
-        checkpoint.write(
-            {GRID: bytes(grid.to_netcdf(engine="h5netcdf")), TABLE: results_csv(sweep, checkpoint.finished).encode()}
-        )
+        checkpoint.write({GRID: netcdf_bytes(grid), TABLE: results_csv(sweep, checkpoint.finished).encode()})
     return grid

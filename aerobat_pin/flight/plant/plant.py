@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import STRIP_ROWS, RobotInAir, fill
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, fill, strips_of
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
@@ -35,6 +35,15 @@ from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
+
+
+# Beyond these limits a flight has diverged.
+LIMITS = {
+    "velocity": (1e3, "m/s"),
+    "angular velocity": (1e4, "rad/s"),
+    "aerodynamic state": (1e3, "m or m2/s"),
+    "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
+}
 
 
 @dataclass(frozen=True)
@@ -183,7 +192,7 @@ class Plant:
 
         Raises:
             ShapeError: `held` or `start` has the wrong shape.
-            SimulationError: the flight diverged.
+            SimulationError: the flight diverged; its attribute `kept` is the flight before that.
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
@@ -200,6 +209,7 @@ class Plant:
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
         tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
+        hopeless = max(limit for limit, _ in LIMITS.values())
 
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
@@ -211,21 +221,31 @@ class Plant:
             q = lie_step(evaluate_stage, retract, q)
             placement[k + 1], states[k + 1] = q[:7], fields.start
             if k % every == 0:
-                if not np.all(np.isfinite(fields.start)):
-                    states[k + 1 :] = np.nan
+                if not np.all(np.abs(fields.start) <= hopeless):
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        _check_finite(self.scenario.name, states, dt)
-        joints = motion[::2]
-        return Flown(
-            crank_angle=closed.crank_angle[::2],
-            q=self.robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
-            v=self.robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
-            air=states[:, BASE_SIZE:],
-            forces=split_forces(fields.forces, means),
-            loads=loads,
+        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in (states[:, :3], states[:, 3:6], states[:, 6:])]
+        sizes.append(np.append(strips_of(loads).airspeed.max(axis=1, initial=0.0), 0.0))
+        inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
+        outside = ~np.all(inside, axis=0)
+        kept = int(np.argmax(outside)) if outside.any() else count + 1  # samples
+        joints = motion[: 2 * kept : 2]
+        flown = Flown(
+            crank_angle=closed.crank_angle[: 2 * kept : 2],
+            q=self.robot.configuration(placement[:kept], joints[:, 0, 0], joints[:, 0, 1]),
+            v=self.robot.velocity(states[:kept, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
+            air=states[:kept, BASE_SIZE:],
+            forces=split_forces(fields.forces, means[: max(kept - 1, 0)]),
+            loads=loads[: max(kept - 1, 0)],
         )
+        if kept <= count:
+            name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
+            value = dict(zip(LIMITS, sizes, strict=True))[name][kept]
+            before = max(kept - 1, 0)
+            message = _divergence(kept * dt, name, value, placement[before], states[before])
+            raise SimulationError(f"scenario {self.scenario.name}: {message}", kept * dt, flown if kept > 1 else None)
+        return flown
 
     def wind(self, time: Array) -> Array:
         """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
@@ -252,8 +272,12 @@ class Plant:
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt))
 
 
-def _check_finite(name: str, states: Array, dt: float) -> None:
-    bad = np.flatnonzero(~np.all(np.isfinite(states), axis=1))
-    if bad.size:
-        advice = "try a smaller simulation.dt, fewer air.strips, or gentler forces and speeds"
-        raise SimulationError(f"scenario {name}: the flight diverged at t = {bad[0] * dt:.4f} s; {advice}")
+def _divergence(time: float, name: str, value: float, placement: Array, state: Array) -> str:
+    """Say when a flight diverged, which limit it passed, and the placement and state one step before."""
+    limit, unit = LIMITS[name]
+    x, v, w = (", ".join(f"{number:.3g}" for number in row[:3]) for row in (placement, state, state[3:]))
+    return (
+        f"the flight diverged at t = {time:.4f} s: {name} {value:.3g} {unit} is beyond the limit of {limit:g} {unit}; "
+        f"before, the body was at {x} m, with {v} m/s and {w} rad/s in its axes; try a smaller simulation.dt, fewer "
+        "air.strips, or gentler forces and speeds"
+    )

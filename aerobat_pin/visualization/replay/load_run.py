@@ -31,7 +31,7 @@ def replay_run(folder: Path) -> Recording:
     robot = load_robot(scenario)
     log = FlightLog.load(folder / "flight.nc")
     estimates = xr.load_dataset(folder / "estimate.nc", engine="h5netcdf")
-    return replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot))
+    return replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
 
 
 def replay_log(file: Path, morphology: str | None = None) -> Recording:

@@ -9,6 +9,8 @@ from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from aerobat_pin.files import raising
+
 LOCALHOST = "127.0.0.1"
 MOST_OPEN = 64  # connections: a further one closes the oldest, so that idle ones do not use up what a process may open
 WAITING = 512  # connections that can wait to be accepted; further ones would be delayed by seconds
@@ -65,7 +67,5 @@ def serve(page: str, announce: Callable[[str], None]) -> None:
     with _Server((LOCALHOST, 0), Handler) as server:
         hosts = [f"{name}:{server.server_address[1]}" for name in (LOCALHOST, "localhost")]
         announce(f"http://{hosts[0]}/")
-        try:
+        with suppress(KeyboardInterrupt), raising():
             server.serve_forever()
-        except KeyboardInterrupt:
-            return

@@ -1,0 +1,107 @@
+"""How Ctrl-C (SIGINT), SIGTERM and SIGHUP end the program: clean up, say in one line what was written, exit.
+
+The handler does all of this itself and does not raise an exception: libraries lose an exception that comes in one of
+their callbacks, and turn one that comes while they are imported into a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import FrameType
+
+
+class _Now:
+    """What the handler has to know at this moment."""
+
+    def __init__(self) -> None:
+        self.cleanups: list[Callable[[], object]] = []
+        self.written: list[Path] = []
+        self.held = 0  # blocks `undisturbed` that are entered
+        self.waiting = 0  # number of a signal that came in such a block
+        self.raising = False
+
+
+_now = _Now()
+
+
+def end_on_signals() -> None:
+    """From now on, signals end the program; one that is ignored stays so (in background jobs, under nohup)."""
+    for number in SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _end)
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly when the reader of a pipe closes it
+
+
+@contextmanager
+def cleaned(cleanup: Callable[[], object]) -> Iterator[None]:
+    """Call a function when the `with` block ends, also if a signal ends the program in it; perhaps twice."""
+    _now.cleanups.append(cleanup)
+    try:
+        yield
+    finally:
+        cleanup()
+        _now.cleanups.remove(cleanup)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Let signals wait until the `with` block has ended."""
+    _now.held += 1
+    try:
+        yield
+    finally:
+        _now.held -= 1
+        if _now.waiting and not _now.held:
+            waiting, _now.waiting = _now.waiting, 0
+            _end(waiting, None)
+
+
+@contextmanager
+def raising() -> Iterator[None]:
+    """Let the first signal raise KeyboardInterrupt (Ctrl-C) or SystemExit in the `with` block.
+
+    For blocks in which other processes or threads have to be ended in order; a second signal ends the program at once.
+    """
+    _now.raising = True
+    try:
+        yield
+    finally:
+        _now.raising = False
+
+
+def written(path: Path) -> None:
+    """Note for the last line that a file or folder was written."""
+    _now.written.append(path)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Handle a signal: end the program with exit code 128 + number, or do what the block around says."""
+    if _now.held:
+        _now.waiting = number
+        return
+    if _now.raising:
+        _now.raising = False
+        raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
+    for other in SIGNALS:
+        signal.signal(other, signal.SIG_IGN)
+    for step in (*reversed(_now.cleanups), sys.stdout.flush, sys.stderr.flush, _say_what_was_written):
+        with suppress(Exception):  # a closed pipe, for instance
+            step()
+    os._exit(128 + number)
+
+
+def _say_what_was_written() -> None:
+    line = "nothing was written"
+    if _now.written:
+        more = f" and {len(_now.written) - 1} more" if len(_now.written) > 1 else ""
+        line = f"{_now.written[0]}{more} had been written and is whole"
+    os.write(2, f"interrupted: {line}\n".encode())

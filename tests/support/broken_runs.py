@@ -1,0 +1,352 @@
+"""Runs that are killed, interrupted, short of disk, two at once, or that diverge: random cases, and what must hold.
+
+    with Bench(tmp_path) as bench:
+        case = random_case(rng, "signals")
+        assert case.play(bench, bench.new_folder()) == []
+
+A case starts `aerobat run --force` over a good result. Whatever happens, the folder must then hold that result or the
+new one, all of it, and the user's own files; and the program must say in one line how it ended.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import xarray as xr
+from support.forks import Forks, Running
+
+SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1", "--no-report"]
+RUN = ["run", "paper", "--out", "result", "--force", *SHORT]
+OLD, NEW = ["--seed", "1"], ["--seed", "2"]
+OWN = {"notes.txt": b"mine", "figures/mine.png": b"my picture", "deep/er/data.csv": b"1,2\n"}
+FULL = r"error: (output|standard output).*(No space left on device|File too large|Disk quota exceeded)"
+HANGS = 60.0  # [s]: a program that runs longer hangs
+Content = dict[str, bytes]
+
+
+class Bench:
+    """Where cases are played: the good results, and the process from which programs are forked.
+
+    Args:
+        folder: an empty folder for everything that the cases write.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Keep the folder."""
+        self.folder, self.count = folder, 0
+
+    def __enter__(self) -> Bench:
+        self.forks = Forks().__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.forks.__exit__(kind, error, trace)
+
+    def new_folder(self) -> Path:
+        """Return a new folder with an old result, `result/`, that also holds files of the user's."""
+        self.count += 1
+        folder = self.folder / str(self.count)
+        shutil.copytree(self.folder / "old" if self.old else Path(), folder)
+        for name, content in OWN.items():
+            (folder / "result" / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / "result" / name).write_bytes(content)
+        return folder
+
+    @cached_property
+    def old(self) -> Content:
+        """The files of the old result."""
+        return self._made("old", OLD)
+
+    @cached_property
+    def new(self) -> Content:
+        """The files of the new result."""
+        return self._made("new", NEW)
+
+    @cached_property
+    def seconds(self) -> float:
+        """How long an undisturbed run takes."""
+        assert self.new
+        folder, start = self.new_folder(), time.monotonic()
+        self.forks.start([*RUN, *NEW], folder).result()
+        return time.monotonic() - start
+
+    def _made(self, name: str, seed: list[str]) -> Content:
+        (self.folder / name).mkdir()
+        done = self.forks.start([*RUN, *seed], self.folder / name).result()
+        assert done.returncode == 0, done.stderr
+        return content(self.folder / name / "result")
+
+    def wrong(self, folder: Path, *, left: bool = False) -> list[str]:
+        """Return what is wrong with a folder: a result that is neither old nor new, and what should not be there.
+
+        Args:
+            folder: the folder, as `new_folder` made it.
+            left: accept a work folder, as it stays behind after `kill -9`.
+        """
+        found = content(folder / "result")
+        own = {name: found.pop(name, b"") for name in OWN}
+        wrong = [] if found in (self.old, self.new) else [f"half-written: {sorted(found)}"]
+        wrong += [f"the user's files: {own}"] if own != OWN else []
+        others = sorted(path.name for path in folder.iterdir() if path.name != "result")
+        return wrong + ([f"left behind: {others}"] if others and not left else [])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case to play.
+
+    Attributes:
+        name: what is done.
+        kind: `replaced` (item 4 of what must not break), `disk` (5), `signals` (6) or `diverged` (10).
+        play: plays the case in a folder that `Bench.new_folder` returned, and returns what was wrong, if anything.
+    """
+
+    name: str
+    kind: str
+    play: Callable[[Bench, Path], list[str]]
+
+
+def random_case(rng: np.random.Generator, kind: str) -> Case:
+    """Draw a case of a kind."""
+    return KINDS[kind](rng)
+
+
+def content(folder: Path) -> Content:
+    """Return the files of a folder: path -> content."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def said_wrong(done: subprocess.CompletedProcess[str], codes: tuple[int, ...], line: str) -> list[str]:
+    """Return what is wrong with how a program ended: its code, or that its last line alone should match."""
+    wrong = [] if done.returncode in codes else [f"exit code {done.returncode}: {done.stderr[-500:]}"]
+    wrong += ["traceback: " + done.stderr[-1000:]] if "Traceback" in done.stderr else []
+    if done.returncode > 0 and not re.fullmatch(f"({line})\n", done.stderr):
+        wrong.append(f"said: {done.stderr[-500:]!r}")
+    return wrong
+
+
+def ended(running: Running) -> subprocess.CompletedProcess[str]:
+    """Wait for a program; one that hangs is killed, and its exit code then is -9."""
+    alarm = subprocess.Popen(["sh", "-c", f"sleep {HANGS}; kill -9 {running.pid}"], start_new_session=True)
+    try:
+        return running.result()
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(alarm.pid, signal.SIGKILL)
+        alarm.wait()
+
+
+def killed(share: float, number: signal.Signals) -> Case:
+    """End a run by a signal after a share of its time, then run it once more."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        assert bench.seconds
+        running = bench.forks.start([*RUN, *NEW], folder)
+        time.sleep(share * bench.seconds)
+        running.send(number)
+        done = ended(running)
+        code = -9 if number == signal.SIGKILL else 128 + number
+        wrong = said_wrong(done, (0, code), INTERRUPTED) + bench.wrong(folder, left=number == signal.SIGKILL)
+        here = content(folder / "result")["metrics.json"] == bench.new["metrics.json"]
+        if "nothing was written" in done.stderr and here:
+            wrong.append("it says that nothing was written, but the new result is there")
+        again = ended(bench.forks.start([*RUN, *NEW], folder))
+        return wrong + said_wrong(again, (0,), "") + bench.wrong(folder)
+
+    return Case(f"{number.name} after {share:.0%} of the time", "signals", play)
+
+
+INTERRUPTED = r"interrupted: (nothing was written|.* had been written and is whole)"
+
+
+def ignored(share: float) -> Case:
+    """Send a run in the background a Ctrl-C that it was started to ignore."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        running = bench.forks.start([*RUN, *NEW], folder, ignored=[signal.SIGINT])
+        time.sleep(share * bench.seconds)
+        running.send(signal.SIGINT)
+        return said_wrong(ended(running), (0,), "") + bench.wrong(folder)
+
+    return Case(f"ignored SIGINT after {share:.0%} of the time", "signals", play)
+
+
+def limited(size: int) -> Case:
+    """Let no file grow beyond a size [bytes]."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        done = ended(bench.forks.start([*RUN, *NEW], folder, largest_file=size))
+        fits = max(map(len, bench.new.values())) <= size
+        return said_wrong(done, (0,) if fits else (2,), FULL) + bench.wrong(folder)
+
+    return Case(f"no file beyond {size} bytes", "disk", play)
+
+
+def can_mount() -> bool:
+    """Return whether this process may mount a file system."""
+    return os.geteuid() == 0 and subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False).returncode == 0
+
+
+@contextmanager
+def small_disk(folder: Path, size: int) -> Iterator[None]:
+    """Mount a file system of a size [bytes] at a folder."""
+    options = ["-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    subprocess.run(["mount", *options], check=True, capture_output=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True, capture_output=True)
+
+
+def full_disk(free: int) -> Case:
+    """Leave only so many bytes beside the old result, on a disk of its own. Needs `can_mount`."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        used = sum(4096 * (2 + len(part) // 4096) for part in [*bench.old.values(), *OWN.values()])
+        disk = bench.new_folder()
+        shutil.rmtree(disk)
+        disk.mkdir()
+        with small_disk(disk, used + free):
+            shutil.copytree(folder, disk, dirs_exist_ok=True)
+            done = ended(bench.forks.start([*RUN, *NEW], disk))
+            fits = done.returncode == 0
+            wrong = said_wrong(done, (0, 2), FULL) + bench.wrong(disk)
+            here = content(disk / "result")["metrics.json"]
+            return wrong + ([] if (here == bench.new["metrics.json"]) == fits else ["exit code and result disagree"])
+
+    return Case(f"{free} bytes free", "disk", play)
+
+
+def at_once(count: int) -> Case:
+    """Start several runs into one folder at once: one wins, the others refuse at their start."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        bench.new  # noqa: B018
+        running = [bench.forks.start([*RUN, *NEW], folder) for _ in range(count)]
+        done = [ended(one) for one in running]
+        refused = r"error: output folder .*/result: another process \(\d+\) writes into it"
+        wrong = [text for one in done for text in said_wrong(one, (0, 2), refused)] + bench.wrong(folder)
+        return wrong + (["all were refused"] if all(one.returncode for one in done) else [])
+
+    return Case(f"{count} at once", "replaced", play)
+
+
+def in_the_way(name: str, is_folder: bool) -> Case:
+    """Put a folder where a file goes, or a file where a folder goes."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        place = folder / "result" / name
+        before = content(folder / "result")
+        if is_folder:
+            place.unlink(missing_ok=True)
+            before.pop(name, None)
+            place.mkdir()
+        else:
+            shutil.rmtree(place, ignore_errors=True)
+            place.write_bytes(b"in the way")
+            before = {**{path: kept for path, kept in before.items() if not path.startswith(name)}, name: b"in the way"}
+        done = ended(bench.forks.start([*RUN, *NEW], folder))
+        wrong = said_wrong(done, (2,), "error: output folder .* is a (file|folder); a (folder|file) was expected")
+        wrong += [] if content(folder / "result") == before else ["something was changed"]
+        return wrong + [f"left behind: {path}" for path in folder.iterdir() if path.name != "result"]
+
+    return Case(f"{'folder' if is_folder else 'file'} {name} in the way", "replaced", play)
+
+
+def left_by_a_killed_run(name: str, text: bytes) -> Case:
+    """Find the work folder of a run that was killed, beside the result: it is removed."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        work = folder / f".aerobat-{name}"
+        (work / "new" / "figures").mkdir(parents=True)
+        (work / "new" / "flight.nc").write_bytes(b"half")
+        (work / "lock").write_bytes(text)
+        return said_wrong(ended(bench.forks.start([*RUN, *NEW], folder)), (0,), "") + bench.wrong(folder)
+
+    return Case(f"leftover .aerobat-{name}", "replaced", play)
+
+
+def from_inside(below: bool) -> Case:
+    """Run into the current folder, or one above it: its files are replaced one by one, and a line says so."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        out, here = ("..", folder / "result" / "figures") if below else (".", folder / "result")
+        words = ["run", "paper", "--out", out, "--force", *SHORT, *NEW]
+        done = ended(bench.forks.start(words, here))
+        wrong = said_wrong(done, (0,), "") + bench.wrong(folder)
+        told = "it is or holds the current folder; so its files are replaced one by one" in done.stderr
+        return wrong + ([] if told else [f"it does not say how it writes: {done.stderr}"])
+
+    return Case(f"into the current folder{' from below' * below}", "replaced", play)
+
+
+def diverging(start: float, height: float) -> Case:
+    """Push so hard that the flight diverges: what was flown before is kept, and marked."""
+
+    def play(bench: Bench, folder: Path) -> list[str]:
+        push = f"unknown_force=[{{frame='left_force_point', signal='step', start={start}, height={height}}}]"
+        done = ended(bench.forks.start([*RUN, *NEW, "--set", push], folder))
+        line = r"error: scenario paper: the flight diverged at t = (?P<time>[\d.]+) s: .* is beyond the limit of .*"
+        wrong = said_wrong(done, (2,), line)
+        if (told := re.match(line, done.stderr)) is None:
+            return [*wrong, "it did not diverge"]
+        scores = json.loads((folder / "result" / "metrics.json").read_text())
+        flight = xr.load_dataset(folder / "result" / "flight.nc", engine="h5netcdf")
+        at = float(flight.attrs["diverged_at"])
+        wrong += [] if abs(at - float(told["time"])) < 1e-4 else ["log and message name different times"]
+        wrong += [] if scores["flight"]["diverged_at"] == at else ["log and metrics name different times"]
+        wrong += [] if start < at and at - 0.0011 < flight.time.values[-1] < at else ["the log does not end there"]
+        wrong += [] if all(np.isfinite(flight[name]).all() for name in ("q", "v")) else ["the log is not finite"]
+        return wrong + ([] if "DIVERGED" in scores["note"] else ["the note does not tell"])
+
+    return Case(f"push of {height:.0f} N at {start:.4f} s", "diverged", play)
+
+
+def _replaced(rng: np.random.Generator) -> Case:
+    choice = rng.integers(5)
+    if choice == 0:
+        return at_once(int(rng.integers(2, 6)))
+    if choice == 1:
+        return in_the_way(str(rng.choice(["flight.nc", "metrics.json", "report.html", "unknown_force_7.csv"])), True)
+    if choice == 2:
+        return in_the_way("figures", False)
+    if choice == 3:
+        return left_by_a_killed_run(str(rng.choice(["result", "other"])), rng.bytes(int(rng.integers(8))))
+    return from_inside(bool(rng.integers(2)))
+
+
+def _disk(rng: np.random.Generator) -> Case:
+    size = int(10.0 ** rng.uniform(2.0, 5.7))
+    return full_disk(size) if can_mount() and rng.integers(2) else limited(size)
+
+
+def _signals(rng: np.random.Generator) -> Case:
+    share, number = float(rng.uniform(0.0, 1.1)), int(rng.integers(4))
+    return ignored(share) if number == 3 else killed(share, (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)[number])
+
+
+def _diverged(rng: np.random.Generator) -> Case:
+    return diverging(float(rng.uniform(0.002, 0.01)), float(10.0 ** rng.uniform(3.5, 9.0)))
+
+
+KINDS: dict[str, Callable[[np.random.Generator], Case]] = {
+    "replaced": _replaced,
+    "disk": _disk,
+    "signals": _signals,
+    "diverged": _diverged,
+}

@@ -1,0 +1,156 @@
+"""Programs that start at once: `aerobat` in processes that are forked from one that has imported everything already.
+
+    with Forks() as forks:
+        running = forks.start(["run", "paper"], cwd=folder)
+        running.send(signal.SIGINT)
+        done = running.result()
+
+As a program, this module is that process: it reads what to start, one JSON text a line, and answers with process
+numbers and exit codes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+TESTS = Path(__file__).resolve().parents[1]
+
+
+class Running:
+    """A program that runs."""
+
+    def __init__(self, forks: Forks, pid: int, said: Path) -> None:
+        """Keep its number, and the folder of what it says."""
+        self.pid, self._forks, self._said = pid, forks, said
+
+    def send(self, number: int) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.pid not in self._forks.ended:
+            os.kill(self.pid, number)  # it stays a zombie, so the number is still its own, until `result` is called
+
+    def result(self) -> subprocess.CompletedProcess[str]:
+        """Wait for its end, and return exit code, standard output and standard error."""
+        code = self._forks.ask({"wait": self.pid})
+        texts = [(self._said / f"{self.pid}.{name}").read_text(errors="replace") for name in ("out", "err")]
+        return subprocess.CompletedProcess([], code, *texts)
+
+
+class Forks:
+    """The process from which programs are forked. Use it in a `with` statement."""
+
+    def __enter__(self) -> Forks:
+        self.ended: set[int] = set()
+        self._said = tempfile.TemporaryDirectory()
+        paths = os.pathsep.join([str(TESTS), str(TESTS.parent)])
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "support.forks", self._said.name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": paths},
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait()
+        self._said.cleanup()
+
+    def start(
+        self, words: Sequence[str], cwd: Path, *, largest_file: int | None = None, ignored: Sequence[int] = ()
+    ) -> Running:
+        """Start `aerobat` with these words.
+
+        Args:
+            words: the words behind `aerobat`.
+            cwd: its current folder.
+            largest_file: limit of the size of a file that it writes [bytes].
+            ignored: signals that it is started to ignore, as `nohup` does.
+        """
+        wanted = {"words": list(words), "cwd": str(cwd), "largest_file": largest_file, "ignored": list(ignored)}
+        return Running(self, self.ask(wanted), Path(self._said.name))
+
+    def ask(self, wanted: Any) -> int:
+        """Send a line to the process, and return its answer."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps(wanted) + "\n")
+        self._process.stdin.flush()
+        answer = int(self._process.stdout.readline())
+        if "wait" in wanted:
+            self.ended.add(wanted["wait"])
+        return answer
+
+
+def fork(said: Path, words: list[str], cwd: str, largest_file: int | None, ignored: list[int]) -> int:
+    """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end."""
+    from aerobat_pin.cli import main
+    from aerobat_pin.files import end_on_signals
+
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # until the program handles them
+    pid = os.fork()
+    if pid:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+        return pid
+    try:
+        os.setsid()
+        for stream, name in ((1, "out"), (2, "err")):
+            os.dup2(os.open(said / f"{os.getpid()}.{name}", os.O_WRONLY | os.O_CREAT), stream)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        for number in ENDING:
+            signal.signal(number, signal.SIG_IGN if number in ignored else signal.SIG_DFL)
+        end_on_signals()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+        if largest_file is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
+        os.chdir(cwd)
+        sys.argv = ["aerobat", *words]
+        main()
+    except SystemExit as end:
+        sys.stdout.flush()
+        os._exit(end.code if isinstance(end.code, int) else 0 if end.code is None else 1)
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+    os._exit(0)
+
+
+def serve(said: Path) -> None:
+    """Fork and wait as the lines on standard input say."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: not for this process
+    from aerobat_pin import experiments, load_scenario
+    from aerobat_pin.cli import app
+    from aerobat_pin.visualization import write_figures_and_pages
+
+    assert app is not None
+    assert write_figures_and_pages is not None
+    experiments.run(load_scenario("paper", ["simulation.duration=0.01", "air.warm_up_cycles=0"]))
+    for line in sys.stdin:
+        wanted = json.loads(line)
+        if "wait" in wanted:
+            _, status = os.waitpid(wanted["wait"], 0)
+            answer = os.waitstatus_to_exitcode(status)
+        else:
+            answer = fork(said, **wanted)
+        print(answer, flush=True)
+
+
+if __name__ == "__main__":
+    serve(Path(sys.argv[1]))
