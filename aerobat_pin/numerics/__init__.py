@@ -3,6 +3,7 @@
 from aerobat_pin.numerics.arrays import Array, checked, shaped
 from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
+from aerobat_pin.numerics.kernel_cache import remove_damaged_kernels
 from aerobat_pin.numerics.lie_runge_kutta import (
     DEPARTURES,
     HALF_STEPS,
@@ -61,6 +62,7 @@ __all__ = [
     "next_state",
     "next_tangent",
     "placements",
+    "remove_damaged_kernels",
     "rewind",
     "shaped",
     "solve_positive",
