@@ -1,0 +1,205 @@
+"""Check the arguments of public functions and classes by their annotations, and name the one that is wrong.
+
+Functions that a loop calls for every sample are not decorated: they check what their kernels report.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial, wraps
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
+
+import numpy as np
+
+from aerobat_pin.errors import ArgumentError, ShapeError
+from aerobat_pin.numerics.arrays import LARGEST, checked_shape, real_numbers, shown
+
+Target = TypeVar("Target", bound=Callable[..., Any])
+Shape = tuple[Any, ...]  # sizes: numbers, names that stand for one size in a whole call, and at the start `...`
+Rule = Shape | list[Shape] | Literal["positive", "not negative", "any", "free"]
+Check = Callable[[Any, str, dict[str, int]], Any]  # takes value, name and sizes so far; returns what the function gets
+
+
+class _Numbers:
+    """Stands for `Array` and `ArrayLike` when annotations are read."""
+
+
+ALIASES = {"Array": _Numbers, "ArrayLike": _Numbers, "AlongSpan": Any}  # the last is checked where it is read
+WORDS: dict[Any, str] = {str: "text", Path: "a path", int: "a whole number", float: "a number", Mapping: "a mapping"}
+
+
+def guarded(**rules: Rule) -> Callable[[Target], Target]:
+    """Check every call of a function, or of a class, against its annotations.
+
+    Numbers are real, finite and of a size that occurs in SI units; arrays also arrive as arrays of doubles.
+
+    Args:
+        rules: argument -> its shape, or a list of the shapes that it can have; or the sign of a number; or `any` for
+            numbers whose size the function checks, and `free` for an argument that the function checks.
+
+    Raises:
+        ArgumentError: on a call, if an argument has the wrong type.
+        ShapeError: on a call, if an argument has the wrong shape, or holds a number that is not allowed.
+    """
+
+    def decorate(target: Target) -> Target:
+        if isinstance(target, type):
+            setattr(target, "__init__", _wrapped(target.__init__, rules))  # noqa: B010  # mypy: no plain assignment
+            return target
+        return cast(Target, _wrapped(target, rules))
+
+    return decorate
+
+
+def _wrapped(function: Callable[..., Any], rules: Mapping[str, Rule]) -> Callable[..., Any]:
+    names = tuple(inspect.signature(function).parameters)
+
+    @cache
+    def checks() -> dict[str, Check]:  # on the first call, when all modules are imported
+        return {name: _check_of(hint, rules.get(name)) for name, hint in _hints(function).items() if name in names}
+
+    @wraps(function)
+    def call(*given: Any, **named: Any) -> Any:
+        known, sizes = checks(), dict[str, int]()
+        values = [
+            known[name](value, name, sizes) if name in known else value
+            for name, value in zip(names, given, strict=False)
+        ]
+        found = {
+            name: known[name](value, name, sizes) if name in known else value for name, value in named.items()
+        }
+        return function(*values, *given[len(values) :], **found)
+
+    return call
+
+
+def _hints(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the annotations of a function; those whose names only type checkers import are left out."""
+    hints = {}
+    for name, annotation in inspect.get_annotations(function).items():
+        try:
+            scope = getattr(function, "__globals__", {})
+            hints[name] = eval(annotation, scope, ALIASES) if isinstance(annotation, str) else annotation
+        except NameError:
+            continue
+    return hints
+
+
+def _check_of(hint: Any, rule: Rule | None = None) -> Check:
+    """Return the check of one annotation."""
+    kind, parts = get_origin(hint) or hint, get_args(hint)
+    if rule == "free":
+        return _anything
+    if hint is float:
+        return partial(_number, rule=rule)
+    if hint is _Numbers or kind is np.ndarray:
+        return partial(_array, shape=rule)
+    if kind is Literal:
+        return partial(_choice, choices=parts)
+    if kind in (Union, UnionType):
+        return _one_of(parts, rule)
+    if kind is tuple and parts and set(parts) <= {float, Ellipsis}:
+        return partial(_array, shape=None if Ellipsis in parts else (len(parts),), keep=True)
+    if kind in (Sequence, Iterable, tuple, list):
+        return partial(_items, kind=kind, item=_check_of(parts[0]) if parts else _anything)
+    if kind is Mapping or kind is dict:
+        return partial(_table, item=_check_of(parts[1]) if parts else _anything)
+    if kind is type:
+        return partial(_subclass, base=parts[0])
+    if kind is Callable or inspect.isfunction(kind):
+        return _callable
+    return partial(_instance, kind=kind) if isinstance(kind, type) else _anything
+
+
+def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
+    return ArgumentError(f"{name} = {shown(value)}: {expected} was expected")
+
+
+def _anything(value: Any, name: str, sizes: dict[str, int]) -> Any:
+    return value
+
+
+def _number(value: Any, name: str, sizes: dict[str, int], rule: Any = None) -> Any:
+    return number(value, name, rule)
+
+
+def number(value: Any, name: str, sign: Literal["positive", "not negative", "any"] | None = None) -> float:
+    """Return a number as a float. Raises ArgumentError or ShapeError with its name if it is none, or not allowed."""
+    found = real_numbers(value, name)
+    if found.shape != ():
+        raise ShapeError(f"{name} has shape {found.shape}: one number was expected")
+    good = {"positive": found > 0.0, "not negative": found >= 0.0}.get(sign or "", True)
+    if sign != "any" and not (good and abs(found) <= LARGEST):
+        raise ShapeError(f"{name} = {found}: a finite number{'' if sign is None else f', {sign},'} was expected")
+    return float(found)
+
+
+def _array(value: Any, name: str, sizes: dict[str, int], shape: Any = None, keep: bool = False) -> Any:
+    found = real_numbers(value, name)
+    if shape is not None and shape != "any":
+        checked_shape(found, shape, name, sizes)
+    if shape != "any" and not np.all(np.abs(found) <= LARGEST):
+        raise ShapeError(f"{name} holds NaN, infinity or a number beyond {LARGEST:g}")
+    return value if keep else found
+
+
+def _choice(value: Any, name: str, sizes: dict[str, int], choices: tuple[Any, ...] = ()) -> Any:
+    if not (isinstance(value, str | int) and value in choices):
+        raise ArgumentError(f"{name} = {shown(value)}: one of {', '.join(map(str, choices))} was expected")
+    return value
+
+
+def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> Check:
+    """Return the check of a union: the first member that fits counts; of the errors, the last is raised."""
+    members = [_check_of(part, rule) for part in parts if part is not type(None)]
+    optional = len(members) < len(parts)
+
+    def check(value: Any, name: str, sizes: dict[str, int]) -> Any:
+        if value is None and optional:
+            return value
+        for member in members[:-1]:
+            try:
+                return member(value, name, sizes)
+            except (ArgumentError, ShapeError):
+                continue
+        return members[-1](value, name, sizes)
+
+    return check
+
+
+def _items(value: Any, name: str, sizes: dict[str, int], kind: Any = Sequence, item: Check = _anything) -> Any:
+    wanted = Iterable if kind is Iterable else (Sequence, np.ndarray, set, frozenset)
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, wanted):
+        raise _wrong(name, value, "a list")
+    if kind is not Iterable:
+        for i, one in enumerate(value):
+            item(one, f"{name}[{i}]", sizes)
+    return value
+
+
+def _table(value: Any, name: str, sizes: dict[str, int], item: Check = _anything) -> Any:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise _wrong(name, value, "a mapping from names")
+    return {key: item(one, f"{name}[{key!r}]", sizes) for key, one in value.items()}
+
+
+def _subclass(value: Any, name: str, sizes: dict[str, int], base: type = object) -> Any:
+    if not (isinstance(value, type) and issubclass(value, base)):
+        raise _wrong(name, value, f"a class of {base.__name__}")
+    return value
+
+
+def _callable(value: Any, name: str, sizes: dict[str, int]) -> Any:
+    if not callable(value):
+        raise _wrong(name, value, "a function")
+    return value
+
+
+def _instance(value: Any, name: str, sizes: dict[str, int], kind: type = object) -> Any:
+    fits = isinstance(value, (int, np.integer)) if kind is int else isinstance(value, kind)
+    if not fits or (kind is int and isinstance(value, bool)):
+        raise _wrong(name, value, WORDS.get(kind, f"a {kind.__name__}"))
+    return value
