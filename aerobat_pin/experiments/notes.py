@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from aerobat_pin.flight import FlightLog
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario
 
 
+@guarded()
 def flight_note(scenario: Scenario, robot: Aerobat) -> str:
     """Return a line that says whether the attitude is held, which sensors have errors, and which forces are not sought.
 
@@ -26,6 +28,7 @@ def flight_note(scenario: Scenario, robot: Aerobat) -> str:
     return note + (f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else "")
 
 
+@guarded()
 def recorded_note(log: FlightLog, robot: Aerobat) -> str:
     """Return a line with the duration of a recorded flight and the robot that is assumed to have flown."""
     duration = log.time[-1] - log.time[0]

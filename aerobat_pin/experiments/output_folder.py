@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from aerobat_pin.errors import OutputError
+from aerobat_pin.numerics import guarded
 
 FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power")
 RESULTS = (
@@ -78,6 +79,7 @@ def unmade_on_failure(folders: Iterable[Path]) -> Iterator[None]:
         raise
 
 
+@guarded()
 def check_file(target: Path, *, force: bool) -> None:
     """Raise OutputError if a file cannot be written, or if it exists and `force` is False."""
     if target.is_dir():
@@ -90,6 +92,7 @@ def check_file(target: Path, *, force: bool) -> None:
         raise OutputError(f"output {target}: cannot be written: the folder {target.parent} takes no files")
 
 
+@guarded()
 def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
     """Return the picture files to write: `out` itself if it is a file name, else `name`.png and `name`.pdf in `out`.
 
@@ -115,11 +118,13 @@ def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
     return [out]
 
 
+@guarded()
 def write_text(target: Path, text: str) -> None:
     """Write a file atomically: either completely or not at all. Raises OutputError if it cannot be written."""
     write_files({target: text.encode()})
 
 
+@guarded()
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Write files atomically: either all of them or none. Missing folders are created.
 

@@ -36,7 +36,7 @@ import xarray as xr
 
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.flight.flight_log import KNOWN, POSE_AXIS, TWIST_AXIS, FlightLog, channel
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
@@ -104,6 +104,7 @@ GROUPS = (
 UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()}
 
 
+@guarded()
 def read_csv(path: str | Path) -> FlightLog:
     """Read a recorded flight.
 
@@ -138,6 +139,7 @@ def read_csv(path: str | Path) -> FlightLog:
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}))
 
 
+@guarded()
 def write_csv(log: FlightLog, path: str | Path) -> None:
     """Write the measured channels of a flight as a table that `read_csv` reads, with units in the header.
 

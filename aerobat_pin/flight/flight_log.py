@@ -23,12 +23,14 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import guarded
 
 KNOWN = "known_"
 POSE_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 TWIST_AXIS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
+@guarded()
 @dataclass(frozen=True, repr=False)
 class FlightLog:
     """Channels of one flight.
@@ -85,6 +87,7 @@ class FlightLog:
         """Sample times (n + 1,) [s]."""
         return np.asarray(self.measured["time"].values, float)
 
+    @guarded()
     def save(self, path: str | Path) -> None:
         """Write NetCDF-4: measured channels at the root, truth in the group `truth`."""
         self.measured.to_netcdf(path, mode="w", engine="h5netcdf")
@@ -92,6 +95,7 @@ class FlightLog:
             self.truth.to_netcdf(path, mode="a", group="truth", engine="h5netcdf")
 
     @classmethod
+    @guarded()
     def load(cls, path: str | Path) -> FlightLog:
         """Read what `save` wrote. Raises LogError when the file is missing or not a flight log."""
         try:

@@ -15,6 +15,7 @@ from aerobat_pin.linkage.arms import ANGLES, bent_arms
 from aerobat_pin.linkage.chain import close_dyads
 from aerobat_pin.linkage.closure import DYADS, Closure
 from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
+from aerobat_pin.numerics import guarded
 
 NEAR_SINGULAR = np.radians(15.0)  # [rad]: a transmission angle closer than this to 0 or 180 deg causes a warning
 
@@ -26,11 +27,13 @@ class KineticSculpture:
         lengths: bar lengths and pivots; those of the default morphology when omitted.
     """
 
+    @guarded()
     def __init__(self, lengths: LinkageLengths | None = None) -> None:
         """Store the lengths without checking them; `check` tests whether the crank can turn."""
         self.lengths = lengths if lengths is not None else Morphology.load("aerobat").linkage
         self._judged = False
 
+    @guarded()
     def solve(
         self, crank_angle: ArrayLike, crank_velocity: ArrayLike = 0.0, crank_acceleration: ArrayLike = 0.0
     ) -> Closure:
@@ -60,6 +63,7 @@ class KineticSculpture:
             self._judge(closed)
         return closed
 
+    @guarded()
     def sensitivity(self, crank_angle: ArrayLike) -> dict[str, Sensitivity]:
         """Differentiate the closed linkage by the lengths that morphing control changes: L3b, L5a and L5b.
 

@@ -20,7 +20,7 @@ from aerobat_pin.numerics.arrays import LARGEST, checked_shape, real_numbers, sh
 Target = TypeVar("Target", bound=Callable[..., Any])
 Shape = tuple[Any, ...]  # sizes: numbers, names that stand for one size in a whole call, and at the start `...`
 Rule = Shape | list[Shape] | Literal["positive", "not negative", "any", "free"]
-Check = Callable[[Any, str, dict[str, int]], Any]  # takes value, name and sizes so far; returns what the function gets
+Check = Callable[[Any, str, dict[Any, Any]], Any]  # takes value, name and sizes so far; returns what the function gets
 
 
 class _Numbers:
@@ -63,14 +63,12 @@ def _wrapped(function: Callable[..., Any], rules: Mapping[str, Rule]) -> Callabl
 
     @wraps(function)
     def call(*given: Any, **named: Any) -> Any:
-        known, sizes = checks(), dict[str, int]()
+        known, sizes = checks(), dict[Any, Any]()
         values = [
             known[name](value, name, sizes) if name in known else value
             for name, value in zip(names, given, strict=False)
         ]
-        found = {
-            name: known[name](value, name, sizes) if name in known else value for name, value in named.items()
-        }
+        found = {name: known[name](value, name, sizes) if name in known else value for name, value in named.items()}
         return function(*values, *given[len(values) :], **found)
 
     return call
@@ -91,7 +89,7 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
 def _check_of(hint: Any, rule: Rule | None = None) -> Check:
     """Return the check of one annotation."""
     kind, parts = get_origin(hint) or hint, get_args(hint)
-    if rule == "free":
+    if rule == "free" or hint is Any:
         return _anything
     if hint is float:
         return partial(_number, rule=rule)
@@ -104,9 +102,10 @@ def _check_of(hint: Any, rule: Rule | None = None) -> Check:
     if kind is tuple and parts and set(parts) <= {float, Ellipsis}:
         return partial(_array, shape=None if Ellipsis in parts else (len(parts),), keep=True)
     if kind in (Sequence, Iterable, tuple, list):
-        return partial(_items, kind=kind, item=_check_of(parts[0]) if parts else _anything)
+        fixed = len(parts) if kind is tuple and Ellipsis not in parts else None
+        return partial(_items, item=_check_of(parts[0]) if parts else _anything, count=fixed, kept=kind is not Iterable)
     if kind is Mapping or kind is dict:
-        return partial(_table, item=_check_of(parts[1]) if parts else _anything)
+        return partial(_table, key=parts[0] if parts else object, item=_check_of(parts[1]) if parts else _anything)
     if kind is type:
         return partial(_subclass, base=parts[0])
     if kind is Callable or inspect.isfunction(kind):
@@ -118,11 +117,11 @@ def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
     return ArgumentError(f"{name} = {shown(value)}: {expected} was expected")
 
 
-def _anything(value: Any, name: str, sizes: dict[str, int]) -> Any:
+def _anything(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
     return value
 
 
-def _number(value: Any, name: str, sizes: dict[str, int], rule: Any = None) -> Any:
+def _number(value: Any, name: str, sizes: dict[Any, Any], rule: Any = None) -> Any:
     return number(value, name, rule)
 
 
@@ -137,7 +136,7 @@ def number(value: Any, name: str, sign: Literal["positive", "not negative", "any
     return float(found)
 
 
-def _array(value: Any, name: str, sizes: dict[str, int], shape: Any = None, keep: bool = False) -> Any:
+def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep: bool = False) -> Any:
     found = real_numbers(value, name)
     if shape is not None and shape != "any":
         checked_shape(found, shape, name, sizes)
@@ -146,7 +145,7 @@ def _array(value: Any, name: str, sizes: dict[str, int], shape: Any = None, keep
     return value if keep else found
 
 
-def _choice(value: Any, name: str, sizes: dict[str, int], choices: tuple[Any, ...] = ()) -> Any:
+def _choice(value: Any, name: str, sizes: dict[Any, Any], choices: tuple[Any, ...] = ()) -> Any:
     if not (isinstance(value, str | int) and value in choices):
         raise ArgumentError(f"{name} = {shown(value)}: one of {', '.join(map(str, choices))} was expected")
     return value
@@ -157,7 +156,7 @@ def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> Check:
     members = [_check_of(part, rule) for part in parts if part is not type(None)]
     optional = len(members) < len(parts)
 
-    def check(value: Any, name: str, sizes: dict[str, int]) -> Any:
+    def check(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
         if value is None and optional:
             return value
         for member in members[:-1]:
@@ -170,35 +169,36 @@ def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> Check:
     return check
 
 
-def _items(value: Any, name: str, sizes: dict[str, int], kind: Any = Sequence, item: Check = _anything) -> Any:
-    wanted = Iterable if kind is Iterable else (Sequence, np.ndarray, set, frozenset)
-    if isinstance(value, str | bytes | Mapping) or not isinstance(value, wanted):
+def _items(value: Any, name: str, _: dict[Any, Any], item: Check, count: int | None, kept: bool) -> Any:
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or np.shape(value) == ():
         raise _wrong(name, value, "a list")
-    if kind is not Iterable:
-        for i, one in enumerate(value):
-            item(one, f"{name}[{i}]", sizes)
-    return value
+    items = value if kept and isinstance(value, Sequence) else list(value)
+    if count is not None and len(items) != count:
+        raise ArgumentError(f"{name} has {len(items)} items: {count} were expected")
+    for i, one in enumerate(items):
+        item(one, f"{name}[{i}]", {})
+    return items
 
 
-def _table(value: Any, name: str, sizes: dict[str, int], item: Check = _anything) -> Any:
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise _wrong(name, value, "a mapping from names")
-    return {key: item(one, f"{name}[{key!r}]", sizes) for key, one in value.items()}
+def _table(value: Any, name: str, _: dict[Any, Any], key: Any, item: Check) -> Any:
+    if not isinstance(value, Mapping) or not all(isinstance(one, key) for one in value):
+        raise _wrong(name, value, "a mapping from names" if key is str else "a mapping")
+    return {one: item(inside, f"{name}[{one!r}]", {}) for one, inside in value.items()}
 
 
-def _subclass(value: Any, name: str, sizes: dict[str, int], base: type = object) -> Any:
+def _subclass(value: Any, name: str, sizes: dict[Any, Any], base: type = object) -> Any:
     if not (isinstance(value, type) and issubclass(value, base)):
         raise _wrong(name, value, f"a class of {base.__name__}")
     return value
 
 
-def _callable(value: Any, name: str, sizes: dict[str, int]) -> Any:
+def _callable(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
     if not callable(value):
         raise _wrong(name, value, "a function")
     return value
 
 
-def _instance(value: Any, name: str, sizes: dict[str, int], kind: type = object) -> Any:
+def _instance(value: Any, name: str, sizes: dict[Any, Any], kind: type = object) -> Any:
     fits = isinstance(value, (int, np.integer)) if kind is int else isinstance(value, kind)
     if not fits or (kind is int and isinstance(value, bool)):
         raise _wrong(name, value, WORDS.get(kind, f"a {kind.__name__}"))

@@ -26,8 +26,10 @@ def real_numbers(values: ArrayLike, name: str) -> Array:
 
 def shown(value: Any) -> str:
     """Return a value as short text for an error message."""
-    text = repr(value) if isinstance(value, str | bytes | int | float | complex | None | type) else ""
-    return text if 0 < len(text) <= 60 else f"{text[:50]}..." if text else f"an object of {type(value).__name__}"
+    if value is None or isinstance(value, str | bytes | float | complex | type):
+        text = repr(value)
+        return text if len(text) <= 60 else f"{text[:50]}..."
+    return str(value) if isinstance(value, int) and abs(value) < 10**20 else f"an object of {type(value).__name__}"
 
 
 def checked_shape(array: Array, shape: Any, name: str, sizes: dict[Any, Any] | None = None) -> None:

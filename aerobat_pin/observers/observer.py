@@ -24,6 +24,7 @@ from aerobat_pin.numerics import (
     check_views,
     checked,
     fields_of,
+    guarded,
     lock,
     motions,
     new_memory,
@@ -69,6 +70,7 @@ class Observer:
     slope: float = 0.0  # [N/s], used by the super-twisting filter only
     _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
+    @guarded(gain="any", rows="free")
     def __init__(
         self,
         model: pin.Model,
@@ -77,7 +79,7 @@ class Observer:
         rows: Rows | Tie = "all",
     ) -> None:
         """Prepare the filter; `reset` starts it."""
-        if self.project_first and not applications:
+        if self.project_first and len(applications) == 0:
             raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
         self.model, self.data = model, model.createData()
         self.applications = Applications(model, applications)
@@ -128,6 +130,7 @@ class Observer:
         memory.weight[:], memory.metric[:] = self.believed.weight, self.believed.metric
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
+    @guarded()
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
         """Start again from a sample, at rest or in flight: the estimate is zero and p0 is the momentum of this sample.
 
@@ -189,6 +192,7 @@ class Observer:
         self._latest = latest = self._sample(out)
         return latest
 
+    @guarded()
     def run(
         self, time: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> Estimate:

@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import guarded
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.kernels.filters import SUPER_TWISTING
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
@@ -33,6 +34,7 @@ class SuperTwistingObserver(Observer):
     name = "super_twisting"
     kind = SUPER_TWISTING
 
+    @guarded(gain="any", rows="free", slope="any")
     def __init__(
         self,
         model: pin.Model,

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
 
@@ -52,6 +52,7 @@ class UnknownForce(Section):
         """
         raise NotImplementedError
 
+    @guarded(edges=("n",))
     def interval_means(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw the noise of a run, and average both noise and signal over intervals.
 

@@ -11,10 +11,12 @@ from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.results import results_csv, results_grid
+from aerobat_pin.numerics import guarded
 
 SweepProgress = Callable[[int, int, int], None]
 
 
+@guarded()
 def run_sweep(
     sweep: Sweep,
     folder: str | Path,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.analysis.bias import bias_of
 
 FEWEST = 100  # smallest number of excursions in a free run that is long enough
@@ -62,10 +62,12 @@ class Detector:
     false_alarms: float
     delay: float
 
+    @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the statistic (m,) of values (m,) or (m, c), which are means over the intervals of `time` (m + 1,)."""
         raise NotImplementedError
 
+    @guarded()
     def detect(self, time: ArrayLike, values: ArrayLike) -> list[Event]:
         """Find the events in a series.
 
@@ -95,10 +97,12 @@ class Detector:
 class LevelDetector(Detector):
     """A detector whose statistic is the deviation from the bias, or its norm; the floor is the rms in a free run."""
 
+    @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the statistic |x - bias| (m,) [unit of the series]."""
         return _deviation(np.asarray(values, float), self.bias)
 
+    @guarded()
     def latency(self, step: float) -> float:
         """Return the time from a step to its alarm [s], through a first-order filter and without noise."""
         return float(-self.delay * np.log1p(-self.threshold / step)) if step > self.threshold else float("inf")
@@ -120,6 +124,7 @@ class CusumDetector(Detector):
 
     drift: float
 
+    @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the larger one of the impulses in both directions (m,) [unit of the series times s]."""
         dt = np.diff(np.asarray(time, float))
@@ -133,12 +138,14 @@ class CusumDetector(Detector):
             sides.append(gathered)
         return np.asarray(np.max(sides, axis=0))
 
+    @guarded()
     def latency(self, step: float) -> float:
         """Return the longest time from a step to its alarm [s], through a first-order filter and without noise."""
         excess = step - self.drift
         return (self.threshold + step * self.delay) / excess if excess > 0.0 else float("inf")
 
 
+@guarded(delay="not negative", false_alarms="any")
 def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay: float = 0.0) -> LevelDetector:
     """Return a level detector, with its threshold calibrated in a free run.
 
@@ -162,6 +169,7 @@ def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay
     return LevelDetector(bias, floor, float(np.sqrt(squared)), false_alarms, delay)
 
 
+@guarded(delay="not negative", false_alarms="any", drift="any")
 def calibrate_cusum(
     time: ArrayLike, free: ArrayLike, false_alarms: float, drift: float, delay: float = 0.0
 ) -> CusumDetector:

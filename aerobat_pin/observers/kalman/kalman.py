@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, checked, fields_of, new_memory
+from aerobat_pin.numerics import Array, checked, fields_of, guarded, new_memory
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
@@ -79,6 +79,17 @@ class KalmanObserver(Observer):
 
     name = "kalman"
 
+    @guarded(
+        gain="any",
+        rows="free",
+        sensor_noise="free",
+        force_walk="any",
+        prior="any",
+        mass_error="any",
+        error_time="any",
+        misfit="any",
+        frequency="any",
+    )
     def __init__(
         self,
         model: pin.Model,
