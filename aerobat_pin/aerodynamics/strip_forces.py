@@ -120,7 +120,7 @@ class StripLoads(NamedTuple):
 STRIP_ROWS = len(StripLoads._fields)
 
 
-@guarded()
+@guarded(loads=(..., STRIP_ROWS, "n"))
 def strips_of(loads: Array) -> StripLoads:
     """Return the rows of strip loads (..., 9, N) as named fields."""
     return StripLoads(*np.moveaxis(loads, -2, 0))

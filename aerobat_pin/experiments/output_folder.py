@@ -29,6 +29,7 @@ RESULTS = (
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
 
 
+@guarded()
 @contextmanager
 def output_folder(target: Path, *, force: bool, replaces: Sequence[str] = RESULTS) -> Iterator[Path]:
     """Provide an empty temporary folder, and move its content to `target` if the `with` block ends without an error.

@@ -43,7 +43,7 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
     return tuple(forces)
 
 
-@guarded(edges=("n",))
+@guarded(edges=("2+",))
 def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
     """Average noise and signal of every force over intervals.
 

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_description.position_closure import CRANK_ANGLES, remedies
-from aerobat_pin.errors import LinkageError, NearSingularWarning, ShapeError
+from aerobat_pin.errors import LinkageError, NearSingularWarning
 from aerobat_pin.linkage.arms import ANGLES, bent_arms
 from aerobat_pin.linkage.chain import close_dyads
 from aerobat_pin.linkage.closure import DYADS, Closure
 from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
-from aerobat_pin.numerics import guarded
+from aerobat_pin.numerics import guarded, together
 
 NEAR_SINGULAR = np.radians(15.0)  # [rad]: a transmission angle closer than this to 0 or 180 deg causes a warning
 
@@ -48,13 +48,13 @@ class KineticSculpture:
 
         Raises:
             LinkageError: a dyad cannot close; the message names its pin, the crank angle and lengths that would help.
-            ShapeError: an angle, velocity or acceleration is not finite.
+            ShapeError: an angle, velocity or acceleration is not finite, or their shapes do not fit each other.
         """
-        t1, rate, acceleration = np.broadcast_arrays(
-            *(np.asarray(x, float) for x in (crank_angle, crank_velocity, crank_acceleration))
+        t1, rate, acceleration = together(
+            crank_angle=np.asarray(crank_angle),
+            crank_velocity=np.asarray(crank_velocity),
+            crank_acceleration=np.asarray(crank_acceleration),
         )
-        if not (np.all(np.isfinite(t1)) and np.all(np.isfinite(rate)) and np.all(np.isfinite(acceleration))):
-            raise ShapeError("crank angle, velocity and acceleration must be finite")
         closed = Closure(self.lengths, t1[()], rate[()], acceleration[()], *close_dyads(self.lengths, t1))
         for name in DYADS:
             if np.any(np.isnan(closed.points[name].at)):

@@ -18,7 +18,7 @@ from aerobat_pin.errors import ArgumentError, ShapeError
 from aerobat_pin.numerics.arrays import LARGEST, checked_shape, real_numbers, shown
 
 Target = TypeVar("Target", bound=Callable[..., Any])
-Shape = tuple[Any, ...]  # sizes: numbers, names that stand for one size in a whole call, and at the start `...`
+Shape = tuple[Any, ...]  # as `checked_shape` reads it; a name stands for one size in a whole call
 Rule = Shape | list[Shape] | Literal["positive", "not negative", "any", "free"]
 Check = Callable[[Any, str, dict[Any, Any]], Any]  # takes value, name and sizes so far; returns what the function gets
 
@@ -47,7 +47,7 @@ def guarded(**rules: Rule) -> Callable[[Target], Target]:
 
     def decorate(target: Target) -> Target:
         if isinstance(target, type):
-            setattr(target, "__init__", _wrapped(target.__init__, rules))  # noqa: B010  # mypy: no plain assignment
+            setattr(target, "__init__", _wrapped(getattr(target, "__init__"), rules))  # noqa: B009, B010
             return target
         return cast(Target, _wrapped(target, rules))
 
@@ -79,7 +79,7 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
     hints = {}
     for name, annotation in inspect.get_annotations(function).items():
         try:
-            scope = getattr(function, "__globals__", {})
+            scope = getattr(inspect.unwrap(function), "__globals__", {})
             hints[name] = eval(annotation, scope, ALIASES) if isinstance(annotation, str) else annotation
         except NameError:
             continue
@@ -101,11 +101,14 @@ def _check_of(hint: Any, rule: Rule | None = None) -> Check:
         return _one_of(parts, rule)
     if kind is tuple and parts and set(parts) <= {float, Ellipsis}:
         return partial(_array, shape=None if Ellipsis in parts else (len(parts),), keep=True)
+    if kind is tuple and parts and Ellipsis not in parts:
+        return partial(_row, items=[_check_of(part, rule) for part in parts])
     if kind in (Sequence, Iterable, tuple, list):
-        fixed = len(parts) if kind is tuple and Ellipsis not in parts else None
-        return partial(_items, item=_check_of(parts[0]) if parts else _anything, count=fixed, kept=kind is not Iterable)
+        return partial(_items, item=_check_of(parts[0] if parts else Any, rule), kept=kind is not Iterable)
     if kind is Mapping or kind is dict:
-        return partial(_table, key=parts[0] if parts else object, item=_check_of(parts[1]) if parts else _anything)
+        return partial(
+            _table, key=parts[0] if parts else object, item=_check_of(parts[1], rule) if parts else _anything
+        )
     if kind is type:
         return partial(_subclass, base=parts[0])
     if kind is Callable or inspect.isfunction(kind):
@@ -169,15 +172,22 @@ def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> Check:
     return check
 
 
-def _items(value: Any, name: str, _: dict[Any, Any], item: Check, count: int | None, kept: bool) -> Any:
-    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or np.shape(value) == ():
+def _items(value: Any, name: str, _: dict[Any, Any], item: Check, kept: bool = True) -> Any:
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         raise _wrong(name, value, "a list")
     items = value if kept and isinstance(value, Sequence) else list(value)
-    if count is not None and len(items) != count:
-        raise ArgumentError(f"{name} has {len(items)} items: {count} were expected")
     for i, one in enumerate(items):
         item(one, f"{name}[{i}]", {})
     return items
+
+
+def _row(value: Any, name: str, _: dict[Any, Any], items: list[Check]) -> Any:
+    found = _items(value, name, {}, _anything)
+    if len(found) != len(items):
+        raise ArgumentError(f"{name} has {len(found)} items: {len(items)} were expected")
+    for i, (item, one) in enumerate(zip(items, found, strict=True)):
+        item(one, f"{name}[{i}]", {})
+    return found
 
 
 def _table(value: Any, name: str, _: dict[Any, Any], key: Any, item: Check) -> Any:
@@ -200,6 +210,6 @@ def _callable(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
 
 def _instance(value: Any, name: str, sizes: dict[Any, Any], kind: type = object) -> Any:
     fits = isinstance(value, (int, np.integer)) if kind is int else isinstance(value, kind)
-    if not fits or (kind is int and isinstance(value, bool)):
+    if not fits or (kind is int and (isinstance(value, bool) or abs(value) >= 2**63)):
         raise _wrong(name, value, WORDS.get(kind, f"a {kind.__name__}"))
     return value

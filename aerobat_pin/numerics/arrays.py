@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def checked_shape(array: Array, shape: Any, name: str, sizes: dict[Any, Any] | N
     Args:
         array: the array.
         shape: tuple of sizes, or a list of such tuples of which one must fit. A name stands for any size, `...` at the
-            start for any number of sizes.
+            start for any number of sizes, and `2+` for two or more.
         name: name of the array in the error.
         sizes: what names and `...` stand for, from other arrays; new ones are added.
     """
@@ -55,10 +56,13 @@ def _fits(found: tuple[int, ...], shape: tuple[Any, ...], known: dict[Any, Any])
         if known.setdefault(..., found[:split]) != found[:split]:
             return False
         shape, found = shape[1:], found[split:]
-    return len(shape) == len(found) and all(
-        (known.setdefault(size, there) if isinstance(size, str) else size) == there
-        for size, there in zip(shape, found, strict=True)
-    )
+    return len(shape) == len(found) and all(map(_fits_size, found, shape, itertools.repeat(known)))
+
+
+def _fits_size(there: int, size: Any, known: dict[Any, Any]) -> bool:
+    if not isinstance(size, str):
+        return bool(there == size)
+    return there >= int(size[:-1]) if size.endswith("+") else bool(there == known.setdefault(size, there))
 
 
 def _shape_text(shape: tuple[Any, ...], known: dict[Any, Any]) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, guarded, shown
 
 MOMENT_ARM = 0.05  # [m]
 BASE_ROWS = 6  # rows of a free-flyer base
@@ -94,7 +94,7 @@ class BelievedRows:
             self.metric = self._tied @ self._tied.T
         elif not isinstance(rows, str) or rows not in ROWS or (rows != "all" and not floating):
             raise ObserverError(
-                f"rows = {rows!r}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
+                f"rows = {shown(rows)}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
             )
         else:
             self.name, self.number = rows, ROWS.index(rows)

@@ -91,10 +91,7 @@ def calls() -> dict[str, Call]:
     action = observers.locate([0.0, 1.0, 1.0, 0.1, 0.0, 0.0], 1e-8 * np.eye(6))
     frame, tau, point = "left_force_point", np.zeros((1, model.nv)), bat.q0[:7]
     observer = observers.ForceLevelObserver(model, [frame], 300.0)
-    stream = observers.ForceLevelObserver(model, [frame], 300.0)
-    stream.reset(q, v)
-    kalman = observers.KalmanObserver(model, [frame], 300.0)
-    kalman.reset(q, v)
+    kalman = observers.KalmanObserver(model, [frame], 300.0, known_error={"air": 0.1})
     record = {"time": [0.0, 1e-3], "q": np.array([q, q]), "v": np.array([v, v]), "tau": tau, "known": {"air": tau}}
     sample = {"time": 1e-3, "q": q, "v": v, "tau": tau[0], "known": {"air": tau[0]}}
     made = {"model": model, "applications": [frame], "gain": 300.0, "rows": "all"}
@@ -147,8 +144,8 @@ def calls() -> dict[str, Call]:
         ),
         "SuperTwistingObserver ": (observers.SuperTwistingObserver, {**made, "slope": 1.0}),
         "Observer.reset": (observer.reset, {"q": q, "v": v, "time": 0.0}),
-        "Observer.update": (stream.update, sample),
-        "KalmanObserver.update": (kalman.update, sample),
+        "Observer.update": (_streamed(observer, q, v), sample),
+        "KalmanObserver.update": (_streamed(kalman, q, v), sample),
         "Observer.run": (observer.run, record),
         "KalmanObserver.run": (kalman.run, record),
         "SmootherObserver.run": (observers.SmootherObserver(model, [frame], 300.0).run, record),
@@ -369,6 +366,16 @@ def calls() -> dict[str, Call]:
         "write_text": (experiments.write_text, {"target": folder / "b", "text": "b"}),
     }
     return {name: Call(*pair) for name, pair in found.items()}
+
+
+def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
+    """Return `update` as the second sample of a new stream."""
+
+    def update(**sample: Any) -> Any:
+        observer.reset(q, v)
+        return observer.update(**sample)
+
+    return update
 
 
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")

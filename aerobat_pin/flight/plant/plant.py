@@ -115,7 +115,7 @@ class Plant:
         """Pickle and copy by building the plant anew, because views of Pinocchio's results cannot be pickled."""
         return type(self), (self.robot, self.scenario, self.drive)
 
-    @guarded()
+    @guarded(time=("n",))
     def closure(self, time: Array) -> Closure:
         """Close the linkage at the crank angles that the drive gives for times (n,) [s]."""
         return self.robot.linkage.solve(*checked_motion(self.drive, time))
