@@ -144,7 +144,7 @@ def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep
     if shape is not None and shape != "any":
         checked_shape(found, shape, name, sizes)
     if shape != "any" and not np.all(np.abs(found) <= LARGEST):
-        raise ShapeError(f"{name} holds NaN, infinity or a number beyond {LARGEST:g}")
+        raise ShapeError(f"{name} holds NaN, infinity or a number beyond {LARGEST:g}: finite numbers were expected")
     return value if keep else found
 
 

@@ -124,7 +124,7 @@ class Observer:
         oMi = placements(data.oMi)
         check_views(self.model, data, oMi, placements(data.liMi), motions(data.v))
         memory.robot[:] = addresses(data.M, data.C, data.g, data.J, oMi)
-        memory.directions[:] = self._directions
+        memory.directions[:] = np.reshape(self._directions, (-1, 2))
         memory.slope[:] = self.slope
         memory.gain[:], memory.basis[:] = self._gains, self._basis
         memory.weight[:], memory.metric[:] = self.believed.weight, self.believed.metric
@@ -223,7 +223,7 @@ class Observer:
         check_configurations(self._directions, q)
         u = checked_record(tau, count, nv, "tau")
         for name, force in (known or {}).items():
-            u = u + checked_record(force, count, nv, f"known['{name}']")
+            u = u + checked_record(force, count, nv, name)
         if not np.all(np.diff(time) >= 0.0):
             at = int(np.argmin(np.diff(time) >= 0.0))
             self._time = time[at]
@@ -283,7 +283,7 @@ class Observer:
         """Return q, v and the sum of the known forces, checked for a kernel. Raises the errors of `reset`."""
         u = checked(tau, self._nv, "tau")
         for name, force in (known or {}).items():
-            u = u + checked(force, self._nv, f"known['{name}']")
+            u = u + checked(force, self._nv, name)
         q, v = checked(q, self.model.nq, "q"), checked(v, self._nv, "v")
         check_configurations(self._directions, q[None])
         return q, v, u
