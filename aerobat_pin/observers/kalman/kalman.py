@@ -83,6 +83,7 @@ class KalmanObserver(Observer):
         gain="any",
         rows="free",
         force_walk="any",
+        known_error="any",
         prior="any",
         mass_error="any",
         error_time="any",
