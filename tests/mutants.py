@@ -91,7 +91,7 @@ def verdict(copy: Path, mutant: Mutant) -> str:
         return f"cannot be made: {source.count(mutant.text)} places in {mutant.file} have this text, one was expected"
     path.write_text(source.replace(mutant.text, mutant.slip), encoding="utf-8")
     words = [word.partition("::") for word in mutant.tests.split()]
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:randomly", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-rf", "-p", "no:randomly", "-p", "no:cacheprovider"]
     command += [file for file, _, _ in words] + [part for _, _, start in words if start for part in ("-k", start)]
     environment = {**os.environ, "PYTHONPATH": str(copy)}
     try:

@@ -66,7 +66,8 @@ def _fits_size(there: int, size: Any, known: dict[Any, Any]) -> bool:
 
 
 def _shape_text(shape: tuple[Any, ...], known: dict[Any, Any]) -> str:
-    parts = ["..." if size is ... else str(known.get(size, size)) for size in shape]
+    sizes = [*known.get(..., ["..."]), *shape[1:]] if shape[:1] == (...,) else shape
+    parts = [str(known.get(size, size)) for size in sizes]
     return f"({', '.join(parts)}{',' * (len(parts) == 1)})"
 
 

@@ -7,7 +7,7 @@ import inspect
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin import aerodynamics, estimation, experiments, flight, linkage, observers, robot, scenario
-from aerobat_pin.errors import AerobatError
+from aerobat_pin.errors import AerobatError, ShapeError
 
 DOORS = ("observers", "linkage", "aerodynamics", "scenario", "robot", "flight", "estimation", "experiments")
 
@@ -264,7 +264,7 @@ def calls() -> dict[str, Call]:
             paper_force.interval_means,
             {"edges": np.array([0.0, 0.1]), "rng": np.random.default_rng(1)},
         ),
-        "assign": (scenario.assign, {"values": {"a": 1}, "key": "a", "value": 1, "source": "here"}),
+        "assign": (partial(scenario.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
         "with_settings": (scenario.with_settings, {"values": {"a": 1}, "settings": ["a=2"]}),
         "explain_plainly": (
             scenario.explain_plainly,
@@ -299,10 +299,6 @@ def calls() -> dict[str, Call]:
         ),
         "place_bars": (robot.place_bars, {"robot": bat, "picture": shown, "crank_angle": 0.1}),
         "visual_model_with_bars": (robot.visual_model_with_bars, {"robot": bat}),
-        "prescribed_joint_dynamics": (
-            robot.prescribed_joint_dynamics,
-            {"M": np.eye(10), "nle": v, "force": v, "joint_acceleration": np.zeros(4)},
-        ),
         "tree_of": (robot.tree_of, {"model": model}),
         "ConstantRate": (flight.ConstantRate, {"start": 0.1, "rate": 1.0}),
         "ConstantRate.__call__": (flight.ConstantRate(0.1, 1.0).__call__, {"time": edges}),
@@ -327,7 +323,7 @@ def calls() -> dict[str, Call]:
             flight.Wake(edges[:2], np.zeros((2, 4, 3)), np.zeros((2, 4)), aerodynamics.Wind()).mean_trailing,
             {"start": 0.0, "end": 1.0},
         ),
-        "find_trim": (flight.find_trim, {"scenario": paper, "progress": None}),
+        "find_trim": (flight.find_trim, {"scenario": paper}),
         "interval_means": (flight.interval_means, {"forces": plant.forces, "edges": edges[:3], "seed": 1}),
         "read_csv": (flight.read_csv, {"path": folder / "log.csv"}),
         "write_csv": (flight.write_csv, {"log": log, "path": folder / "again.csv"}),
@@ -358,7 +354,7 @@ def calls() -> dict[str, Call]:
         "estimate_dataset": (experiments.estimate_dataset, {"estimates": done.estimates}),
         "flight_note": (experiments.flight_note, {"scenario": paper, "robot": bat}),
         "recorded_note": (experiments.recorded_note, {"log": log, "robot": bat}),
-        "load_sweep": (experiments.load_sweep, {"source": experiments.shipped_sweeps().__iter__().__next__()}),
+        "load_sweep": (experiments.load_sweep, {"source": next(iter(experiments.shipped_sweeps()))}),
         "output_folder": (experiments.output_folder, {"target": folder / "out", "force": True}),
         "picture_files": (experiments.picture_files, {"out": folder / "pictures", "name": "one", "force": True}),
         "write": (experiments.write, {"experiment": done, "folder": folder}),
@@ -371,6 +367,7 @@ def calls() -> dict[str, Call]:
 def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
     """Return `update` as the second sample of a new stream."""
 
+    @wraps(observer.update)
     def update(**sample: Any) -> Any:
         observer.reset(q, v)
         return observer.update(**sample)
@@ -381,19 +378,56 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-def outcome(call: Call, name: str, value: Any) -> str:
-    """Return what a call does with one wrong argument: `refused`, `unnamed: ...`, `accepted` or `broke: ...`."""
+RESULTS = """Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
+PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
+AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer"""  # made by other functions
+TABLES = "AirSection RecordedForce RobotSection Scenario SensorSection SensorsSection UnknownForce"  # pydantic checks
+MEMORY = "air_memory fill channel"  # fields of kernels, and a channel of a log: no user calls them
+HOT = "prescribed_joint_dynamics"  # called for every sample
+NOTHING = "describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
+LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
+EXCLUDED = frozenset(f"{RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG}".split())
+HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
+
+
+def fault(name: str, argument: str, kind: str) -> str:
+    """Call a function with one wrong argument; return what is wrong with its answer, or nothing.
+
+    Right answers are an AerobatError that names the argument or the value, and a result if the value is allowed.
+    """
+    call, value = calls()[name], WRONG[kind]()
+    label = f"{name}({argument}={kind})"
     try:
-        call(**{name: value})
+        call(**{argument: value})
     except AerobatError as error:
-        return "refused" if name in str(error) else f"unnamed: {type(error).__name__}: {error}"
+        others = call.arguments if isinstance(error, ShapeError) else ()
+        known = any(word in str(error) for word in (argument, *others, *NAMED.get(kind, ())))
+        return "" if known else f"{label} does not name it: {error}"
     except Exception as error:
-        return f"broke: {type(error).__name__}: {error}"
-    return "accepted"
+        return f"{label} raises {type(error).__name__}: {error}"
+    annotation = str(inspect.signature(call.function).parameters[argument].annotation)
+    allowed = kind in HARMLESS or any(word in annotation for word in ("Any", *ALLOWED.get(kind, ())))
+    return "" if allowed or (kind == "True" and argument == "time") else f"{label} is accepted"
+
+
+NAMED = {"text": ("text",), "texts": ("'a'", "--set a")}
+ALLOWED = {"None": ("None",), "text": ("str", "Path"), "texts": ("Sequence[str]", "Iterable[str]"), "True": ("bool",)}
+
+
+def api_case(rng: np.random.Generator) -> tuple[str, str]:
+    """Draw one wrong argument of one public function, and call it.
+
+    Returns:
+        The label of the case, and what is wrong with the answer: nothing if the case is refused as it should be.
+    """
+    name = str(rng.choice(list(calls())))
+    argument = str(rng.choice(list(calls()[name].arguments)))
+    kind = str(rng.choice(list(WRONG)))
+    return f"{name}({argument}={kind})", fault(name, argument, kind)
 
 
 def public_callables() -> Iterator[str]:
-    """Yield the names of what the doors export and can be called."""
+    """Yield the names of functions and classes that the doors export."""
     for door in DOORS:
         module = importlib.import_module(f"aerobat_pin.{door}")
         for name in module.__all__:

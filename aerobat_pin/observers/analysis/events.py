@@ -235,7 +235,8 @@ def _tail_level(maxima: Array, duration: float, rate: float, advice: str) -> flo
         raise ObserverError(f"{found}: {FEWEST} or more were expected; {advice}")
     if wanted > count:
         raise ObserverError(
-            f"{found}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate false_alarms"
+            f"{found}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate "
+            "false_alarms"
         )
     largest = np.sort(maxima)[::-1]
     return float(largest[count] + np.mean(largest[:count] - largest[count]) * np.log(count / wanted))
