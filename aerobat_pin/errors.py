@@ -66,8 +66,12 @@ class FrameNotFoundError(AerobatError, KeyError):
         return str(self.args[0])
 
 
+class ArgumentError(AerobatError, TypeError):
+    """An argument has the wrong type. The message names the argument, its value and what was expected."""
+
+
 class ShapeError(AerobatError, ValueError):
-    """An array has the wrong shape, or contains NaN or infinity."""
+    """An array has the wrong shape, or a number is NaN, infinite, far too large or of the wrong sign."""
 
 
 class ScenarioError(AerobatError, ValueError):

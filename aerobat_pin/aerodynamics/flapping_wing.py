@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, shaped
+from aerobat_pin.numerics import Array, guarded, shaped
 
 
 class Halves(NamedTuple):
@@ -44,6 +44,7 @@ class Halves(NamedTuple):
     twist_rate: Array
 
 
+@guarded()
 @dataclass(frozen=True)
 class Stroke:
     """A wing in level flight that plunges and flaps: height and root angle vary as sin(2 pi frequency t).
@@ -62,6 +63,7 @@ class Stroke:
     plunge: float = 0.0
     flap: float = 0.0
 
+    @guarded()
     def __call__(self, time: float) -> Halves:
         """Return the motion at a time [s]."""
         omega = 2.0 * np.pi * self.frequency
@@ -99,6 +101,7 @@ class LineFlight:
     circulation: Array
 
 
+@guarded(added_mass="not negative")
 def fly(
     line: LiftingLine,
     motion: Callable[[float], Halves],

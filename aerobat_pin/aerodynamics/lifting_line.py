@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aerobat_pin.aerodynamics.planform import FINE, AlongSpan, along_span
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 JONES_PSI = (0.165, 0.335)
 JONES_EPS = (0.0455, 0.300)
@@ -76,6 +76,7 @@ class LiftingLine:
         ShapeError: span, chord, strips or density are not finite and positive, or the shapes do not fit.
     """
 
+    @guarded()
     def __init__(
         self,
         span: float,
@@ -154,6 +155,7 @@ class LiftingLine:
         """Return the leading-edge suction per span (N,) [N/m], toward the leading edge."""
         return self.lift_slope * self.air_density * self.semichord * w_eff**2
 
+    @guarded()
     def state_space(self, airspeed: ArrayLike) -> StateSpace:
         """Return A, B, C, D; the input is the normal velocity (N,) [m/s], the output the lift per span (N,) [N/m].
 
@@ -183,6 +185,7 @@ class LiftingLine:
             D=PHI0 * force,
         )
 
+    @guarded()
     def steady_circulation(self, normal_velocity: ArrayLike) -> Array:
         """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), which holds at any airspeed.
 
@@ -196,6 +199,7 @@ class LiftingLine:
         w_n = self._each(normal_velocity, "normal_velocity", "m/s")
         return np.asarray(np.linalg.solve(np.eye(self.strips) + slope[:, None] * self.downwash, slope * w_n))
 
+    @guarded()
     def steady_coefficients(self, incidence: ArrayLike) -> tuple[float, float]:
         """Return lift coefficient and induced drag coefficient of steady flow, after Prandtl, per planform area.
 
@@ -209,6 +213,7 @@ class LiftingLine:
         drag = self.width @ (circulation * (self.downwash @ circulation))
         return 2.0 * float(self.width @ circulation) / self.area, 2.0 * float(drag) / self.area
 
+    @guarded()
     def frequency_response(
         self, frequency: ArrayLike, airspeed: ArrayLike, normal_velocity: ArrayLike = 1.0
     ) -> NDArray[np.complex128]:
@@ -240,6 +245,7 @@ class LiftingLine:
         w = np.linalg.solve(np.eye(self.strips) + self.downwash * gain[..., None, :], w_n[:, None])[..., 0]
         return np.asarray(self.lift_slope * self.air_density * self.semichord * speed * lag * w)
 
+    @guarded()
     def step_response(self, time: ArrayLike, airspeed: ArrayLike, normal_velocity: ArrayLike) -> Array:
         """Return the lift per span (T, N) [N/m] after the normal velocity jumps from zero to a constant; exact.
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array
+from aerobat_pin.errors import ArgumentError, ShapeError
+from aerobat_pin.numerics import LARGEST, Array, real_numbers, shown
 
 AlongSpan = float | ArrayLike | Callable[[Array], ArrayLike]
 FINE = 4096  # number of midpoints in theta at which a planform is sampled for its area, accurate to 1e-7
@@ -35,13 +35,14 @@ def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Cal
     given = values if callable(values) else _function(values, y, span, name)
 
     def function(y: Array) -> Array:
-        found = np.asarray(given(y), float)
+        found = real_numbers(given(y), f"{name} as a function")
         if found.shape not in ((), y.shape):
             raise ShapeError(
                 f"{name} as a function has shape {found.shape} at {len(y)} stations: {y.shape} was expected"
             )
-        if not np.all(np.isfinite(found)):
-            raise ShapeError(f"{name} = {found[~np.isfinite(found)][0]}: finite lengths in metres were expected")
+        wrong = ~(np.abs(found) <= LARGEST)
+        if np.any(wrong):
+            raise ShapeError(f"{name} = {found[wrong][0]}: finite lengths in metres were expected")
         return np.array(np.broadcast_to(found, y.shape))
 
     return function, function(y)
@@ -54,9 +55,9 @@ def _function(values: float | ArrayLike, y: Array, span: float, name: str) -> Ca
         "function of y was expected"
     )
     try:
-        array = np.asarray(values, float)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} = {values!r}: {allowed}") from error
+        array = real_numbers(values, name)
+    except ArgumentError as error:
+        raise ShapeError(f"{name} = {shown(values)}: {allowed}") from error
     if array.shape == ():
         return lambda _: array
     if array.shape == y.shape:

@@ -30,7 +30,7 @@ from aerobat_pin.aerodynamics.strip_forces import (
     strip_rows,
 )
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory
+from aerobat_pin.numerics import Array, fields_of, guarded, inner, kernel, new_memory
 from aerobat_pin.robot import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
@@ -80,6 +80,7 @@ class RobotAir:
             positive, or the factor is negative.
     """
 
+    @guarded()
     def __init__(
         self,
         wing: Wing,
@@ -128,6 +129,7 @@ class RobotAir:
         """Number of aerodynamic states: 3N, or none in the quasi-steady model."""
         return 3 * self.line.strips if self.model == "lifting_line" else 0
 
+    @guarded(twists=("n", len(LINKS), 6))
     def airspeed(self, twists: Array) -> Array:
         """Return each strip's airspeed in its plane (n, N) [m/s], given link twists relative to the air (n, 5, 6)."""
         linear, angular = np.split(twists[:, self.link], 2, axis=2)

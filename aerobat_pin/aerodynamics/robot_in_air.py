@@ -15,6 +15,7 @@ from aerobat_pin.numerics import (
     check_views,
     copy_values,
     fields_of,
+    guarded,
     kernel,
     motions,
     new_memory,
@@ -52,6 +53,7 @@ class RobotInAir:
         memory: flat array that is a kernel's first argument; `fields` are named views of its parts.
     """
 
+    @guarded()
     def __init__(self, robot: Aerobat, air: RobotAir) -> None:
         """Lay out the memory and fill in its constants."""
         self.robot, self.air, self.data = robot, air, robot.model.createData()
@@ -66,6 +68,7 @@ class RobotInAir:
         fill(self.fields.tree, tree_of(model))
         self.fields.gravity[...] = -model.gravity.linear[2]
 
+    @guarded(q=("n", "nq"), v=("n", "nv"))
     def link_twists(self, q: Array, v: Array) -> Array:
         """Return the links' twists (n, 5, 6) for configurations q (n, nq) and velocities v (n, nv).
 
@@ -78,6 +81,7 @@ class RobotInAir:
             row[:] = found[joints]
         return twists
 
+    @guarded(placement=(7,), twist=(6,), motion=("n", 3, 2))
     def flapping_twists(self, placement: Array, twist: Array, motion: Array) -> Array:
         """Return the links' twists (n, 5, 6) while the wings flap and placement and twist of the body stay constant.
 
@@ -90,6 +94,7 @@ class RobotInAir:
         q = self.robot.configuration(still * placement, motion[:, 0, 0], motion[:, 0, 1])
         return self.link_twists(q, self.robot.velocity(still * twist, motion[:, 1, 0], motion[:, 1, 1]))
 
+    @guarded(placement=(7,), twist=(6,), motion=("n", 3, 2), dt="positive")
     def warmed_up(self, placement: Array, twist: Array, motion: Array, dt: float) -> Array:
         """Return the aerodynamic state (S,) after the wings have flapped, starting from air at rest.
 

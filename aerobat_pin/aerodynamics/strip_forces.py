@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.numerics import Array, Integers, inner
+from aerobat_pin.numerics import Array, Integers, guarded, inner
 
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
@@ -120,6 +120,7 @@ class StripLoads(NamedTuple):
 STRIP_ROWS = len(StripLoads._fields)
 
 
+@guarded(loads=(..., STRIP_ROWS, "n"))
 def strips_of(loads: Array) -> StripLoads:
     """Return the rows of strip loads (..., 9, N) as named fields."""
     return StripLoads(*np.moveaxis(loads, -2, 0))

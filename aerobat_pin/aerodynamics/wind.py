@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 LARGEST_AIRSPEED = 100.0  # [m/s]: Mach 0.3, where air stops to be incompressible; all models of this package take it so
 
 
+@guarded(duration="positive")
 @dataclass(frozen=True)
 class Gust:
     """A single gust: largest velocity (3,) in world axes [m/s], start and duration [s]."""
@@ -23,6 +24,7 @@ class Gust:
     duration: float
 
 
+@guarded()
 @dataclass(frozen=True)
 class Wind:
     """A steady velocity (3,) in world axes [m/s], and a gust added to it or None."""
@@ -30,6 +32,7 @@ class Wind:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gust: Gust | None = None
 
+    @guarded(time=("n",))
     def field(self, time: Array) -> Array:
         """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
         field = np.zeros((len(time), 2, 3))
@@ -41,6 +44,7 @@ class Wind:
             field += shape[:, :, None] * np.array(self.gust.amplitude)
         return field
 
+    @guarded(time=("n",))
     def drift(self, time: Array) -> Array:
         """Return how far the air has moved since t = 0, (n, 3) in world axes [m], at times (n,) [s]."""
         moved: Array = np.outer(time, np.array(self.velocity))

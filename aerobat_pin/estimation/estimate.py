@@ -14,6 +14,7 @@ from typing import Any
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs, noted_air
 from aerobat_pin.flight import FlightLog, read_csv
+from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
@@ -21,11 +22,13 @@ from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
 
 
+@guarded()
 def read_log(path: Path) -> FlightLog:
     """Read a flight log: a NetCDF file written by this package, or a recorded CSV table. Raises LogError."""
     return read_csv(path) if path.suffix.lower() == ".csv" else FlightLog.load(path)
 
 
+@guarded()
 def belief_about(
     log: FlightLog | None, name: str, morphology: str | None, names: Sequence[str], settings: Iterable[str]
 ) -> Scenario:
@@ -64,6 +67,7 @@ def belief_about(
     return parse_scenario(with_settings(values, settings), f"belief about {name}")
 
 
+@guarded()
 def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
     """Return a line with the assumed robot, its mass, and where the choice of this robot comes from.
 
@@ -88,6 +92,7 @@ def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable
     return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, {why}"
 
 
+@guarded()
 def estimate_log(
     log: FlightLog, robot: Aerobat, belief: Scenario, progress: Callable[[float], None] | None = None
 ) -> tuple[KnownInputs, dict[str, Estimate]]:
@@ -122,6 +127,7 @@ def estimate_log(
     return inputs, estimates
 
 
+@guarded()
 def check_names(names: Sequence[str]) -> None:
     """Raise ScenarioError if no name is given, or if there is no observer of one of the names."""
     if not names or any(name not in OBSERVERS for name in names):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.flight import KNOWN, FlightLog
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import euler_angles, world_velocity
 
 Range = tuple[float, float]
@@ -58,6 +58,7 @@ class FlightSummary:
         }
 
 
+@guarded(mass="positive")
 def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
     """Summarise a flight.
 

@@ -24,7 +24,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.believed_air import reconstructed_air
 from aerobat_pin.estimation.motion import Motion, motion
 from aerobat_pin.flight import KNOWN, FlightLog
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Rows
 from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, prescribed_joint_dynamics
 from aerobat_pin.scenario import AirSection
@@ -62,6 +62,7 @@ class KnownInputs:
         return f"KnownInputs of {len(self.tau)} intervals, {span}; rows {self.rows}\n  {sources}"
 
 
+@guarded()
 def known_inputs(
     log: FlightLog, robot: Aerobat, torque: Torque = "measured", air: AirSection | None = None
 ) -> KnownInputs:

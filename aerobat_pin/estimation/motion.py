@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight import FlightLog, wind_of
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, rotations
 from aerobat_pin.scenario import AirSection
 
@@ -47,6 +47,7 @@ class Motion:
     source: dict[str, str]
 
 
+@guarded()
 def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
     """Gather the motion of a flight from its log.
 

@@ -11,7 +11,7 @@ import numpy as np
 from aerobat_pin.estimation.flight_summary import FlightSummary
 from aerobat_pin.estimation.truth import true_force
 from aerobat_pin.flight import FlightLog
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 
 FORCE_AXES = ("Fx", "Fy", "Fz")
@@ -163,6 +163,7 @@ def _line(cells: tuple[str, ...]) -> str:
     return f"{name:<12} {point:<12} {axis:<4} {r2:>9} {noise_free:>14} {error:>10} {lag:>9}"
 
 
+@guarded()
 def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
     """Score an estimate; R2, error and lag are included only if the log contains the true forces."""
     found = estimate.identifiability
@@ -187,6 +188,7 @@ def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
     )
 
 
+@guarded()
 def point_label(frame: str) -> str:
     """Return the short name of a force point: `left` for `left_force_point`."""
     return frame.removesuffix("_force_point")
@@ -209,6 +211,7 @@ def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> A
     )
 
 
+@guarded(estimate=("m",), truth=("m",))
 def r_squared(estimate: Array, truth: Array) -> float | None:
     """Return R2 = 1 - SSE/SST of two series (m,) [N], or None if the standard deviation of `truth` is below 1 mN."""
     if np.std(truth) < NO_SIGNAL:

@@ -9,6 +9,7 @@ import numpy as np
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation.estimate import estimate_log
 from aerobat_pin.flight import simulate
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, parse_scenario
 
@@ -55,6 +56,7 @@ class Check:
         return f"{mark}  {self.observer}: {self.applied:+.4f} N at {where}: {result}"
 
 
+@guarded()
 def self_check(robot: Aerobat, belief: Scenario) -> list[Check]:
     """Apply a tenth of the weight to a simulated robot, at each frame of the observers and along each world axis.
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerobat_pin.flight import FlightLog
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 
+@guarded()
 def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
     """Return the true unknown force at a frame and its noise-free part, (m, 3) each, in world axes [N].
 
@@ -34,6 +35,7 @@ class TrueEvent:
     end: float
 
 
+@guarded()
 def true_events(log: FlightLog) -> list[TrueEvent]:
     """Return the events of the true forces, sorted by time; an event at several frames is listed once."""
     if log.truth is None or "event" not in log.truth.dims:

@@ -18,6 +18,7 @@ from aerobat_pin.estimation import TABLE_HEADER, Scores, check_names, estimate_l
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
 from aerobat_pin.flight import FlightLog, netcdf_bytes, simulate
+from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import RecordedForce, Scenario, scenario_toml
@@ -84,6 +85,7 @@ class Experiment:
         return f"<p>{escape(self.scores.title)}</p><table><tr>{head}</tr>{body}</table>"
 
 
+@guarded()
 def run(
     scenario: Scenario, progress: Progress | None = None, robots: tuple[Aerobat, Aerobat] | None = None
 ) -> Experiment:
@@ -114,6 +116,7 @@ def run(
         raise
 
 
+@guarded()
 def run_recorded(log: FlightLog, belief: Scenario, progress: Progress | None = None) -> Experiment:
     """Estimate the forces on a recorded flight, and score the estimates if the log contains the true forces.
 
@@ -164,6 +167,7 @@ def versions() -> dict[str, str]:
     return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
 
 
+@guarded()
 def write(experiment: Experiment, folder: Path) -> None:
     """Write scenario, log, estimates and metrics into an existing folder.
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from aerobat_pin.flight import FlightLog
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario
 
 
+@guarded()
 def flight_note(scenario: Scenario, robot: Aerobat, log: FlightLog) -> str:
     """Return a line about a flight: is the attitude held, which sensors have errors, did it diverge.
 
@@ -29,6 +31,7 @@ def flight_note(scenario: Scenario, robot: Aerobat, log: FlightLog) -> str:
     return note + _divergence_note(log)
 
 
+@guarded()
 def recorded_note(log: FlightLog, robot: Aerobat) -> str:
     """Return a line with the duration of a recorded flight and the robot that is assumed to have flown."""
     duration = log.time[-1] - log.time[0]

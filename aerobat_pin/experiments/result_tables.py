@@ -5,9 +5,11 @@ from __future__ import annotations
 import pandas as pd
 import xarray as xr
 
+from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 
 
+@guarded()
 def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
     """Join the estimates of several observers into one dataset, the content of `estimate.nc`.
 

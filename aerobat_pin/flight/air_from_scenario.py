@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from aerobat_pin.aerodynamics import Gust, RobotAir, Wind
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import Wing
 from aerobat_pin.scenario import AirSection
 
 
+@guarded()
 def robot_air(wing: Wing, air: AirSection) -> RobotAir:
     """Return the aerodynamic model of a wing with a scenario's air settings. Raises the same errors as `RobotAir`."""
     return RobotAir(
@@ -19,6 +21,7 @@ def robot_air(wing: Wing, air: AirSection) -> RobotAir:
     )
 
 
+@guarded()
 def wind_of(air: AirSection) -> Wind:
     """Return a scenario's wind, with its gust if it has one."""
     gust = air.gust

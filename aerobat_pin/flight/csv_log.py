@@ -48,7 +48,7 @@ from aerobat_pin.flight.channels import (
     is_unit,
 )
 from aerobat_pin.flight.flight_log import FlightLog
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
@@ -112,6 +112,7 @@ GROUPS = (
 UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()}
 
 
+@guarded()
 def read_csv(path: str | Path) -> FlightLog:
     """Read a recorded flight.
 
@@ -143,6 +144,7 @@ def read_csv(path: str | Path) -> FlightLog:
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": Path(path).stem}), name=f"log {path}")
 
 
+@guarded()
 def write_csv(log: FlightLog, path: str | Path) -> None:
     """Write the measured channels of a flight as a table that `read_csv` reads, with units in the header.
 

@@ -35,12 +35,14 @@ from aerobat_pin.flight.channels import (
     checked,
 )
 from aerobat_pin.flight.netcdf import checksums, read_netcdf
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection
 
 TEXT_ATTRIBUTES = ("scenario", "morphology", "morphology_changes", "air")  # the last two contain JSON
 
 
+@guarded()
 @dataclass(frozen=True, repr=False)
 class FlightLog:
     """Channels of one flight.
@@ -114,6 +116,7 @@ class FlightLog:
         """Sample times (n + 1,) [s]."""
         return np.asarray(self.measured["time"].values, float)
 
+    @guarded()
     def save(self, path: str | Path) -> None:
         """Write NetCDF-4: measured channels at the root, truth in the group `truth`; completely or not at all.
 
@@ -122,6 +125,7 @@ class FlightLog:
         write_files({Path(path): netcdf_bytes(self.measured, self.truth)})
 
     @classmethod
+    @guarded()
     def load(cls, path: str | Path) -> FlightLog:
         """Read a flight log from NetCDF-4.
 

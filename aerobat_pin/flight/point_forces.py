@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario import Axes, Scenario, UnknownForce
 
 
@@ -43,6 +43,7 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
     return tuple(forces)
 
 
+@guarded(edges=("2+",))
 def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
     """Average noise and signal of every force over intervals.
 

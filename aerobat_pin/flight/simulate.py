@@ -14,11 +14,12 @@ from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
-from aerobat_pin.numerics import announce_compilation
+from aerobat_pin.numerics import announce_compilation, guarded
 from aerobat_pin.robot import Aerobat, load_robot
 from aerobat_pin.scenario import Scenario, check_size
 
 
+@guarded()
 def simulate(
     scenario: Scenario,
     progress: Callable[[float], None] | None = None,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.errors import AerobatError, TrimError
 from aerobat_pin.flight.plant.plant import Plant, State
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import MOST_SECONDS, SECONDS_PER_STEP, Scenario
 
@@ -58,6 +58,7 @@ class Trim:
         return self.period * float(np.log(2.0) / np.log(growth)) if growth > 1.01 else float("inf")
 
 
+@guarded()
 def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Trim:
     """Find the periodic flight nearest to a scenario's start.
 

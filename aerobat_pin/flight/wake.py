@@ -21,7 +21,7 @@ from aerobat_pin.aerodynamics import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.flight_log import FlightLog
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import LINKS, Aerobat
 from aerobat_pin.scenario import AirSection
 
@@ -55,6 +55,7 @@ class Wake:
         """
         return np.diff(self.bound, axis=1, prepend=0.0, append=0.0)
 
+    @guarded()
     def mean_trailing(self, start: float, end: float) -> Array:
         """Return the mean strength (N + 1,) [m2/s] of the trailing vortices shed from `start` to `end` [s].
 
@@ -65,6 +66,7 @@ class Wake:
         return np.asarray(self.trailing[chosen].mean(axis=0))
 
 
+@guarded()
 def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
     """Read the wake from a simulated flight.
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import ANGLES, loops
 from aerobat_pin.linkage.moving import Angle, Pin, opening, wrapped
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded, together
 
 DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}  # pin: the pins at the other ends of its two bars
 
@@ -113,11 +113,14 @@ class Closure:
         angles = np.stack([self.bars[name].at for name in ANGLES], axis=-1)
         return float(np.max(np.abs(loops(self.lengths).at(angles)), initial=0.0))
 
+    @guarded()
     def crank_torque(self, shoulder_torque: ArrayLike, elbow_torque: ArrayLike) -> Array:
         """Map one wing's joint torques to the crank by virtual work: tau_s dtheta_s + tau_e dtheta_e [N m]."""
-        shoulder, elbow = np.asarray(shoulder_torque, float), np.asarray(elbow_torque, float)
+        shoulder, elbow = np.asarray(shoulder_torque), np.asarray(elbow_torque)
+        together(shoulder_torque=shoulder, elbow_torque=elbow, crank_angle=self.crank_angle)
         return shoulder * self.dtheta_s + elbow * self.dtheta_e
 
+    @guarded()
     def joint_torques(self, crank_torque: ArrayLike) -> tuple[Array, Array]:
         """Distribute a crank torque over one wing's joints: return shoulder and elbow torque [N m].
 
@@ -125,5 +128,6 @@ class Closure:
         the crank. The pair returned is the smallest: it has no part that only strains the linkage. `crank_torque` is
         the inverse.
         """
-        share = np.asarray(crank_torque, float) / (self.dtheta_s**2 + self.dtheta_e**2)
+        torque, _ = together(crank_torque=np.asarray(crank_torque), crank_angle=self.crank_angle)
+        share = torque / (self.dtheta_s**2 + self.dtheta_e**2)
         return share * self.dtheta_s, share * self.dtheta_e

@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_description.position_closure import CRANK_ANGLES, remedies
-from aerobat_pin.errors import LinkageError, NearSingularWarning, ShapeError
+from aerobat_pin.errors import LinkageError, NearSingularWarning
 from aerobat_pin.linkage.arms import ANGLES, bent_arms
 from aerobat_pin.linkage.chain import close_dyads
 from aerobat_pin.linkage.closure import DYADS, Closure
 from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
+from aerobat_pin.numerics import guarded, together
 
 NEAR_SINGULAR = np.radians(15.0)  # [rad]: a transmission angle closer than this to 0 or 180 deg causes a warning
 
@@ -26,11 +27,13 @@ class KineticSculpture:
         lengths: bar lengths and pivots; those of the default morphology when omitted.
     """
 
+    @guarded()
     def __init__(self, lengths: LinkageLengths | None = None) -> None:
         """Store the lengths without checking them; `check` tests whether the crank can turn."""
         self.lengths = lengths if lengths is not None else Morphology.load("aerobat").linkage
         self._judged = False
 
+    @guarded()
     def solve(
         self, crank_angle: ArrayLike, crank_velocity: ArrayLike = 0.0, crank_acceleration: ArrayLike = 0.0
     ) -> Closure:
@@ -45,13 +48,13 @@ class KineticSculpture:
 
         Raises:
             LinkageError: a dyad cannot close; the message names its pin, the crank angle and lengths that would help.
-            ShapeError: an angle, velocity or acceleration is not finite.
+            ShapeError: an angle, velocity or acceleration is not finite, or their shapes do not fit each other.
         """
-        t1, rate, acceleration = np.broadcast_arrays(
-            *(np.asarray(x, float) for x in (crank_angle, crank_velocity, crank_acceleration))
+        t1, rate, acceleration = together(
+            crank_angle=np.asarray(crank_angle),
+            crank_velocity=np.asarray(crank_velocity),
+            crank_acceleration=np.asarray(crank_acceleration),
         )
-        if not (np.all(np.isfinite(t1)) and np.all(np.isfinite(rate)) and np.all(np.isfinite(acceleration))):
-            raise ShapeError("crank angle, velocity and acceleration must be finite")
         closed = Closure(self.lengths, t1[()], rate[()], acceleration[()], *close_dyads(self.lengths, t1))
         for name in DYADS:
             if np.any(np.isnan(closed.points[name].at)):
@@ -60,6 +63,7 @@ class KineticSculpture:
             self._judge(closed)
         return closed
 
+    @guarded()
     def sensitivity(self, crank_angle: ArrayLike) -> dict[str, Sensitivity]:
         """Differentiate the closed linkage by the lengths that morphing control changes: L3b, L5a and L5b.
 

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import ANGLES, loops, real_rows
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 STATE_SIZE = 2 * len(ANGLES)
 
@@ -43,6 +43,7 @@ class SculptureDynamics:
         stabilisation: rate s at which gaps close [1/s]; 0 is the paper's form.
     """
 
+    @guarded(stabilisation="not negative")
     def __init__(self, lengths: LinkageLengths | None = None, stabilisation: float = 0.0) -> None:
         """Set up the loop equations and the output matrix."""
         self.sculpture = KineticSculpture(lengths)
@@ -51,11 +52,13 @@ class SculptureDynamics:
         shoulder, elbow = (np.eye(STATE_SIZE)[len(ANGLES) + ANGLES.index(name)] for name in ("t5", "t6"))
         self.C_k = np.array([shoulder, elbow - shoulder])
 
+    @guarded()
     def state(self, crank_angle: float, crank_velocity: float = 0.0) -> Array:
         """Return the state x (14,) of the closed linkage. Raises LinkageError if the linkage cannot close."""
         closed = self.sculpture.solve(crank_angle, crank_velocity)
         return np.array([*closed.angles.values(), *map(closed.rate, closed.bars.values())], float)
 
+    @guarded(x=(..., STATE_SIZE))
     def f_k(self, x: ArrayLike) -> Array:
         """Return the time derivative (..., 14) of a state while the crank turns at constant rate."""
         angles, rates = self._parts(x)
@@ -68,6 +71,7 @@ class SculptureDynamics:
         dependent = np.linalg.solve(J[..., 1:], real_rows(wanted[..., None]))[..., 0]
         return np.concatenate([rates, np.zeros_like(rates[..., :1]), dependent], axis=-1)
 
+    @guarded(x=(..., STATE_SIZE))
     def g_k(self, x: ArrayLike) -> Array:
         """Return the change of the state's time derivative (..., 14) per unit of crank acceleration."""
         angles, rates = self._parts(x)
@@ -75,6 +79,7 @@ class SculptureDynamics:
         dependent = np.linalg.solve(J[..., 1:], -J[..., :1])[..., 0]
         return np.concatenate([np.zeros_like(rates), np.ones_like(rates[..., :1]), dependent], axis=-1)
 
+    @guarded(x=(..., STATE_SIZE))
     def gap(self, x: ArrayLike) -> Array:
         """Return the largest gap (...) of the loops at J4, J7 and J10 [m]."""
         return np.asarray(np.max(np.abs(self._loops.at(self._parts(x)[0])), axis=-1))

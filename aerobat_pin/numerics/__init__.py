@@ -1,8 +1,10 @@
 """Arrays, compiled kernels, views of Pinocchio's results and integration on manifolds, independent of any robot."""
 
-from aerobat_pin.numerics.arrays import Array, checked, shaped
+from aerobat_pin.numerics.arguments import guarded, number
+from aerobat_pin.numerics.arrays import LARGEST, Array, checked, checked_shape, real_numbers, shaped, shown, together
 from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
+from aerobat_pin.numerics.kernel_cache import remove_damaged_kernels
 from aerobat_pin.numerics.lie_runge_kutta import (
     DEPARTURES,
     HALF_STEPS,
@@ -30,6 +32,7 @@ __all__ = [
     "DEPARTURES",
     "DOUBLE",
     "HALF_STEPS",
+    "LARGEST",
     "Array",
     "Integers",
     "add_product",
@@ -40,6 +43,7 @@ __all__ = [
     "array_at",
     "check_views",
     "checked",
+    "checked_shape",
     "copy_values",
     "dot",
     "doubles_at",
@@ -47,6 +51,7 @@ __all__ = [
     "factorise",
     "fields_of",
     "frame_id",
+    "guarded",
     "inner",
     "integers_at",
     "is_compiled",
@@ -60,11 +65,16 @@ __all__ = [
     "next_size",
     "next_state",
     "next_tangent",
+    "number",
     "placements",
+    "real_numbers",
+    "remove_damaged_kernels",
     "rewind",
     "shaped",
+    "shown",
     "solve_positive",
     "step",
     "take",
     "take_integers",
+    "together",
 ]

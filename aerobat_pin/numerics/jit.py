@@ -18,6 +18,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from aerobat_pin.numerics.kernel_cache import SealedFiles
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 Integers = NDArray[np.intp]
 KERNEL_SOURCES = (
@@ -79,11 +81,10 @@ def _compiled(function: Function, **more: Any) -> Function:
         compiled = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no writable folder for its cache
         return cast(Function, numba.njit(**options)(function))
-    with suppress(AttributeError):  # in case another numba version stores the stamp elsewhere
+    with suppress(AttributeError):  # in case another numba version keeps its files elsewhere
         # numba checks only the kernel's own file for changes, but the kernels that it calls are compiled into it.
-        compiled._cache._cache_file._source_stamp = sources_stamp()
-        # A new version also avoids unpickling outdated entries, whose signatures can name classes that no longer exist.
-        compiled._cache._cache_file._version = f"{numba.__version__} {sources_stamp()}"
+        name = compiled._cache._impl.filename_base
+        compiled._cache._cache_file = SealedFiles(compiled._cache.cache_path, name, sources_stamp())
     return cast(Function, compiled)
 
 

@@ -17,10 +17,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, frame_id
+from aerobat_pin.numerics import Array, frame_id, guarded
 from aerobat_pin.observers.rows import MOMENT_ARM
 
 
+@guarded()
 @dataclass(frozen=True)
 class Application:
     """A frame at whose origin an unknown force or wrench acts.
@@ -75,7 +76,7 @@ class Applications:
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: the applications are not a list, a frame is named twice or fixed to the world, or a direction is
+        ObserverError: a frame is named twice or fixed to the world, or a direction is
             not three finite numbers or is zero.
 
     Attributes:
@@ -90,8 +91,6 @@ class Applications:
 
     def __init__(self, model: pin.Model, applications: Sequence[str | Application]) -> None:
         """Look up the frames and list the components."""
-        if isinstance(applications, str | Application):
-            raise ObserverError(f"applications = {applications!r}: a list was expected, even for a single application")
         self.model = model
         self.given = tuple(Application(item) if isinstance(item, str) else item for item in applications)
         self.frames = tuple(application.frame for application in self.given)

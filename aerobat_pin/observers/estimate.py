@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.identifiability import Identifiability
 
 if TYPE_CHECKING:
@@ -90,6 +90,7 @@ class Estimate:
             raise ObserverError("not all components are forces in world axes: read them by `component`")
         return self.components.reshape(len(self.components), -1, 3)
 
+    @guarded()
     def component(self, label: str) -> Array:
         """Return the component (m,) [N or N m] with a label such as `tool.Mz`. Raises ObserverError if none has it."""
         labels = self.identifiability.components

@@ -24,9 +24,11 @@ from aerobat_pin.numerics import (
     check_views,
     checked,
     fields_of,
+    guarded,
     lock,
     motions,
     new_memory,
+    number,
     placements,
 )
 from aerobat_pin.observers.applications import Application, Applications
@@ -36,12 +38,9 @@ from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
 from aerobat_pin.observers.rows import BelievedRows, Rows, Tie
+from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
-# Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
-DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
-    ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
-)
 
 
 class Observer:
@@ -69,6 +68,7 @@ class Observer:
     slope: float = 0.0  # [N/s], used by the super-twisting filter only
     _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
+    @guarded(gain="any", rows="free")
     def __init__(
         self,
         model: pin.Model,
@@ -77,14 +77,14 @@ class Observer:
         rows: Rows | Tie = "all",
     ) -> None:
         """Prepare the filter; `reset` starts it."""
-        if self.project_first and not applications:
-            raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
+        if self.project_first and len(applications) == 0:
+            raise ObserverError(f"applications: observer {self.name} filters forces: one frame or more was expected")
         self.model, self.data = model, model.createData()
         self.applications = Applications(model, applications)
         self.believed = BelievedRows(model, rows)
-        count, nv = len(self.applications.components), int(model.nv)
+        count, nv, self._directions = len(self.applications.components), int(model.nv), directions_of(model)
         self.gain = np.array(gain, float)
-        self._gains, self._basis = _modes(self.gain, count if self.project_first else nv)
+        self._gains, self._basis = modes(self.gain, count if self.project_first else nv)
         self._sizes = ObserverSizes(
             nv=nv,
             joints=int(model.njoints),
@@ -95,6 +95,7 @@ class Observer:
             project_first=int(self.project_first),
             rows=self.believed.number,
             filter=self.kind,
+            directions=len(self._directions),
         )
         self._width, self._nv = nv + count, nv
         self._memory = new_memory(observer_in, *self._sizes)
@@ -123,24 +124,27 @@ class Observer:
         oMi = placements(data.oMi)
         check_views(self.model, data, oMi, placements(data.liMi), motions(data.v))
         memory.robot[:] = addresses(data.M, data.C, data.g, data.J, oMi)
+        memory.directions[:] = np.reshape(self._directions, (-1, 2))
         memory.slope[:] = self.slope
         memory.gain[:], memory.basis[:] = self._gains, self._basis
         memory.weight[:], memory.metric[:] = self.believed.weight, self.believed.metric
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
+    @guarded()
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
         """Start again from a sample, at rest or in flight: the estimate is zero and p0 is the momentum of this sample.
 
         Raises:
-            ShapeError: an array does not fit the model or is not finite, or a quaternion does not have length one.
+            ShapeError: an array does not fit the model or is not finite, a quaternion does not have length one, or a
+                coordinate is beyond a million metres or radians.
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
-        self._check_directions(q[None])
+        check_configurations(self._directions, q[None])
         # Only streams need this kernel compiled. From here on, it accepts only arrays of doubles and raises otherwise.
-        lock(self._update, self._memory.copy(), v, v, 1.0, np.zeros(self._width))
+        lock(self._update, self._memory.copy(), q, v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
         self._start(v)
-        self._time = float(time)
+        self._time = time
         self._latest = self._sample(np.zeros(self._width))
 
     def update(
@@ -150,20 +154,24 @@ class Observer:
 
         Args:
             time: time of the sample [s]. Steps can vary; a sample with the same time as the previous one is ignored.
-            q: (nq,) configuration at that time. Quaternions must have length one; only `reset` and `run` check this.
+            q: (nq,) configuration at that time.
             v: (nv,) velocity at that time.
             tau: (nv,) measured joint torque, mean over the interval.
             known: name -> (nv,) other known generalised forces, means over the interval.
 
         Raises:
             ObserverError: `reset` was not called before, or the time decreased.
-            ShapeError: an array does not fit the model or is not finite.
+            ArgumentError, ShapeError: as in `reset`.
         """
-        dt = time - self._time
-        if not dt > 0.0:
-            if dt == 0.0:
-                return self._latest
-            self._refuse_time(time)
+        try:
+            dt = time - self._time
+            if not dt > 0.0:
+                if dt == 0.0:
+                    return self._latest
+                self._refuse_time(time)
+        except (TypeError, ValueError, OverflowError):
+            number(time, "time", "any")
+            raise
         model, data = self.model, self.data
         out = empty(self._width)
         u: Any = tau
@@ -177,18 +185,20 @@ class Observer:
             crba(model, data, q)
             computeCoriolisMatrix(model, data, q, v)
             computeGeneralizedGravity(model, data, q)
-            good = self._update(self._memory, v, u, dt, out)
+            good = self._update(self._memory, q, v, u, dt, out)
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
         if not good:
-            q, v, u = self._checked(q, v, tau, known or {})
+            time = number(time, "time")
+            q, v, u = self._checked(q, v, tau, known)
             _compute(model, data, q, v)
-            if not self._update(self._memory, v, u, dt, out):
+            if not self._update(self._memory, q, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
         self._latest = latest = self._sample(out)
         return latest
 
+    @guarded(q="any", v="any", tau="any", known="any")
     def run(
         self, time: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> Estimate:
@@ -204,16 +214,16 @@ class Observer:
         Raises:
             ObserverError, ShapeError: for the same reasons as `update` and `reset`.
         """
-        time = np.ascontiguousarray(time, float)
+        time = np.ascontiguousarray(time)
         count = len(time) - 1
         if time.ndim != 1 or count < 1:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
         nq, nv = int(self.model.nq), int(self.model.nv)
-        q, v = _record(q, count + 1, nq, "q"), _record(v, count + 1, nv, "v")
-        self._check_directions(q)
-        u = _record(tau, count, nv, "tau")
+        q, v = checked_record(q, count + 1, nq, "q"), checked_record(v, count + 1, nv, "v")
+        check_configurations(self._directions, q)
+        u = checked_record(tau, count, nv, "tau")
         for name, force in (known or {}).items():
-            u = u + _record(force, count, nv, name)
+            u = u + checked_record(force, count, nv, name)
         if not np.all(np.diff(time) >= 0.0):
             at = int(np.argmin(np.diff(time) >= 0.0))
             self._time = time[at]
@@ -266,24 +276,17 @@ class Observer:
         if bad >= 0:
             raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
 
+    @guarded()
     def _checked(
-        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike]
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None
     ) -> tuple[Array, Array, Array]:
-        """Return q, v and the sum of the known forces, checked for a kernel. Raises ShapeError."""
+        """Return q, v and the sum of the known forces, checked for a kernel. Raises the errors of `reset`."""
         u = checked(tau, self._nv, "tau")
-        for name, force in known.items():
+        for name, force in (known or {}).items():
             u = u + checked(force, self._nv, name)
-        return checked(q, self.model.nq, "q"), checked(v, self._nv, "v"), u
-
-    def _check_directions(self, q: Array) -> None:
-        """Raise ShapeError if a quaternion or a (cosine, sine) pair in q (m, nq) does not have length one."""
-        for joint in self.model.joints:
-            size = DIRECTIONS.get(joint.shortname(), 0)
-            end = joint.idx_q + joint.nq
-            length = np.linalg.norm(q[:, end - size : end], axis=1)
-            if size and not np.all(np.abs(length - 1.0) < 1e-3):
-                row = int(np.argmax(np.abs(length - 1.0)))
-                raise ShapeError(f"q[{end - size}:{end}] of sample {row} has length {length[row]:.3g}: 1 was expected")
+        q, v = checked(q, self.model.nq, "q"), checked(v, self._nv, "v")
+        check_configurations(self._directions, q[None])
+        return q, v, u
 
     def _refuse_time(self, time: float) -> None:
         if np.isnan(self._time):
@@ -291,39 +294,8 @@ class Observer:
         raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
 
 
-def _modes(gain: Array, size: int) -> tuple[Array, Array]:
-    """Split a gain into gains (size,) and the orthonormal basis (size, size) in which they act.
-
-    The basis is empty unless the gain is a matrix. Raises ObserverError if the gain does not fit or is not positive.
-    """
-    if gain.shape not in ((), (size,), (size, size)):
-        raise ObserverError(
-            f"gain of shape {gain.shape}: one number, {size} numbers or a matrix of {size} x {size} were expected"
-        )
-    gains, basis = gain, np.zeros((0, 0))
-    if gain.ndim == 2 and np.all(np.isfinite(gain)):
-        if not np.allclose(gain, gain.T, rtol=1e-9, atol=0.0):
-            raise ObserverError("gain matrix: a symmetric one was expected")
-        gains, basis = np.linalg.eigh(gain)
-    if not (np.all(np.isfinite(gains)) and np.all(gains > 0.0)):
-        raise ObserverError(f"gain = {gain}: a finite positive gain in 1/s was expected")
-    return np.array(np.broadcast_to(gains, (size,))), basis
-
-
 def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:
     """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read."""
     crba(model, data, q)
     computeCoriolisMatrix(model, data, q, v)
     computeGeneralizedGravity(model, data, q)
-
-
-def _record(values: ArrayLike, rows: int, columns: int, name: str) -> Array:
-    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError with `name`."""
-    table = np.ascontiguousarray(values, float)
-    if table.ndim != 2 or table.shape[1] != columns:
-        raise ShapeError(f"{name} has shape {table.shape}: ({rows}, {columns}) was expected")
-    if len(table) != rows:
-        raise ShapeError(f"{name} has {len(table)} rows: {rows} were expected")
-    if not np.all(np.isfinite(table)):
-        raise ShapeError(f"{name} holds NaN or infinity in row {int(np.argmin(np.all(np.isfinite(table), axis=1)))}")
-    return table

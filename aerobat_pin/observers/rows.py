@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded, shown
 
 MOMENT_ARM = 0.05  # [m]
 BASE_ROWS = 6  # rows of a free-flyer base
@@ -22,6 +22,7 @@ Rows = Literal["all", "base", "base+power"]
 ROWS = ("all", "base", "base+power")  # a name's index is the integer by which the kernels identify it
 
 
+@guarded(map=("nv", "ns"))
 @dataclass(frozen=True)
 class Tie:
     """Coordinates assumed to move together, v = S v_s: an observer then uses only S^T times the residual.
@@ -39,6 +40,7 @@ class Tie:
     map: Array
 
 
+@guarded()
 def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:
     """Tie the second joint of every pair to the first, so that both have the same rate.
 
@@ -90,9 +92,9 @@ class BelievedRows:
             forces = np.abs(rows.map[:3]).sum(axis=0) > 0.0 if floating else np.zeros(len(norms), bool)
             self._tied: Array = rows.map * np.where(forces, 1.0, 1.0 / MOMENT_ARM) / norms
             self.metric = self._tied @ self._tied.T
-        elif rows not in ROWS or (rows != "all" and not floating):
+        elif not isinstance(rows, str) or rows not in ROWS or (rows != "all" and not floating):
             raise ObserverError(
-                f"rows = {rows!r}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
+                f"rows = {shown(rows)}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
             )
         else:
             self.name, self.number = rows, ROWS.index(rows)

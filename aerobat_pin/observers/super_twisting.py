@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import LARGEST, guarded
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.kernels.filters import SUPER_TWISTING
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
@@ -33,6 +33,7 @@ class SuperTwistingObserver(Observer):
     name = "super_twisting"
     kind = SUPER_TWISTING
 
+    @guarded(gain="any", rows="free", slope="any")
     def __init__(
         self,
         model: pin.Model,
@@ -43,7 +44,7 @@ class SuperTwistingObserver(Observer):
         slope: float = 1.0,
     ) -> None:
         """Prepare the filter; `reset` starts it."""
-        if not (np.isfinite(slope) and slope > 0.0):
+        if not 0.0 < slope <= LARGEST:
             raise ObserverError(f"slope = {slope}: a finite positive number in N/s was expected")
         self.slope, self._settings = float(slope), {"slope": slope}
         super().__init__(model, applications, gain, rows)

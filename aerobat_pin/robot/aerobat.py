@@ -20,7 +20,7 @@ from aerobat_description.reading import MorphologyError
 from aerobat_description.write_urdf import srdf_text, urdf_text
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot.visual_model import visual_model
 from aerobat_pin.robot.wing import Wing
 
@@ -70,6 +70,7 @@ class Aerobat:
         start = self.linkage.solve(CRANK_START)
         return self.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], start.theta_s, start.theta_e)
 
+    @guarded()
     def with_changes(self, changes: Mapping[str, Any]) -> Aerobat:
         """Return a new, consistent robot under the same gravity, without writing files.
 
@@ -93,6 +94,7 @@ class Aerobat:
         """Total mass [kg]."""
         return float(pin.computeTotalMass(self.model))
 
+    @guarded(placement=(..., 7), theta_s=[(), (...,)], theta_e=[(), (...,)])
     def configuration(self, placement: ArrayLike, theta_s: ArrayLike, theta_e: ArrayLike) -> Array:
         """Return q (..., nq) for a base placement (..., 7) and equal shoulder and elbow angles in both wings."""
         placement = np.asarray(placement, float)
@@ -102,6 +104,7 @@ class Aerobat:
             q[..., index] = angle
         return q
 
+    @guarded(twist=(..., 6), theta_s_dot=[(), (...,)], theta_e_dot=[(), (...,)])
     def velocity(self, twist: ArrayLike, theta_s_dot: ArrayLike, theta_e_dot: ArrayLike) -> Array:
         """Return v (..., nv) for a base twist (..., 6) and equal joint rates in both wings; likewise accelerations."""
         twist = np.asarray(twist, float)
@@ -112,6 +115,7 @@ class Aerobat:
         return v
 
 
+@guarded(gravity="not negative")
 def load_aerobat(
     morphology: str | Path = "aerobat", changes: Mapping[str, Any] | None = None, *, gravity: float = STANDARD_GRAVITY
 ) -> Aerobat:
@@ -128,6 +132,7 @@ def load_aerobat(
     return _build(load_morphology(morphology, changes), np.array([0.0, 0.0, -gravity]))
 
 
+@guarded()
 def load_morphology(morphology: str | Path, changes: Mapping[str, Any] | None = None) -> Morphology:
     """Read a morphology as `Morphology.load` does; errors are of this package and name the file.
 

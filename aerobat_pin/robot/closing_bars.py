@@ -13,12 +13,14 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_description.bars import closing_bars
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot.aerobat import CRANK_START, Aerobat
 from aerobat_pin.robot.visual_model import geometry_object
 
 BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # bar, as numbered in the paper: its angle
 
 
+@guarded()
 def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = None) -> dict[str, pin.SE3]:
     """Return the frames of the bars L1, L2, L4, L5 and L6 of both wings, named `left_L1`, `right_L1` and so on.
 
@@ -44,6 +46,7 @@ def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = No
     return placed
 
 
+@guarded()
 def visual_model_with_bars(robot: Aerobat) -> pin.GeometryModel:
     """Return the robot's visible parts plus the closing bars, attached to the base, with the crank straight down."""
     picture = robot.visual_model.copy()
@@ -54,6 +57,7 @@ def visual_model_with_bars(robot: Aerobat) -> pin.GeometryModel:
     return picture
 
 
+@guarded()
 def place_bars(robot: Aerobat, picture: pin.GeometryModel, crank_angle: float) -> None:
     """Move the bars of `picture`, in place, to a crank angle [rad].
 

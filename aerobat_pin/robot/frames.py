@@ -9,9 +9,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, frame_id
+from aerobat_pin.numerics import Array, frame_id, guarded
 
 
+@guarded(wrench=(6,))
 def joint_wrench(
     model: pin.Model, data: pin.Data, frame: str, wrench: ArrayLike, reference_frame: pin.ReferenceFrame
 ) -> tuple[int, pin.Force]:
@@ -47,6 +48,7 @@ def joint_wrench(
     return joint, item.placement.act(local)
 
 
+@guarded(q=("m", "nq"))
 def rotations(q: Array) -> Array:
     """Return the base's rotation matrices (m, 3, 3), body to world, for configurations (m, nq)."""
     x, y, z, w = q[:, 3:7].T
@@ -58,6 +60,7 @@ def rotations(q: Array) -> Array:
     return np.moveaxis(np.array(rows), -1, 0)
 
 
+@guarded()
 def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]]) -> list[pin.Force]:
     """Collect joint wrenches into the `fext` list of `pin.rnea` and `pin.aba`; wrenches on the same joint are added."""
     fext = [pin.Force.Zero() for _ in range(model.njoints)]
@@ -66,6 +69,7 @@ def external_forces(model: pin.Model, wrenches: Iterable[tuple[int, pin.Force]])
     return fext
 
 
+@guarded(q=("m", "nq"))
 def euler_angles(q: Array) -> Array:
     """Return roll, pitch (nose up is positive) and yaw (m, 3) [rad] for configurations (m, nq)."""
     R = rotations(q)
@@ -75,6 +79,7 @@ def euler_angles(q: Array) -> Array:
     )
 
 
+@guarded(q=("m", "nq"), v=("m", "nv"))
 def world_velocity(q: Array, v: Array) -> Array:
     """Return the base's velocity in world axes (m, 3) [m/s] for q (m, nq) and v (m, nv)."""
     return np.asarray(np.einsum("mij,mj->mi", rotations(q), v[:, :3]))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import Array, Integers
+from aerobat_pin.numerics import Array, Integers, guarded
 from aerobat_pin.robot.aerobat import JOINTS
 from aerobat_pin.robot.wing import LINKS
 
@@ -27,6 +27,7 @@ class Tree(NamedTuple):
     axis: Array
 
 
+@guarded()
 def tree_of(model: pin.Model) -> Tree:
     """Return the tree of the five links in a model."""
     joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]

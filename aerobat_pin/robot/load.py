@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from aerobat_pin.numerics import guarded
 from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
 from aerobat_pin.scenario import Scenario
 
 
+@guarded()
 def load_robot(scenario: Scenario) -> Aerobat:
     """Load the robot that flies in a scenario, with the scenario's changes and gravity.
 
@@ -15,6 +17,7 @@ def load_robot(scenario: Scenario) -> Aerobat:
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
 
 
+@guarded()
 def believed_robot(scenario: Scenario) -> Aerobat:
     """Load the robot that a scenario's observers assume. Raises the same errors as `load_aerobat`."""
     chosen = scenario.believed_robot

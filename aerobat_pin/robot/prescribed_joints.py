@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.linkage import Closure
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 BASE_SIZE = 6  # number of velocities of a free-flyer base
 
@@ -39,6 +39,7 @@ def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_accelera
     return acceleration, torque
 
 
+@guarded()
 def joint_table(closure: Closure) -> Array:
     """Return angle, rate and acceleration of shoulder and elbow as one array (n, 3, 2)."""
     return np.stack(

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import FrameNotFoundError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 LINKS = ("base_link", "left_proximal", "left_distal", "right_proximal", "right_distal")
 
 
+@guarded()
 @dataclass(frozen=True)
 class Wing:
     """Planform of both wings along the arc."""
@@ -37,15 +38,18 @@ class Wing:
         """Length of the arc from tip to tip [m]."""
         return self.morphology.span
 
+    @guarded()
     def leading_edge(self, y: ArrayLike) -> Array:
         """Return the leading edge's x in the wing frame [m] at arc coordinates y [m]."""
         return self._edge(y, "leading_edge")
 
+    @guarded()
     def chord(self, y: ArrayLike) -> Array:
         """Return the chord [m] at arc coordinates y [m], not less than the morphology's minimum chord."""
         chord = self._edge(y, "leading_edge") - self._edge(y, "trailing_edge")
         return np.maximum(chord, self.morphology.wing.minimum_chord)
 
+    @guarded(y=[(), ("n",)])
     def attach(self, y: ArrayLike) -> tuple[NDArray[np.intp], Array]:
         """Return the link and the point on it that belong to each arc coordinate.
 
@@ -76,6 +80,7 @@ class Wing:
         points[~body, 1] *= side[~body]
         return link, points
 
+    @guarded()
     def outline(self, link: str) -> Array:
         """Return the corners (k, 3) [m] of a link's membrane in the link's frame, out along the leading edge and back.
 

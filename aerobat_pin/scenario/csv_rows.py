@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 
 class TextTable:
@@ -27,6 +27,7 @@ class TextTable:
             semicolons or tabs.
     """
 
+    @guarded()
     def __init__(self, path: Path, what: str, error: Callable[[str], AerobatError]) -> None:
         if not os.path.isfile(path):  # also False for names that no file can have
             raise error(f"{what} {path}: there is no such file")

@@ -10,8 +10,10 @@ from typing import Any
 
 from aerobat_description.toml_text import MOST_LEVELS, TomlError, toml_values
 from aerobat_pin.errors import ScenarioError
+from aerobat_pin.numerics import guarded
 
 
+@guarded()
 def with_settings(values: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """Apply `dotted.key=value` texts to nested values, in place, and return the values. Raises ScenarioError."""
     for setting in settings:
@@ -30,6 +32,7 @@ def parsed_value(text: str) -> Any:
         return text
 
 
+@guarded()
 def assign(values: Any, key: str, value: Any, source: str | None = None) -> None:
     """Set the value of a dotted key, and create tables that are missing on its path.
 

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Sequence
 from typing import Any, get_args
 
+from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.dotted_keys import parsed_value
 from aerobat_pin.scenario.tables import Section, sections_of
 from aerobat_pin.scenario.toml import scenario_value
@@ -33,6 +34,7 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
     )
 
 
+@guarded()
 def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> str:
     """Return the message for one of pydantic's errors in any table.
 

@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 from aerobat_description import MORPHOLOGIES
 from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
+from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.dotted_keys import with_settings
 from aerobat_pin.scenario.messages import explain
 from aerobat_pin.scenario.size import check_size
@@ -125,6 +126,7 @@ def shipped_scenarios() -> dict[str, str]:
     return {name: load_scenario(name).description for name in shipped_names(SHIPPED_SCENARIOS)}
 
 
+@guarded()
 def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     """Read a scenario and apply settings.
 
@@ -155,6 +157,7 @@ def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
             table[key] = os.path.realpath(folder / table[key])
 
 
+@guarded()
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
     """Build a scenario from nested plain values. Raises ScenarioError, which names every broken rule."""
     try:

@@ -5,13 +5,25 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+LARGEST_NUMBER = 1.0e12  # no key needs a larger number, in any of its units
+FARTHEST_START = 1.0e6  # [m]: further out, positions lose their digits
+
+
+def _of_this_world(value: float) -> float:
+    if abs(value) > LARGEST_NUMBER:
+        raise PydanticCustomError("too_large", f"a number of at most {LARGEST_NUMBER:g} was expected")
+    return value
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidator(_of_this_world)]
 Whole = Annotated[int, Field(strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 NonNegative = Annotated[Number, Field(ge=0.0)]
 Triple = tuple[Number, Number, Number]
+Coordinate = Annotated[Number, Field(ge=-FARTHEST_START, le=FARTHEST_START)]
 PerAxis = Annotated[
     tuple[Number, ...], BeforeValidator(lambda given: (given,) if isinstance(given, int | float) else given)
 ]
@@ -44,7 +56,7 @@ class RobotSection(Section):
 class FlightSection(Section):
     """How the flight starts."""
 
-    position: Triple = Field((0.0, 0.0, 0.0), description="body COM in world [m]")
+    position: tuple[Coordinate, Coordinate, Coordinate] = Field((0.0, 0.0, 0.0), description="body COM in world [m]")
     velocity: Triple = Field((3.0, 0.0, 0.0), description="of the body COM in world axes [m/s]")
     roll_deg: Number = Field(0.0, description="positive: right wing down [deg]")
     pitch_deg: Number = Field(0.0, description="positive: nose up [deg]")
@@ -141,7 +153,7 @@ class SensorSection(Section):
     bias: PerAxis = Field((0.0,), description="constant; one number, or one per axis [unit]")
     walk: NonNegative = Field(0.0, description="random walk of the bias: its deviation after one second [unit/sqrt(s)]")
     quantum: NonNegative = Field(0.0, description="step to whose multiples samples are rounded; 0 does not [unit]")
-    delay: NonNegative = Field(0.0, description="from taking a sample to showing it [s]")
+    delay: Annotated[NonNegative, Field(le=60.0)] = Field(0.0, description="from taking a sample to showing it [s]")
     dropout: Annotated[Number, Field(ge=0.0, lt=1.0)] = Field(0.0, description="probability to lose a sample [-]")
 
 
@@ -253,6 +265,14 @@ class ObserverSection(Section):
     kalman: KalmanSection | None = Field(None, description="settings of the observer kalman")
     smoother: KalmanSection | None = Field(None, description="settings of the observer smoother")
     super_twisting: SuperTwistingSection | None = Field(None, description="settings of the observer super_twisting")
+
+    @model_validator(mode="after")
+    def _each_once(self) -> ObserverSection:
+        for key, values in (("names", self.names), ("frames", self.frames)):
+            twice = [value for i, value in enumerate(values) if value in values[:i]]
+            if twice:
+                raise ValueError(f"observers.{key} = {list(values)}: '{twice[0]}' is there twice; once was expected")
+        return self
 
     def settings(self, name: str) -> dict[str, Any]:
         """Return the settings of one observer as keyword arguments; empty if the file has no table of its name."""

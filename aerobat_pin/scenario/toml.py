@@ -12,16 +12,19 @@ import tomli_w
 
 from aerobat_description.toml_text import TomlError, toml_file
 from aerobat_pin.errors import AerobatError
+from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.tables import Section
 
 PLAIN_LIST = re.compile(r"\[\n((?: +[^\n\[\]{}]+,\n)+) *\]")  # a list as tomli_w writes it, with one value on each line
 
 
+@guarded()
 def shipped_names(folder: Path) -> list[str]:
     """Return the names, without ending, of the TOML files in a folder."""
     return sorted(path.stem for path in folder.glob("*.toml"))
 
 
+@guarded()
 def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], AerobatError]) -> dict[str, Any]:
     """Read a TOML file.
 
@@ -45,6 +48,7 @@ def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], Aero
     raise error(f"no {kind} '{source}': shipped are {', '.join(shipped_names(shipped))}; or give a TOML file")
 
 
+@guarded()
 def scenario_toml(scenario: Section) -> str:
     """Return a scenario with all its defaults as TOML text that `load_scenario` can read."""
 

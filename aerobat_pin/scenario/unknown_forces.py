@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
 
@@ -52,6 +52,7 @@ class UnknownForce(Section):
         """
         raise NotImplementedError
 
+    @guarded(edges=("2+",))
     def interval_means(self, edges: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw the noise of a run, and average both noise and signal over intervals.
 
@@ -82,6 +83,13 @@ class PaperForce(UnknownForce):
     step: Number = Field(0.15, description="height of the step [N]")
     step_start: Number = Field(1.0, description="on for step_start < t <= step_end [s]")
     step_end: Number = Field(1.6, description="see step_start [s]")
+
+    @model_validator(mode="after")
+    def _ends_after_start(self) -> PaperForce:
+        if self.step_end < self.step_start:
+            times = f"step_start = {self.step_start} s to step_end = {self.step_end} s"
+            raise ValueError(f"unknown_force: step from {times}: step_end comes later")
+        return self
 
     @property
     def elbow_amplitude(self) -> float:

@@ -261,7 +261,7 @@ def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> Non
         ({"time": 1.0}, "time"),
         ({"added_mass": -1.0}, "added_mass = -1"),
         ({"added_mass": np.nan}, "added_mass = nan"),
-        ({"motion": Stroke(np.nan)}, "motion at 0 s holds NaN"),
+        ({"motion": lambda t: Halves(*(np.nan * part for part in Stroke(1.0)(t)))}, "motion at 0 s holds NaN"),
         (
             {"motion": lambda _: Halves(np.eye(3), np.zeros((2, 6)), np.zeros((2, 6)))},
             r"motion at 0 s: rotation has shape \(3, 3\): \(2, 3, 3\)",

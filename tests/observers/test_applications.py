@@ -11,7 +11,7 @@ from support.arm import ALIGNED, arm, identifiability, push, rest
 from support.kernel_cases import COPIES, MODELS, record
 from support.observer_twins import point_jacobian
 
-from aerobat_pin.errors import ObserverError
+from aerobat_pin.errors import ArgumentError, ObserverError
 from aerobat_pin.observers import (
     Application,
     ForceLevelObserver,
@@ -22,6 +22,9 @@ from aerobat_pin.observers import (
     Tie,
     tie_joints,
 )
+from aerobat_pin.observers.applications import Applications
+from aerobat_pin.observers.identifiability import judge
+from aerobat_pin.observers.rows import BelievedRows
 from aerobat_pin.robot.aerobat import load_aerobat
 
 WINGS = ["left_force_point", "right_force_point"]
@@ -112,7 +115,7 @@ def test_a_tie_hides_what_acts_against_it_and_is_named_in_the_result() -> None:
     assert tied.identifiability.rank == 6
     assert np.all(tied.identifiability.deviation > free.identifiability.deviation)
     for alone in ("left_force_point", Application("left_force_point")):
-        with pytest.raises(ObserverError, match=r"applications = .*left_force_point.*: a list was"):
+        with pytest.raises(ArgumentError, match=r"applications = .*: a list was expected"):
             ForceLevelObserver(robot.model, alone)  # type: ignore[arg-type]
     with pytest.raises(ObserverError, match="'left_wrist' is not a joint of one degree of freedom"):
         tie_joints(robot.model, {"left_wrist": "right_elbow"})
@@ -164,6 +167,30 @@ def test_the_squeeze_is_reported_in_words_and_its_components_as_unknowable() -> 
     assert full.rank == 6
     assert full.describe() == []
     assert np.all(np.isfinite(full.deviation))
+
+
+def test_a_moment_counts_as_a_force_at_fifty_millimetres() -> None:
+    """A wrench at the origin of a free body is its six base rows: all singular values are 1, in rows and unknowns."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
+    model.appendBodyToJoint(joint, pin.Inertia(0.1, np.zeros(3), 1e-4 * np.eye(3)), pin.SE3.Identity())
+    model.addFrame(pin.Frame("centre", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    applications = Applications(model, [Application("centre", "wrench")])
+    found = judge(applications, np.eye(6)[None], np.zeros((1, 6)), BelievedRows(model, "all"))
+    np.testing.assert_allclose(found.singular_values, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(found.deviation, [1.0, 1.0, 1.0, 0.05, 0.05, 0.05], rtol=1e-12)  # N and N m
+    assert found.condition == pytest.approx(1.0)
+
+
+def test_the_power_row_weighs_the_same_at_every_speed() -> None:
+    """It is the joint torque along the joints' motion: its direction counts, not how fast the wings flap."""
+    model = load_aerobat().model
+    rows, v = BelievedRows(model, "base+power"), np.random.default_rng(9).normal(size=model.nv)
+    slow, fast = rows.map(v), rows.map(1e3 * v)
+    np.testing.assert_allclose(fast, slow, rtol=1e-12)
+    along = v[6:] / np.linalg.norm(v[6:])
+    assert along @ slow[6:, 6] == pytest.approx(1.0 / 0.05)  # 1 N m along the motion counts as 20 N at 50 mm
+    np.testing.assert_allclose(np.linalg.norm(slow[:, 6]), 20.0, rtol=1e-12)
 
 
 def test_every_pattern_that_leaves_no_trace_is_listed() -> None:

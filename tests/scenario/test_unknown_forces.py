@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation.scores import true_force
 from aerobat_pin.experiments.experiment import run, write
-from aerobat_pin.flight.point_forces import interval_means
+from aerobat_pin.flight.point_forces import PointForce, interval_means
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario
 from aerobat_pin.scenario.toml import scenario_toml
@@ -160,13 +160,8 @@ def held_parts_of(flight: Scenario, edges: np.ndarray) -> np.ndarray:
     """Return the means of a scenario's only force."""
     [signal] = flight.unknown_force
 
-    class OnlySignal:
-        """What `interval_means` looks at."""
-
-        def __init__(self) -> None:
-            self.signal = signal
-
-    return interval_means((OnlySignal(),), edges, 1)[1, 0]  # type: ignore[arg-type]
+    force = PointForce(FRAME, np.array([0.0, 0.0, 1.0]), "link", signal)
+    return interval_means((force,), edges, 1)[1, 0]
 
 
 def test_all_signals_survive_writing_and_reading(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from aerobat_pin.errors import SweepError
 from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
+from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario import Scenario, assign, flight_size, load_scenario, parse_scenario
 
 MOST_RUNS, MOST_DAYS = 100_000, 30.0  # of a sweep, the days on one processor
@@ -100,6 +101,7 @@ class Sweep:
         return parse_scenario(values, f"of sweep {self.file.name} at {labels}")
 
 
+@guarded()
 def load_sweep(source: str | Path) -> Sweep:
     """Read a sweep file and lay out its runs.
 

@@ -12,10 +12,12 @@ from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster,
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
 from aerobat_pin.flight import netcdf_bytes
+from aerobat_pin.numerics import guarded
 
 SweepProgress = Callable[[int, int, int], None]
 
 
+@guarded()
 def run_sweep(
     sweep: Sweep,
     folder: str | Path,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import CrankError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 MISMATCH = 0.01  # allowed gap between a change and the integral of its rate, as a share of the total variation
 
@@ -26,6 +26,7 @@ class CrankMotion(NamedTuple):
 CrankDrive = Callable[[Array], tuple[ArrayLike, ArrayLike, ArrayLike]]
 
 
+@guarded()
 @dataclass(frozen=True)
 class ConstantRate:
     """A crank that always turns at `rate` [rad/s], also before t = 0; its angle at t = 0 is `start` [rad]."""
@@ -33,11 +34,13 @@ class ConstantRate:
     start: float
     rate: float
 
+    @guarded()
     def __call__(self, time: Array) -> CrankMotion:
         """Return the motion at times (n,) [s]."""
         return CrankMotion(self.start + self.rate * time, np.full_like(time, self.rate), np.zeros_like(time))
 
 
+@guarded(duration="positive")
 @dataclass(frozen=True)
 class SpinUp:
     """A crank that rests at `start` [rad] until t = 0 and turns at `rate` [rad/s] from t = `duration` [s] on.
@@ -50,6 +53,7 @@ class SpinUp:
     rate: float
     duration: float
 
+    @guarded()
     def __call__(self, time: Array) -> CrankMotion:
         """Return the motion at times (n,) [s]."""
         s = np.clip(time / self.duration, 0.0, 1.0)

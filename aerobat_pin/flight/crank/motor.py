@@ -23,7 +23,7 @@ import numpy as np
 
 from aerobat_pin.errors import CrankError
 from aerobat_pin.flight.crank.drives import CrankMotion
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 ACCURACY = 1.0e-9  # relative tolerance of the integration
 STATE_SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # typical angle [rad], rate [rad/s], torque [N m], integral [rad]
@@ -39,6 +39,7 @@ def no_wings(crank_angle: Array) -> tuple[Array, Array]:
     return np.zeros_like(crank_angle), np.zeros_like(crank_angle)
 
 
+@guarded(rotor_inertia="positive", torque_limit="positive", lag="positive", gain="positive")
 @dataclass(frozen=True)
 class RateControlledMotor:
     """A crank drive: a rate controller, a motor with torque limit and lag, and the inertia and load that it turns.
@@ -68,15 +69,18 @@ class RateControlledMotor:
     wings: Callable[[Array], tuple[Array, Array]] = no_wings
     load: Callable[[Array], Array] = no_load
 
+    @guarded(time=("n",))
     def __call__(self, time: Array) -> CrankMotion:
         """Return the motion at times (n,) [s]. Raises the same errors as `states`."""
         angle, rate, torque, _ = self.states(time)
         return CrankMotion(angle, rate, np.where(time < 0.0, 0.0, self._acceleration(angle, rate, torque)))
 
+    @guarded(time=("n",))
     def torque(self, time: Array) -> Array:
         """Return the motor's torque at the crank at times (n,) [N m]. Raises the same errors as `states`."""
         return np.asarray(self.states(time)[2])
 
+    @guarded(time=("n",))
     def states(self, time: Array) -> Array:
         """Integrate from t = 0; return angle, rate, torque and integral z (4, n) at times (n,) [s].
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import Aerobat
 
 SAMPLES = 360  # crank angles at which the inertia is computed
@@ -19,6 +19,7 @@ class WingInertia:
     wings' kinetic energy is I t1'^2 / 2.
     """
 
+    @guarded()
     def __init__(self, robot: Aerobat) -> None:
         """Compute the Fourier series of the inertia over one turn of the crank."""
         crank = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
@@ -33,6 +34,7 @@ class WingInertia:
         self._orders = 1j * np.arange(HARMONICS + 1)
         self._series = np.stack([series, self._orders * series], axis=-1)
 
+    @guarded()
     def __call__(self, crank_angle: Array) -> tuple[Array, Array]:
         """Return the inertia [kg m2] and its derivative by crank angle [kg m2/rad]."""
         both = (np.exp(np.multiply.outer(crank_angle, self._orders)) @ self._series).real

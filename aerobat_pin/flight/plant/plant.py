@@ -32,7 +32,7 @@ from aerobat_pin.flight.plant.kernels import advance_stage, evaluate
 from aerobat_pin.flight.plant.memory import Forces, plant_in, split_forces, unknown_forces
 from aerobat_pin.flight.point_forces import point_forces
 from aerobat_pin.linkage import Closure
-from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
+from aerobat_pin.numerics import Array, fields_of, guarded, lie_step, new_memory, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
@@ -89,6 +89,7 @@ class Plant:
         ScenarioError: a force acts at a frame that the robot does not have, or its direction is zero.
     """
 
+    @guarded()
     def __init__(self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | None = None) -> None:
         """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
         self.robot, self.scenario = robot, scenario
@@ -123,10 +124,12 @@ class Plant:
         """Pickle and copy by building the plant anew, because views of Pinocchio's results cannot be pickled."""
         return type(self), (self.robot, self.scenario, self.drive)
 
+    @guarded(time=("n",))
     def closure(self, time: Array) -> Closure:
         """Close the linkage at the crank angles that the drive gives for times (n,) [s]."""
         return self.robot.linkage.solve(*checked_motion(self.drive, time))
 
+    @guarded()
     def rates(
         self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
     ) -> tuple[Array, Array, Forces]:
@@ -173,6 +176,7 @@ class Plant:
         pin.nonLinearEffects(self.model, self.data, q, v)
         evaluate(self.memory, joints, wind, held, 0, state, rate)
 
+    @guarded(dt="positive")
     def fly(
         self,
         count: int,
@@ -247,6 +251,7 @@ class Plant:
             raise SimulationError(f"scenario {self.scenario.name}: {message}", kept * dt, flown if kept > 1 else None)
         return flown
 
+    @guarded(time=("n",))
     def wind(self, time: Array) -> Array:
         """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
         return wind_of(self.scenario.air).field(time)

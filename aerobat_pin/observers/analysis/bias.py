@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 
 WINDOW = 2.5  # correlation lengths up to which the autocorrelation is summed; Sokal's 5, with a length twice his
 
@@ -27,11 +27,13 @@ class Bias:
     standard_error: Array
     effective_samples: Array
 
+    @guarded()
     def remove(self, values: ArrayLike) -> Array:
         """Return the values (m,) or (m, c) minus the bias."""
         return np.asarray(np.asarray(values, float) - self.mean)
 
 
+@guarded()
 def bias_of(free: ArrayLike) -> Bias:
     """Measure the bias in a free run.
 

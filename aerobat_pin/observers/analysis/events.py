@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.analysis.bias import bias_of
 
 FEWEST = 100  # smallest number of excursions in a free run that is long enough
@@ -62,10 +62,12 @@ class Detector:
     false_alarms: float
     delay: float
 
+    @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the statistic (m,) of values (m,) or (m, c), which are means over the intervals of `time` (m + 1,)."""
         raise NotImplementedError
 
+    @guarded()
     def detect(self, time: ArrayLike, values: ArrayLike) -> list[Event]:
         """Find the events in a series.
 
@@ -76,11 +78,7 @@ class Detector:
         Raises:
             ShapeError: arrays do not fit each other, or numbers are not finite.
         """
-        edges, series = _series(time, values)
-        if np.shape(self.bias) != series.shape[1:]:
-            raise ShapeError(
-                f"series of shape {series.shape}: the detector was calibrated with {np.size(self.bias)} components"
-            )
+        edges, series = self._series(time, values)
         statistic, size = self.statistic(edges, series), _deviation(series, self.bias)
         events = []
         for first, last in _excursions(statistic, self.floor):
@@ -91,14 +89,25 @@ class Detector:
                 events.append(Event(float(edges[first]), float(edges[beyond[0] + 1]), end, peak))
         return events
 
+    def _series(self, time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+        """Return edges and series as arrays. Raises ShapeError if they do not fit each other or the calibration."""
+        edges, series = _series(time, values, "values")
+        if np.shape(self.bias) != series.shape[1:]:
+            raise ShapeError(
+                f"values of shape {series.shape}: the detector was calibrated with {np.size(self.bias)} components"
+            )
+        return edges, series
+
 
 class LevelDetector(Detector):
     """A detector whose statistic is the deviation from the bias, or its norm; the floor is the rms in a free run."""
 
+    @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the statistic |x - bias| (m,) [unit of the series]."""
-        return _deviation(np.asarray(values, float), self.bias)
+        return _deviation(self._series(time, values)[1], self.bias)
 
+    @guarded()
     def latency(self, step: float) -> float:
         """Return the time from a step to its alarm [s], through a first-order filter and without noise."""
         return float(-self.delay * np.log1p(-self.threshold / step)) if step > self.threshold else float("inf")
@@ -120,10 +129,11 @@ class CusumDetector(Detector):
 
     drift: float
 
+    @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the larger one of the impulses in both directions (m,) [unit of the series times s]."""
-        dt = np.diff(np.asarray(time, float))
-        change = np.asarray(values, float) - self.bias
+        edges, series = self._series(time, values)
+        dt, change = np.diff(edges), series - self.bias
         sides = []
         for side in (change, -change):
             total, gathered = 0.0, []
@@ -133,12 +143,14 @@ class CusumDetector(Detector):
             sides.append(gathered)
         return np.asarray(np.max(sides, axis=0))
 
+    @guarded()
     def latency(self, step: float) -> float:
         """Return the longest time from a step to its alarm [s], through a first-order filter and without noise."""
         excess = step - self.drift
         return (self.threshold + step * self.delay) / excess if excess > 0.0 else float("inf")
 
 
+@guarded(delay="not negative", false_alarms="any")
 def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay: float = 0.0) -> LevelDetector:
     """Return a level detector, with its threshold calibrated in a free run.
 
@@ -152,7 +164,7 @@ def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay
         ShapeError: arrays do not fit each other, or numbers are not finite.
         ObserverError: the free run is too short for this rate, or the rate is not finite and positive.
     """
-    edges, series = _series(time, free)
+    edges, series = _series(time, free, "free")
     bias = bias_of(series).mean
     statistic = _deviation(series, bias)
     floor = float(np.sqrt(np.mean(statistic**2)))
@@ -162,6 +174,7 @@ def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay
     return LevelDetector(bias, floor, float(np.sqrt(squared)), false_alarms, delay)
 
 
+@guarded(delay="not negative", false_alarms="any", drift="any")
 def calibrate_cusum(
     time: ArrayLike, free: ArrayLike, false_alarms: float, drift: float, delay: float = 0.0
 ) -> CusumDetector:
@@ -178,7 +191,7 @@ def calibrate_cusum(
         ShapeError: for the same reasons as `calibrate_level`, or there is more than one component.
         ObserverError: for the same reasons as `calibrate_level`, or the drift is not finite and positive.
     """
-    edges, series = _series(time, free)
+    edges, series = _series(time, free, "free")
     if series.ndim != 1:
         raise ShapeError(f"free run of shape {series.shape}: one component (m,) was expected")
     if not (np.isfinite(drift) and drift > 0.0):
@@ -222,17 +235,20 @@ def _tail_level(maxima: Array, duration: float, rate: float, advice: str) -> flo
         raise ObserverError(f"{found}: {FEWEST} or more were expected; {advice}")
     if wanted > count:
         raise ObserverError(
-            f"{found}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate"
+            f"{found}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate "
+            "false_alarms"
         )
     largest = np.sort(maxima)[::-1]
     return float(largest[count] + np.mean(largest[:count] - largest[count]) * np.log(count / wanted))
 
 
-def _series(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+def _series(time: ArrayLike, values: ArrayLike, name: str) -> tuple[Array, Array]:
     """Return edges (m + 1,) and series (m,) or (m, c) as arrays. Raises ShapeError if they do not fit."""
-    edges, series = np.asarray(time, float), np.asarray(values, float)
+    edges, series = np.asarray(time), np.asarray(values)
     if edges.ndim != 1 or series.ndim not in (1, 2) or len(series) != len(edges) - 1 or not len(series):
-        raise ShapeError(f"series of shape {series.shape} on times of shape {edges.shape}: (m,) or (m, c) on (m + 1,)")
-    if not (np.all(np.isfinite(series)) and np.all(np.isfinite(edges)) and np.all(np.diff(edges) >= 0.0)):
-        raise ShapeError("series: finite numbers on times that do not decrease were expected")
+        raise ShapeError(
+            f"{name} of shape {series.shape} on times of shape {edges.shape}: (m,) or (m, c) on (m + 1,) were expected"
+        )
+    if not np.all(np.diff(edges) >= 0.0):
+        raise ShapeError("time: times that do not decrease were expected")
     return edges, series

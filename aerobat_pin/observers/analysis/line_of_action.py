@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, shaped
+from aerobat_pin.numerics import Array, guarded, shaped
 from aerobat_pin.observers.analysis.panel import Panel
 
 SIGMAS = 3.0  # standard deviations; a normal error exceeds them once in 370 cases
@@ -100,6 +100,7 @@ class LineOfAction:
         J = self._point_jacobian()
         return np.asarray(J @ self.covariance @ J.T)
 
+    @guarded()
     def seen_from(self, placement: pin.SE3) -> LineOfAction:
         """Return the same line in another frame.
 
@@ -109,6 +110,7 @@ class LineOfAction:
         X = placement.toActionMatrix().T
         return LineOfAction(X @ self.wrench, X @ self.covariance @ X.T)
 
+    @guarded()
     def cross(self, outline: ArrayLike) -> Crossing:
         """Return the point where the line meets the plane of a panel.
 
@@ -145,6 +147,7 @@ class LineOfAction:
         return np.asarray(np.hstack([by_force, pin.skew(force)]) / self._square)
 
 
+@guarded()
 def locate(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
     """Compute the line of action of one force from its wrench.
 

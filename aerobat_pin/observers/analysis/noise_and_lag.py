@@ -22,7 +22,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, checked
+from aerobat_pin.numerics import Array, checked, guarded
 from aerobat_pin.observers.identifiability import RANK_TOLERANCE, judge
 from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
@@ -32,6 +32,7 @@ ORDERS = {"momentum": 1, "force_level": 1, "second_order": 2}  # filter order; o
 GAIN_RANGE = (1.0e-5, 50.0)  # smallest and largest K dt
 
 
+@guarded(linear_velocity="not negative", gyro="not negative", joint_rate="not negative")
 @dataclass(frozen=True)
 class SensorNoise:
     """Standard deviation of white noise on each sample of the velocity.
@@ -46,6 +47,7 @@ class SensorNoise:
     gyro: float = 0.0
     joint_rate: float = 0.0
 
+    @guarded()
     def deviations(self, model: pin.Model) -> Array:
         """Return the standard deviation of each velocity coordinate of a model (nv,)."""
         free = BASE_ROWS if model.njoints > 1 and model.joints[1].nv == BASE_ROWS else 0
@@ -75,6 +77,7 @@ class Prediction:
         return np.sqrt(np.diag(self.covariance))
 
 
+@guarded(dt="positive")
 def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> Prediction:
     """Predict noise and lag of an observer near rest at a configuration.
 
@@ -133,11 +136,13 @@ def lag_of(observer: Observer | type[Observer], gain: float, dt: float) -> float
     return float(dt * (d / e if order == 1 else d * (x - e) / (e * e) + 2.0 * d / e))
 
 
+@guarded(dt="positive")
 def gain_for_lag(observer: Observer | type[Observer], dt: float, lag: float) -> float:
     """Return the gain K [1/s] at which an estimate has a wanted lag [s]. Raises ObserverError if no gain has it."""
     return _solve(lambda gain: lag_of(observer, gain, dt), lag, dt, "lag", "s")
 
 
+@guarded(dt="positive")
 def gain_for_deviation(
     observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise, label: str, deviation: float
 ) -> float:

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.analysis.bias import correlation_length
 from aerobat_pin.observers.analysis.line_of_action import FAINTEST, ROUNDING, checked_covariance
 
@@ -52,6 +52,7 @@ class PointOfAction:
         return "a line: the force never turns" if len(self.unknown) else "a point"
 
 
+@guarded()
 def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
     """Compute the point of a link at which a force acts over many samples.
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, checked, fields_of, new_memory
+from aerobat_pin.numerics import LARGEST, Array, checked, fields_of, guarded, new_memory, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
@@ -79,6 +79,17 @@ class KalmanObserver(Observer):
 
     name = "kalman"
 
+    @guarded(
+        gain="any",
+        rows="free",
+        force_walk="any",
+        known_error="any",
+        prior="any",
+        mass_error="any",
+        error_time="any",
+        misfit="any",
+        frequency="any",
+    )
     def __init__(
         self,
         model: pin.Model,
@@ -132,7 +143,7 @@ class KalmanObserver(Observer):
         self._prior: Array | None = None
         if force_walk is not None:
             walk = np.array(force_walk, float)
-            if walk.shape not in ((), scale.shape) or not (np.all(np.isfinite(walk)) and np.all(walk > 0.0)):
+            if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST)):
                 raise ObserverError(
                     f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
                 )
@@ -151,13 +162,18 @@ class KalmanObserver(Observer):
             ShapeError: for the same reasons as in `Observer.update`.
         """
         for row, name in zip(self._kalman.filter.errors, self._errors, strict=True):
-            row[:] = checked(self._of(known or {}, name), self._nv, name)
+            row[:] = checked(self._of(known, name), self._nv, name)
         return super().update(time, q, v, tau, known)
 
-    def _of(self, known: Mapping[str, ArrayLike], name: str) -> ArrayLike:
+    def _of(self, known: Mapping[str, ArrayLike] | None, name: str) -> ArrayLike:
         """Return the known force of a given name. Raises ObserverError if it is missing."""
+        known = {} if known is None else known
+        if not isinstance(known, Mapping):
+            raise ObserverError(f"known = {shown(known)}: a mapping from names to forces was expected")
         if name not in known:
-            raise ObserverError(f"known_error names '{name}': the known forces are {', '.join(known) or 'none'}")
+            raise ObserverError(
+                f"known_error names '{name}': the known forces are {', '.join(map(str, known)) or 'none'}"
+            )
         return known[name]
 
     def _noise(self, sensor_noise: Sequence[float]) -> Array:
@@ -230,6 +246,6 @@ class KalmanObserver(Observer):
 
 def _positive(name: str, value: float) -> float:
     """Return the value if it is finite and positive. Raises ObserverError with its name otherwise."""
-    if not (np.isfinite(value) and value > 0.0):
+    if not 0.0 < value <= LARGEST:
         raise ObserverError(f"{name} = {value}: a finite positive number was expected")
     return float(value)

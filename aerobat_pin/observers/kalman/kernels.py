@@ -17,7 +17,14 @@ import numpy as np
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inner, kernel, mirror
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
 from aerobat_pin.observers.kernels.memory import ObserverMemory
-from aerobat_pin.observers.kernels.residual import TOO_LARGE, dynamics_of, next_in_record, repeat_interval, write_sample
+from aerobat_pin.observers.kernels.residual import (
+    TOO_LARGE,
+    dynamics_of,
+    is_configuration,
+    next_in_record,
+    repeat_interval,
+    write_sample,
+)
 from aerobat_pin.observers.rows import BASE_ROWS
 
 LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
@@ -256,14 +263,15 @@ def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: F
 
 
 @kernel
-def update_filter(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
     """Take a sample and apply `filter_interval` to the interval since the previous sample.
 
-    Returns False and changes no estimate if v or u does not have the model's size or the innovation is NaN or huge.
+    Returns False and changes no estimate if q is no configuration, v or u does not have the model's size, or the
+    innovation is NaN or huge.
     """
     kalman = kalman_in(memory)
     filter_, step, nv, newest = kalman.filter, kalman.step, kalman.observer.sizes.nv, kalman.observer.newest[0]
-    if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE:
+    if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE or not is_configuration(kalman.observer, q):
         return False
     before, after = filter_.samples[newest], filter_.samples[1 - newest]
     write_noisy_sample(kalman.observer, filter_.noise, v, after)

@@ -19,6 +19,7 @@ class ObserverSizes(NamedTuple):
     project_first: int  # 1 if the forces are filtered, 0 if the residual is
     rows: int  # which rows the projection uses, see `rows.ROWS`
     filter: int  # which filter, see `filters`
+    directions: int  # number of quaternions and other unit vectors in a configuration
 
 
 class ObserverMemory(NamedTuple):
@@ -27,6 +28,7 @@ class ObserverMemory(NamedTuple):
     sizes: ObserverSizes
     robot: Integers  # addresses of Pinocchio's M, C, g, J and oMi
     record: Integers  # addresses of a record's velocities and samples, and the index of the next sample
+    directions: Integers  # for each unit vector in q: where it starts, and its size
     newest: Integers  # index of the newer one of the two samples
     slope: Array  # slope of a super-twisting filter [unit of the filtered quantity per second]
     gain: Array  # gains of the filtered quantities, or of their coordinates in `basis` [1/s]
@@ -56,6 +58,7 @@ def observer_sizes(cursor: Integers) -> ObserverSizes:
         project_first=next_size(cursor),
         rows=next_size(cursor),
         filter=next_size(cursor),
+        directions=next_size(cursor),
     )
 
 
@@ -67,6 +70,7 @@ def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
         sizes=sizes,
         robot=take_integers(cursor, (5,)),
         record=take_integers(cursor, (3,)),
+        directions=take_integers(cursor, (sizes.directions, 2)),
         newest=take_integers(cursor, (1,)),
         slope=take(cursor, (1,)),
         gain=take(cursor, (size,)),

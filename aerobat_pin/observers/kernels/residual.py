@@ -16,12 +16,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
 from aerobat_pin.observers.kernels.projection import project
 
 TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
+FARTHEST = 1.0e6  # [m or rad]: largest coordinate of a configuration; further out, positions lose their digits
+LENGTH_TOLERANCE = 1.0e-3  # largest deviation of a unit vector's length
 
 
 class Dynamics(NamedTuple):
@@ -131,6 +135,21 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
     return True
 
 
+@inner
+def is_configuration(observer: ObserverMemory, q: Array) -> bool:
+    """Return whether every coordinate is finite and near, and quaternions and other directions have length one."""
+    for i in range(q.shape[0]):
+        if not abs(q[i]) <= FARTHEST:  # NaN too
+            return False
+    for row in range(observer.directions.shape[0]):
+        start, square = observer.directions[row, 0], 0.0
+        for i in range(start, start + observer.directions[row, 1]):
+            square += q[i] * q[i]
+        if not abs(np.sqrt(square) - 1.0) < LENGTH_TOLERANCE:
+            return False
+    return True
+
+
 @kernel
 def start_observer(memory: Array, v: Array) -> None:
     """Take the first sample of a stream and set the filter to zero."""
@@ -141,13 +160,14 @@ def start_observer(memory: Array, v: Array) -> None:
 
 
 @kernel
-def update_observer(memory: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
+def update_observer(memory: Array, q: Array, v: Array, u: Array, dt: float, out: Array) -> bool:
     """Take a sample and apply `observe` to the interval since the previous sample.
 
-    Returns False and keeps the filter's state if v or u does not have the model's size or the residual is not finite.
+    Returns False and keeps the filter's state if q is no configuration, v or u does not have the model's size, or the
+    residual is not finite.
     """
     observer = observer_in(memory)
-    if v.shape[0] != observer.sizes.nv or u.shape[0] != observer.sizes.nv:
+    if v.shape[0] != observer.sizes.nv or u.shape[0] != observer.sizes.nv or not is_configuration(observer, q):
         return False
     newest = observer.newest[0]
     before, after = observer.samples[newest], observer.samples[1 - newest]

@@ -1,0 +1,75 @@
+"""What an observer accepts: gains, records of finite numbers, and configurations of the model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from aerobat_pin.errors import ObserverError, ShapeError
+from aerobat_pin.numerics import LARGEST, Array, checked_shape, real_numbers
+from aerobat_pin.observers.kernels.residual import FARTHEST, LENGTH_TOLERANCE
+
+# Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
+DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
+    ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
+)
+
+
+def modes(gain: Array, size: int) -> tuple[Array, Array]:
+    """Split a gain into gains (size,) and the orthonormal basis (size, size) in which they act.
+
+    The basis is empty unless the gain is a matrix. Raises ObserverError if the gain does not fit or is not positive.
+    """
+    if gain.shape not in ((), (size,), (size, size)):
+        raise ObserverError(
+            f"gain of shape {gain.shape}: one number, {size} numbers or a matrix of {size} x {size} were expected"
+        )
+    gains, basis = gain, np.zeros((0, 0))
+    if gain.ndim == 2 and np.all(np.isfinite(gain)):
+        if not np.allclose(gain, gain.T, rtol=1e-9, atol=0.0):
+            raise ObserverError("gain matrix: a symmetric one was expected")
+        gains, basis = np.linalg.eigh(gain)
+    if not (np.all(gains > 0.0) and np.all(gains <= LARGEST)):
+        raise ObserverError(f"gain = {gain}: a finite positive gain in 1/s was expected")
+    return np.array(np.broadcast_to(gains, (size,))), basis
+
+
+def directions_of(model: pin.Model) -> list[tuple[int, int]]:
+    """Return where in a configuration a quaternion or a pair (cosine, sine) starts, and its size."""
+    found = []
+    for joint in model.joints:
+        size = DIRECTIONS.get(joint.shortname(), 0)
+        if size:
+            found.append((joint.idx_q + joint.nq - size, size))
+    return found
+
+
+def check_configurations(directions: list[tuple[int, int]], q: Array) -> None:
+    """Raise ShapeError for a coordinate of q (m, nq) that is too far, or a direction that has not length one.
+
+    Args:
+        directions: what `directions_of` returns.
+        q: (m, nq) configurations; the kernel `is_configuration` checks those of a stream.
+    """
+    for start, size in directions:
+        length = np.linalg.norm(q[:, start : start + size], axis=1)
+        if not np.all(np.abs(length - 1.0) < LENGTH_TOLERANCE):
+            row = int(np.argmax(np.abs(length - 1.0)))
+            part = f"q[{start}:{start + size}] of sample {row}"
+            raise ShapeError(f"{part} has length {length[row]:.3g}: 1 was expected")
+    if not np.all(np.abs(q) <= FARTHEST):
+        row, at = divmod(int(np.argmax(np.abs(q))), q.shape[1])
+        raise ShapeError(f"q[{at}] of sample {row} = {q[row, at]:g}: at most {FARTHEST:g} m or rad was expected")
+
+
+def checked_record(values: ArrayLike, rows: int, columns: int, name: str) -> Array:
+    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError with `name`."""
+    table = real_numbers(values, name)
+    checked_shape(table, (len(table) if table.ndim == 2 else rows, columns), name)
+    if len(table) != rows:
+        raise ShapeError(f"{name} has {len(table)} rows: {rows} were expected")
+    if not np.all(np.abs(table) <= LARGEST):
+        row = int(np.argmin(np.all(np.abs(table) <= LARGEST, axis=1)))
+        raise ShapeError(f"{name} holds NaN or infinity in row {row}, or a number beyond {LARGEST:g}")
+    return np.ascontiguousarray(table)

@@ -1,0 +1,125 @@
+"""Does a test notice? Each mutant is one slip in a copy of the project; a test must fail on it (`make mutants`).
+
+    python tests/mutants.py                 all of them, some ten minutes
+    python tests/mutants.py gravity wings   those whose names contain one of these words
+
+A slip in a kernel makes the copy compile that kernel and its callers again, which takes most of the time. The exit code
+is 1 if a mutant survives or cannot be made.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+COPIED = ("aerobat_description", "aerobat_pin", "tests", "pyproject.toml")
+LONGEST = 600  # [s] for the tests of one mutant
+
+
+class Mutant(NamedTuple):
+    """A slip: its name, the file in `aerobat_pin`, the text and what replaces it, and the tests that should notice."""
+
+    name: str
+    file: str
+    text: str
+    slip: str
+    tests: str
+
+
+RESIDUAL, OBSERVERS = "observers/kernels/residual.py", "tests/observers/test_observers.py"
+KERNELS, TWINS = "flight/plant/kernels.py", "tests/flight/test_plant_kernels.py::test_one_instant_of_the_plant"
+MUTANTS = (
+    Mutant("moment lever dropped", "observers/applications.py", "MOMENT_ARM, 1.0)", "1.0, 1.0)",
+           "tests/observers/test_applications.py"),
+    Mutant("power row not normalised", "observers/rows.py",
+           "joints / max(float(np.linalg.norm(joints)), 1e-12) / MOMENT_ARM", "joints / MOMENT_ARM",
+           "tests/observers/test_applications.py"),
+    Mutant("rows not weighted", "observers/rows.py", "self.weight[:3] = 1.0", "self.weight[:] = 1.0",
+           "tests/observers"),
+    Mutant("C^T v left out", RESIDUAL, "dot(C[:, i], v) - g[i, 0]", "-g[i, 0]", OBSERVERS),
+    Mutant("C for its transpose", RESIDUAL, "dot(C[:, i], v)", "dot(C[i, :], v)", OBSERVERS),
+    Mutant("sign of gravity in the observer", RESIDUAL, "dot(C[:, i], v) - g[i, 0]", "dot(C[:, i], v) + g[i, 0]",
+           OBSERVERS),
+    Mutant("rectangle for trapezoid", RESIDUAL, "0.5 * (before[1, i] + after[1, i])", "before[1, i]",
+           "tests/observers/test_observer_kernels.py"),
+    Mutant("p0 omitted", RESIDUAL, "(after[0, i] - before[0, i]) / dt", "after[0, i] / dt", OBSERVERS),
+    Mutant("tau one sample late", RESIDUAL, "observe(samples[k], samples[k + 1], u[k], dt",
+           "observe(samples[k], samples[k + 1], u[max(k - 1, 0)], dt", OBSERVERS),
+    Mutant("body for world axes in the observer", RESIDUAL, "if turns > 0.0:", "if turns <= 0.0:",
+           "tests/observers/test_applications.py"),
+    Mutant("Jacobian at the start", RESIDUAL, "0.5 * (before[3 + row, i] + after[3 + row, i])", "before[3 + row, i]",
+           "tests/observers/test_observer_kernels.py"),
+    Mutant("Euler for the exact filter", "observers/kernels/filters.py", "decay = np.exp(-gain * dt)",
+           "decay = 1.0 - gain * dt", OBSERVERS),
+    Mutant("sign of gravity of the robot", "robot/aerobat.py", "np.array([0.0, 0.0, -gravity])",
+           "np.array([0.0, 0.0, gravity])", "tests/robot/test_identities.py tests/flight/test_flights.py"),
+    Mutant("wings swapped in the robot", "robot/aerobat.py",
+           '("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")',
+           '("right_shoulder", "right_elbow", "left_shoulder", "left_elbow")', "tests/flight/test_csv_log.py"),
+    Mutant("wings swapped in the air", "robot/wing.py", "np.where(y >= 0.0, panel, panel + 2)",
+           "np.where(y <= 0.0, panel, panel + 2)", "tests/aerodynamics/test_robot_air.py"),
+    Mutant("wings swapped in the scores", "robot/aerobat.py", '("left_force_point", "right_force_point")',
+           '("right_force_point", "left_force_point")', "tests/robot tests/observers/test_applications.py"),
+    Mutant("body for world axes in the plant", KERNELS, "if axes != 2:", "if axes == 1:", TWINS),
+    Mutant("added mass dropped", KERNELS, "    add_mass(mass, tree, found, links, H, h)\n", "", TWINS),
+    Mutant("unknown force not in the motion", KERNELS, "aerodynamic[i] + thrusters[i] + pushed[i] - h[i]",
+           "aerodynamic[i] + thrusters[i] - h[i]", TWINS),
+    Mutant("known aerodynamic force dropped", "estimation/known_inputs.py",
+           "dict(reconstructed_air(robot, believed, moved))", "{}", "tests/estimation"),
+    Mutant("added mass not told to the observer", "estimation/believed_air.py",
+           '        made["added_mass"] = added\n', "        pass\n", "tests/estimation/test_believed_air.py"),
+    Mutant("step's sign", "scenario/unknown_forces.py", "_tick_integral(self.step", "_tick_integral(-self.step",
+           "tests/scenario/test_unknown_forces.py tests/experiments/test_paper_experiment.py"),
+    Mutant("nose down counted as up", "robot/frames.py", "np.arctan2(R[:, 2, 0], up)", "np.arctan2(-R[:, 2, 0], up)",
+           "tests/estimation/test_scores.py"),
+    Mutant("downwash upward", "aerodynamics/lifting_line.py", "w = normal_velocity - self.downwash @ circulation",
+           "w = normal_velocity + self.downwash @ circulation", "tests/aerodynamics/test_lifting_line.py"),
+)  # fmt: skip
+
+
+def verdict(copy: Path, mutant: Mutant) -> str:
+    """Make a mutant in a copy of the project; return `killed ...`, `survived`, or why it could not be tried."""
+    path = copy / "aerobat_pin" / mutant.file
+    source = path.read_text(encoding="utf-8")
+    if source.count(mutant.text) != 1:
+        return f"cannot be made: {source.count(mutant.text)} places in {mutant.file} have this text, one was expected"
+    path.write_text(source.replace(mutant.text, mutant.slip), encoding="utf-8")
+    words = [word.partition("::") for word in mutant.tests.split()]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-rf", "-p", "no:randomly", "-p", "no:cacheprovider"]
+    command += [file for file, _, _ in words] + [part for _, _, start in words if start for part in ("-k", start)]
+    environment = {**os.environ, "PYTHONPATH": str(copy)}
+    try:
+        done = subprocess.run(
+            command, cwd=copy, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "killed: the tests do not end"
+    if done.returncode == 1:
+        failed = [line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")]
+        return f"killed by {failed[0] if failed else 'an error in the tests'}"
+    return "survived" if done.returncode == 0 else f"cannot be tried: {done.stdout.strip()[-300:]}"
+
+
+def main(words: list[str]) -> int:
+    """Try the mutants, print a line for each, and return the exit code."""
+    chosen = [mutant for mutant in MUTANTS if not words or any(word in mutant.name for word in words)]
+    alive = 0
+    for mutant in chosen:
+        with tempfile.TemporaryDirectory() as folder:  # a copy for each, which takes the compiled kernels with it
+            for name in COPIED:
+                (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, Path(folder) / name)
+            found = verdict(Path(folder), mutant)
+        alive += not found.startswith("killed")
+        print(f"{mutant.name:<38} {found}", flush=True)
+    print(f"{len(chosen) - alive} of {len(chosen)} killed")
+    return int(alive > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,106 @@
+"""Compiled kernels on disk: damaged ones are compiled again with one line, and the doctor removes them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.damaged_kernels import DAMAGES, ENDS, damage, damaged_case, small_kernel
+from support.kernel_cases import compiled_only
+
+from aerobat_pin.cli import doctor
+from aerobat_pin.numerics import kernel_cache, remove_damaged_kernels
+
+pytestmark = compiled_only
+
+
+@pytest.fixture(autouse=True)
+def nothing_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Start as a new process does, and forget the kernels of the test at its end."""
+    monkeypatch.setattr(kernel_cache, "_told", [])
+    monkeypatch.setattr(kernel_cache, "_files", [])
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("how", DAMAGES)
+def test_a_damaged_kernel_is_compiled_again(
+    how: str, end: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without the checksum, bad machine code ends the process ("Aborted.") and a bad index is an unpickling error."""
+    path = damage(tmp_path, end, how, np.random.default_rng(1))
+    again = small_kernel(tmp_path)
+    assert again(np.ones(4), 0.5) == 2.0
+    assert again(np.ones(4, np.float32), 0.5) == 2.0
+    told = capsys.readouterr().err
+    assert told == f"the compiled kernel {path} is damaged or of another version: it is compiled again\n"
+    whole = small_kernel(tmp_path)
+    assert whole(np.ones(4), 0.5) == 2.0
+    assert sum(whole.stats.cache_hits.values()) == 1
+    assert capsys.readouterr().err == ""
+
+
+def test_random_damage_is_repaired(tmp_path: Path) -> None:
+    """The cases that the generator of bad inputs draws."""
+    rng = np.random.default_rng(2)
+    assert [damaged_case(rng, tmp_path / f"{k}") for k in range(6)] == [""] * 6
+
+
+def test_a_whole_file_under_a_wrong_name_is_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As a careless copy leaves it: the checksum includes the name."""
+    path = damage(tmp_path, ".nbc", "empty", np.random.default_rng(1))
+    (index,) = path.parent.glob("*.nbi")
+    path.write_bytes(index.read_bytes())
+    assert small_kernel(tmp_path)(np.ones(4), 0.5) == 2.0
+    assert "damaged or of another version" in capsys.readouterr().err
+
+
+def test_a_file_that_is_gone_or_cannot_be_replaced_is_no_failure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder or a named pipe in the file's place; the second needs no more than to be replaced."""
+    for make in (Path.mkdir, os.mkfifo):
+        folder = tmp_path / make.__name__
+        path = damage(folder, ".nbc", "empty", np.random.default_rng(1))
+        path.unlink()
+        assert small_kernel(folder)(np.ones(4), 0.5) == 2.0
+        path.unlink()
+        make(path)
+        kernel_cache._told.clear()
+        assert small_kernel(folder)(np.ones(4), 0.5) == 2.0
+        assert "is compiled again" in capsys.readouterr().err
+    assert (tmp_path / "mkfifo").is_dir()
+    assert path.is_file()
+
+
+def test_a_full_disk_costs_only_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The kernel runs and is not stored; one line says so."""
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    kernel = small_kernel(tmp_path)
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile._save_data", full)
+    assert kernel(np.ones(4), 0.5) == 2.0
+    told = capsys.readouterr().err
+    assert told == f"compiled kernels cannot be stored in {tmp_path / '__pycache__'}: No space left on device\n"
+
+
+def test_the_doctor_removes_damaged_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It counts those that it removed, and names one that it cannot remove."""
+    assert remove_damaged_kernels() == ([], [])
+    paths = [damage(tmp_path / end, end, "cut", np.random.default_rng(1)) for end in ENDS]
+    findings = {one.name: one for one in doctor._kernels()}
+    assert "2 damaged files were removed, the next run compiles them again" in findings["kernel cache"].detail
+    assert findings["kernel cache"].ok
+    assert not any(path.exists() for path in paths)
+    path = damage(tmp_path / "kept", ".nbc", "cut", np.random.default_rng(1))
+    path.unlink()
+    path.mkdir()
+    finding = {one.name: one for one in doctor._kernels()}["damaged kernels"]
+    assert not finding.ok
+    assert str(path) in finding.detail
+    assert str(path.parent) in finding.advice
