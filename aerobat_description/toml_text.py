@@ -1,7 +1,7 @@
-"""Read TOML, from a file or a text, that may come from a stranger: its size, depth and words are checked before parsing.
+"""Read TOML of a stranger, from a file or a text: size, depth and length of words are checked before parsing.
 
-The parser of the standard library calls itself for each level of nesting, and Python refuses numbers of many digits; both
-would end in a traceback. The limits are far above anything that a file of this project needs.
+The parser of the standard library calls itself for each level of nesting, and Python refuses numbers of many digits;
+both would end in a traceback. The limits are far above anything that a file of this project needs.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from typing import Any
 MOST_BYTES = 1_000_000  # the largest shipped file has 20,000
 MOST_LEVELS = 32  # of brackets, and of the parts of a dotted key
 LONGEST_WORD = 255  # characters of a key, and digits of a number
-TOKEN = re.compile(  # a string, a comment, a word, blanks, or one sign; a string that does not end goes to the line's end
-    r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)|\'\'\'.*?(?:\'{3,5}|\Z)|"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*|[\w+-]+|[ \t]+|.',
+# A string, a comment, a word, blanks, or one sign; a string that does not end goes to the end of its line.
+TOKEN = re.compile(
+    r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)|\'\'\'.*?(?:\'{3,5}|\Z)|'
+    r'"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*|[\w+-]+|[ \t]+|.',
     re.DOTALL,
 )
 NUL = re.compile(r"(?<!\\)(?:\\\\)*\\(?:u0{4}|U0{8})")  # no file, frame or column can have it in its name
@@ -27,7 +29,7 @@ class TomlError(ValueError):
 
 
 def toml_file(path: Path) -> dict[str, Any]:
-    """Read a TOML file. Raises TomlError if there is no such file, or if it cannot be read, is too large or not TOML."""
+    """Read a TOML file. Raises TomlError if there is no such file, or it cannot be read, is too large or not TOML."""
     if not os.path.isfile(path):  # False also for names that are too long, which `Path.is_file` raises an error for
         raise TomlError("there is no such file")
     try:
@@ -43,7 +45,7 @@ def toml_file(path: Path) -> dict[str, Any]:
 
 
 def toml_values(text: str) -> dict[str, Any]:
-    """Return the values of TOML text. Raises TomlError if it is not TOML, nests too deep, or has too long a word or a NUL."""
+    """Return the values of TOML text. Raises TomlError if it is not TOML, too large or deep, or has long words, NUL."""
     if len(text) > MOST_BYTES:
         raise TomlError(f"{len(text)} characters: at most {MOST_BYTES} were expected")
     _check(text)

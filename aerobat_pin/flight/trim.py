@@ -80,8 +80,8 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
     seconds = flaps * SECONDS_PER_STEP / (scenario.crank.frequency * scenario.simulation.dt)
     if seconds > MOST_SECONDS:
         raise TrimError(
-            f"simulation.dt = {scenario.simulation.dt:g} s at crank.frequency = {scenario.crank.frequency:g} Hz: the search "
-            f"takes some {flaps} flaps, about {seconds:.3g} s; at most {MOST_SECONDS:g} s are allowed: a longer "
+            f"simulation.dt = {scenario.simulation.dt:g} s at crank.frequency = {scenario.crank.frequency:g} Hz: the "
+            f"search takes some {flaps} flaps, about {seconds:.3g} s; at most {MOST_SECONDS:g} s are allowed: a longer "
             "simulation.dt was expected"
         )
     guess = load_robot(scenario).morphology.wing.offset_x

@@ -43,7 +43,7 @@ def assign(values: Any, key: str, value: Any, source: str | None = None) -> None
         source: where the setting comes from; error messages begin with it. The key itself when omitted.
 
     Raises:
-        ScenarioError: the key has too many parts, or leads to a list item that does not exist, or into a value that is not a table.
+        ScenarioError: the key has too many parts, or leads to a list item that does not exist or into a plain value.
     """
     parts = key.split(".")
     if len(parts) > MOST_LEVELS:

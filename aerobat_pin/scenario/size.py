@@ -38,7 +38,7 @@ def flight_size(scenario: Scenario) -> FlightSize:
 
 
 def check_size(scenario: Scenario) -> None:
-    """Raise ScenarioError if a flight would be too large; the message has the estimate, the limit and what to change."""
+    """Raise ScenarioError if a flight would be too large; the message has estimate, limit and what to change."""
     size, times = flight_size(scenario), scenario.simulation
     if size.log_bytes <= MOST_BYTES and size.seconds <= MOST_SECONDS:
         return

@@ -1,4 +1,4 @@
-"""TOML from strangers: limits are checked before parsing, strings and comments do not count, and messages name the line."""
+"""TOML from strangers: limits are checked before parsing, strings and comments do not count, messages name lines."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_all_three_doors_refuse_the_same_files(
     with pytest.raises(error, match=r"deep\.toml: cannot be read: 'utf-8' .* UTF-8 was expected"):
         read(file)
     for name in (300 * "n", "a\0b"):
-        with pytest.raises(error, match="no (scenario|sweep|morphology)"):
+        with pytest.raises(error, match=r"no (scenario|sweep|morphology)"):
             read(name)
 
 
@@ -90,7 +90,7 @@ def test_the_mark_at_the_start_of_a_file_from_windows_is_no_mistake(tmp_path: Pa
 
 
 def test_settings_have_the_same_limits() -> None:
-    """A value that is not TOML stays text; a key has 32 parts at most, and "²" is no index though Python calls it a digit."""
+    """A value that is not TOML stays text; a key has 32 parts at most; "²" is no index, though Python calls it digit."""
     assert parsed_value(9000 * "[") == 9000 * "["
     assert parsed_value(5000 * "9") == 5000 * "9"
     with pytest.raises(ScenarioError, match="9001 parts of a dotted key: at most 32"):

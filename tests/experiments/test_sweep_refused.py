@@ -108,7 +108,7 @@ FORGED: dict[str, tuple[Callable[[bytes], bytes], str]] = {
 
 @pytest.mark.parametrize("name", FORGED)
 def test_a_forged_line_is_refused_and_named(name: str, swept: Path) -> None:
-    """What is there stays as it is; today's alternative was a traceback after the last flight, or the line's deletion."""
+    """What is there stays; before, there was a traceback after the last flight, or the line was deleted."""
     forge, message = FORGED[name]
     path = swept / "out" / "finished.jsonl"
     good = path.read_bytes()

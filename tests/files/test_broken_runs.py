@@ -22,6 +22,7 @@ def test_random_cases(bench: Bench, kind: str) -> None:
     for _ in range(20):
         case = random_case(rng, kind)
         import time
+
         t = time.time()
         wrong = case.play(bench, bench.new_folder())
         print(f"{case.name}: {time.time() - t:.2f}", wrong)

@@ -43,7 +43,7 @@ def test_python_is_refused_as_the_command_line_is() -> None:
     """`model_copy` checks nothing."""
     good = load_scenario("paper")
     large = good.model_copy(update={"simulation": good.simulation.model_copy(update={"duration": 1e7})})
-    with pytest.raises(ScenarioError, match="a shorter simulation.duration"):
+    with pytest.raises(ScenarioError, match=r"a shorter simulation\.duration"):
         simulate(large)
 
 

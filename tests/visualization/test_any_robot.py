@@ -1,4 +1,4 @@
-"""Robots from strangers: only files of the robot's own packages enter a page, and what is no robot is refused by name."""
+"""Robots from strangers: only files of the robot's own packages enter a page; what is no robot is refused by name."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ SECRET, PICTURE = b"the secret of this machine", b"\x89PNG\r\n\x1a\n" + 40 * b"\
 COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><up_axis>Z_UP</up_axis></asset><library_images><image id="i"><init_from>{}</init_from></image></library_images>
 <library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array>
-<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/>
 <param name="Z" type="float"/></accessor></technique_common></source><vertices id="v"><input semantic="POSITION"
 source="#p"/></vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
 </mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
-<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>
-</COLLADA>"""
+<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 
 
 def stl(*corner: float) -> bytes:
@@ -109,14 +110,17 @@ def test_meshes_from_elsewhere_or_of_another_kind_are_refused(mesh: str, message
 
 
 @pytest.mark.parametrize(
-    "texture", ["{above}/bar.txt", "../bar.txt", "../../bar.txt", "bar.txt", "{above}/bar.png", "../../bar.png", "link.png"]
+    "texture",
+    ["{above}/bar.txt", "../bar.txt", "../../bar.txt", "bar.txt", "{above}/bar.png", "../../bar.png", "link.png"],
 )
 def test_a_texture_pulls_no_file_into_the_page(texture: str, folder: Path) -> None:
     """A text within the folder is no picture, and a picture of another folder is not this robot's."""
     (folder / "meshes" / "link.png").symlink_to(folder.parent / "bar.png")
     (folder / "bar.txt").write_bytes(SECRET)
     (folder / "meshes" / "bar.dae").write_text(COLLADA.format(texture.format(above=folder.parent)))
-    with pytest.raises(LogError, match=r"names .*: a (file in the folder of the URDF|picture \(PNG, JPEG, GIF or BMP\))"):
+    with pytest.raises(
+        LogError, match=r"names .*: a (file in the folder of the URDF|picture \(PNG, JPEG, GIF or BMP\))"
+    ):
         page_of(folder, "meshes/bar.dae")
 
 

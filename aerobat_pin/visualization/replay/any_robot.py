@@ -1,9 +1,9 @@
 """Load any robot from a URDF file that may come from a stranger.
 
-The files that a URDF names end up in a page that is then passed on, so only files of the robot's own packages are read:
-the folder of the URDF (the folder above it, if its own is called `urdf`), every folder above it that has a `package.xml`,
-packages beside those, and the packages of ROS_PACKAGE_PATH. The Collada files among them name textures, which must be
-pictures in the same folders.
+The files that a URDF names end up in a page that is then passed on, so only files of the robot's own packages are
+read: the folder of the URDF (the folder above it, if its own is called `urdf`), every folder above it that has a
+`package.xml`, packages beside those, and the packages of ROS_PACKAGE_PATH. The Collada files among them name textures,
+which must be pictures in the same folders.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ MOST_BYTES = 100_000_000  # of a URDF or a mesh
 MOST_LEVELS = 100  # of nested elements
 LARGEST = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
     **dict.fromkeys(("xyz", "rpy", "size", "radius", "length", "scale"), 1e6),
-    **dict.fromkeys(("rgba", "value", "lower", "upper", "effort", "velocity", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1e30),
+    **dict.fromkeys(
+        ("rgba", "value", "lower", "upper", "effort", "velocity", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1e30
+    ),
 }
 EXTENTS = {"size", "radius", "length"}  # of a box, a ball, a cylinder
 MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Collada names other files
@@ -61,7 +63,9 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
     if columns == fixed + FREE_BASE:
         model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
     if model.nq == 0:
-        raise LogError(f"robot {urdf}: no joint of it moves; a joint, or the {FREE_BASE} columns of a free base, were expected")
+        raise LogError(
+            f"robot {urdf}: no joint of it moves; a joint, or the {FREE_BASE} columns of a free base, were expected"
+        )
     if columns != model.nq:
         raise LogError(
             f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or "
@@ -157,7 +161,8 @@ def _parsed(path: Path, name: str, tag: str) -> Element:
         raise LogError(f"{name}: there is no such file")
     if path.stat().st_size > MOST_BYTES:
         raise LogError(f"{name}: {path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
-    level, root = 0, None
+    level = 0
+    root: Element | None = None
     try:
         for event, element in ElementTree.iterparse(path, ("start", "end")):
             root = element if root is None else root
@@ -174,7 +179,7 @@ def _parsed(path: Path, name: str, tag: str) -> Element:
 
 
 def _check_numbers(root: Element, name: str) -> None:
-    """Raise LogError unless all numbers of a URDF are finite and not absurd; its parser leaves out what it cannot read."""
+    """Raise LogError unless all numbers of a URDF are finite and not absurd; its parser skips what it cannot read."""
     for element in root.iter():
         for key, text in element.attrib.items():
             if key in LARGEST:
@@ -185,7 +190,10 @@ def _check_numbers(root: Element, name: str) -> None:
                 rule = f"numbers up to {LARGEST[key]:g} were expected"
                 good = numbers.size > 0 and bool(np.all(np.abs(numbers) <= LARGEST[key]))
                 if good and (key in EXTENTS or element.tag == "axis"):
-                    rule, good = "more than 0 was expected", bool(np.all(numbers > 0.0) if key in EXTENTS else np.any(numbers))
+                    rule, good = (
+                        "more than 0 was expected",
+                        bool(np.all(numbers > 0.0) if key in EXTENTS else np.any(numbers)),
+                    )
                 if not good:
                     raise LogError(f'{name}: <{element.tag} {key}="{text[:80]}">: {rule}')
 
