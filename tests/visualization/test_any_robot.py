@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 import os
-import struct
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.bad_robots import ARM, COLLADA, PICTURE, SECRET, SHAPE, stl
 
 from aerobat_description import PACKAGE_PATH
 from aerobat_description.export import shipped_urdf
@@ -16,28 +17,6 @@ from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import LogError
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
 from aerobat_pin.visualization.replay.motion_csv import replay_table
-
-HINGE = """<joint name="hinge" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
-SHAPE = '<box size="1 1 1"/>'
-ARM = f"""<robot name="arm"><link name="base"/><link name="bar"><visual><geometry>{SHAPE}</geometry></visual></link>
-{HINGE}</robot>"""
-SECRET, PICTURE = b"the secret of this machine", b"\x89PNG\r\n\x1a\n" + 40 * b"\0"
-COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><up_axis>Z_UP</up_axis></asset><library_images><image id="i"><init_from>{}</init_from></image></library_images>
-<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array>
-<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/>
-<param name="Z" type="float"/></accessor></technique_common></source><vertices id="v"><input semantic="POSITION"
-source="#p"/></vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
-</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
-<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
-def stl(*corner: float) -> bytes:
-    """Return a mesh of one triangle."""
-    return 80 * b"\0" + struct.pack("<I12fH", 1, 0, 0, 1, *corner, 1, 0, 0, 0, 1, 0, 0)
 
 
 @pytest.fixture
@@ -134,8 +113,6 @@ def test_a_texture_of_the_robots_own_is_drawn(folder: Path) -> None:
 
 def _commands(page: str) -> bytes:
     """Return the longest run of base64 text in a page: the command that draws the mesh."""
-    import re
-
     runs = [run for run in re.findall(r'"([A-Za-z0-9+/=]{400,})"', page) if b"init_from" in base64.b64decode(run)]
     return runs[0].encode()
 

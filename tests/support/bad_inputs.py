@@ -1,0 +1,294 @@
+"""Bad inputs of all kinds for all doors, drawn at random from a seed, and what must hold for each of them.
+
+    with Doors(folder) as doors:
+        assert doors.attempt(rng, 2).fault == ""
+
+The classes are those of `CLASSES`. Most inputs go through the command line within this process, as quickly as they are
+refused; a few go through processes of their own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, NoReturn
+
+import numpy as np
+
+from aerobat_pin.cli import app as cli
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization.replay.serve import serve
+from support.bad_folders import SWEEP, bad_run, bad_sweep
+from support.bad_logs import HARMLESS, bad_log
+from support.bad_robots import FOREIGN, ROBOT
+from support.bad_texts import SHORT, SIZES, TEXT, Kind
+from support.broken_runs import Bench, random_case
+from support.damaged_kernels import damaged_case
+from support.wrong_values import api_case
+
+CLASSES = {  # number -> what is bad
+    1: "logs whose labels or units are others",
+    2: "files that are damaged, foreign or absurd",
+    3: "requests that are too large, or fail at their end",
+    4: "results that are in use, in the way or left over",
+    5: "full disks and limits of files",
+    6: "signals at any moment",
+    7: "files and requests that reach for others",
+    8: "damaged compiled kernels",
+    9: "wrong arguments from Python",
+    10: "flights that diverge",
+    11: "logs that contradict themselves",
+}
+SHARES = (8, 34, 12, 3, 3, 3, 10, 5, 12, 3, 7)  # of the classes in a run, in per cent
+FAULTS = ("traceback", "hang", "half-written result", "silent acceptance", "wrong message")
+RUNS = {4: "replaced", 5: "disk", 6: "signals", 10: "diverged"}
+LONGEST = 20.0  # [s]
+IN_A_PROCESS = 0.05  # share of the command lines that run in a process of their own
+
+
+class Hang(BaseException):
+    """A command took longer than `LONGEST`."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One bad input: number of its class, its name, and the fault that it found, which begins with one of `FAULTS`."""
+
+    number: int
+    name: str
+    fault: str
+
+
+@dataclass(frozen=True)
+class Said:
+    """How a command ended: its exit code, or None with the error that left it; and what it printed."""
+
+    code: int | None
+    error: str
+    out: str
+
+
+class Doors:
+    """Where bad inputs are tried. Use it in a `with` statement.
+
+    Args:
+        folder: an empty folder for everything that they write.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Keep the folder."""
+        self.folder = folder
+
+    def __enter__(self) -> Doors:
+        self._stack = contextlib.ExitStack()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    @cached_property
+    def bench(self) -> Bench:
+        """Where runs are killed and disks are filled."""
+        (self.folder / "bench").mkdir()
+        return self._stack.enter_context(Bench(self.folder / "bench"))
+
+    @cached_property
+    def log(self) -> FlightLog:
+        """A good flight."""
+        return simulate(load_scenario("paper", ["simulation.duration=0.5"]))
+
+    @cached_property
+    def run(self) -> Path:
+        """The folder of a good run."""
+        assert self.called(["run", "paper", "--out", "run", *SHORT], self.folder).code == 0
+        return self.folder / "run"
+
+    @cached_property
+    def swept(self) -> Path:
+        """The folder of a good sweep, with its file."""
+        place = self.folder / "swept"
+        place.mkdir()
+        (place / "s.toml").write_text(SWEEP)
+        assert self.called(["sweep", "s.toml", "--out", "out", "--jobs", "1"], place).code == 0
+        return place
+
+    @cached_property
+    def address(self) -> str:
+        """Where a page is served."""
+        found: list[str] = []
+        threading.Thread(target=serve, args=("the page", found.append), daemon=True).start()
+        while not found:
+            time.sleep(0.001)
+        return found[0]
+
+    def attempt(self, rng: np.random.Generator, number: int) -> Attempt:
+        """Draw one bad input of a class and try it."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if number in RUNS:
+                return self._broken(rng, number)
+            if number == 9:
+                name, wrong = api_case(rng)
+                kind = "silent acceptance" if "is accepted" in wrong else "traceback" if "raises" in wrong else "wrong message"
+                return Attempt(number, name, wrong and f"{kind}: {wrong}")
+            with tempfile.TemporaryDirectory(dir=self.folder) as folder:
+                place = Path(folder)
+                if number == 8:
+                    wrong = damaged_case(rng, place)
+                    return Attempt(number, "kernel", wrong and f"wrong message: {wrong}")
+                if number in (1, 11) or (number == 2 and rng.random() < 0.4):
+                    return self._bad_log(rng, number, place)
+                if number == 7 and rng.random() < 0.3:
+                    return self._asked(rng)
+                name, write = self._kind(rng, number)
+                return Attempt(number, name, self._refused(rng, write(rng, place), place))
+
+    def _kind(self, rng: np.random.Generator, number: int) -> tuple[str, Kind]:
+        kinds = {2: TEXT | ROBOT | self._folders, 3: SIZES, 7: FOREIGN}[number]
+        name = str(rng.choice(list(kinds)))
+        return name, kinds[name]
+
+    @property
+    def _folders(self) -> dict[str, Kind]:
+        return {
+            "folder of a run": lambda rng, place: bad_run(rng, place, self.run),
+            "folder of a sweep": lambda rng, place: bad_sweep(rng, place, self.swept),
+        }
+
+    def called(self, words: list[str], place: Path) -> Said:
+        """Run `aerobat` with these words in this process, in a folder."""
+        out, error = io.StringIO(), io.StringIO()
+        before, sys.argv = sys.argv, ["aerobat", *words]
+        handler = signal.signal(signal.SIGALRM, _hang)
+        signal.setitimer(signal.ITIMER_REAL, LONGEST)
+        code: int | None = 0
+        try:
+            with contextlib.chdir(place), contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+                cli.main()
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else 0
+        except Hang:
+            return Said(None, f"hang: more than {LONGEST:g} s", out.getvalue())
+        except Exception as caught:
+            return Said(None, f"traceback: {type(caught).__name__}: {str(caught)[:300]}", out.getvalue())
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, handler)
+            sys.argv = before
+        return Said(code, error.getvalue(), out.getvalue())
+
+    def _answer(self, rng: np.random.Generator, words: list[str], place: Path) -> Said:
+        if rng.random() >= IN_A_PROCESS:
+            return self.called(words, place)
+        start = time.monotonic()
+        done = self.bench.forks.start(words, place).result()
+        late = time.monotonic() - start > LONGEST
+        bad = done.returncode < 0 or "Traceback" in done.stderr
+        text = "hang: in a process" if late else f"traceback: {done.stderr[-300:]}" if bad else done.stderr
+        return Said(None if late or bad else done.returncode, text, done.stdout)
+
+    def _refused(self, rng: np.random.Generator, words: list[str], place: Path) -> str:
+        """Return the fault that a command line shows which must be refused: no fault if it is, with one message."""
+        before = _state(place)
+        said = self._answer(rng, words, place)
+        what = f"{' '.join(words)[:300]}: "
+        if said.code is None:
+            return re.sub("^([a-z]+)", rf"\1: {re.escape(what)}", said.error, count=1)
+        if said.code == 0:
+            return f"silent acceptance: {what}{said.out[-200:]}"
+        if _state(place) != before:
+            return f"half-written result: {what}{sorted(set(_state(place)) ^ set(before))[:5]}"
+        last = said.error.strip().splitlines()[-1:] or [""]
+        told = said.error.count("error: ") == 1 or "Usage:" in said.error
+        return "" if said.code == 2 and told else f"wrong message: {what}code {said.code}, {last[0][:300]}"
+
+    def _bad_log(self, rng: np.random.Generator, number: int, place: Path) -> Attempt:
+        path, _, name = bad_log(rng, self.log, place, (number,))
+        words = ["estimate", path.name, "--out", "out"]
+        if number != 11 and name not in HARMLESS:
+            if rng.integers(2):
+                words = ["play", path.name, "--html", "out.html"]
+            return Attempt(number, name, self._refused(rng, words, place))
+        said = self._answer(rng, words, place)
+        if said.code != 0:
+            return Attempt(number, name, said.error if said.code is None else f"wrong message: refused: {said.error[-300:]}")
+        if number == 11:
+            texts = json.loads((place / "out" / "metrics.json").read_text()).get("warnings", [])
+            told = any(text.startswith(name) for text in texts)
+            return Attempt(number, name, "" if told else f"silent acceptance: {name}: warnings {texts}")
+        read = json.loads((place / "out" / "metrics.json").read_text())["observers"]["momentum"]["components"]
+        (place / "good").mkdir()
+        self.log.save(place / "good" / "log.nc") if path.suffix == ".nc" else _table(self.log, place / "good" / "log.csv")
+        assert self.called(["estimate", f"log{path.suffix}", "--out", "out"], place / "good").code == 0
+        good = json.loads((place / "good" / "out" / "metrics.json").read_text())["observers"]["momentum"]["components"]
+        same = all(abs(a["rms"] - b["rms"]) < 1e-9 for a, b in zip(read, good, strict=True))
+        return Attempt(number, name, "" if same else f"silent acceptance: {name}: read as another flight")
+
+    def _asked(self, rng: np.random.Generator) -> Attempt:
+        """Ask for the page with the name of another host."""
+        hosts = ("evil.example", "127.0.0.1", "localhost", "", "127.0.0.1:1", "[::1]", "evil.example:80", "127.0.0.1.nip.io")
+        host = hosts[rng.integers(len(hosts))]
+        asked = urllib.request.Request(self.address, headers={"Host": host})
+        answer = urllib.request.build_opener(_Unchecked).open(asked, timeout=LONGEST)
+        fine = answer.status == 403 and b"the page" not in answer.read()
+        return Attempt(7, "host of another", "" if fine else f"silent acceptance: host {host!r}")
+
+    def _broken(self, rng: np.random.Generator, number: int) -> Attempt:
+        """Play a case of a broken run."""
+        case = random_case(rng, RUNS[number])
+        place = self.bench.new_folder()
+        wrong = "; ".join(case.play(self.bench, place))
+        shutil.rmtree(place, ignore_errors=True)
+        kind = "traceback" if "traceback" in wrong else "half-written result" if "half-written" in wrong else "wrong message"
+        return Attempt(number, case.name, wrong and f"{kind}: {case.name}: {wrong}")
+
+
+class _Unchecked(urllib.request.HTTPErrorProcessor):
+    """Returns every answer, whatever its status."""
+
+    def http_response(self, request: object, response: Any) -> Any:
+        """Return the answer."""
+        return response
+
+
+def drawn_classes(rng: np.random.Generator, count: int, least: int = 20) -> list[int]:
+    """Draw the classes of a run: each at least so often, the rest by their shares, in a random order."""
+    numbers = [number for number in CLASSES for _ in range(least)]
+    numbers += rng.choice(list(CLASSES), max(0, count - len(numbers)), p=np.array(SHARES) / sum(SHARES)).tolist()
+    return list(map(int, rng.permutation(numbers)))
+
+
+def _state(place: Path) -> dict[str, int]:
+    """Return every path below a folder with the size of what is there."""
+    return {str(path): path.lstat().st_size if not path.is_dir() else 0 for path in place.rglob("*")}
+
+
+def _table(log: FlightLog, path: Path) -> None:
+    from aerobat_pin.flight.csv_log import write_csv
+
+    write_csv(log, path)
+
+
+def _hang(number: int, frame: FrameType | None) -> NoReturn:
+    raise Hang
+
+

@@ -1,0 +1,164 @@
+"""Bad robots, drawn at random: URDF files, motions and meshes that are none, and robots that name files of others."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+Rng = np.random.Generator
+Kind = Callable[[Rng, Path], list[str]]
+HINGE = """<joint name="hinge" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
+SHAPE = '<box size="1 1 1"/>'
+ARM = f"""<robot name="arm"><link name="base"/><link name="bar"><visual><geometry>{SHAPE}</geometry></visual></link>
+{HINGE}</robot>"""
+SECRET, PICTURE = b"the secret of this machine", b"\x89PNG\r\n\x1a\n" + 40 * b"\0"
+COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset><library_images><image id="i"><init_from>{}</init_from></image></library_images>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array>
+<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
+<input semantic="POSITION" source="#p"/></vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 1 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
+<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--html", "out.html"]
+ENTITIES = "".join(f'<!ENTITY a{i} "{16 * f"&a{i - 1 if i else str()};"}">' for i in range(8))
+ROBOTS = (
+    "",
+    "<a/>",
+    "<robot",
+    '<robot name="r"><link name="base"/></robot>',
+    f'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaaaaaaaa">{ENTITIES}]><robot name="&a7;"/>',
+    ARM.replace('name="bar"', 'name="base"'),
+    ARM.replace('name="bar"', 'name=""'),
+    ARM.replace("<limit", "<!-- ").replace('velocity="1"/>', "-->"),
+    ARM.replace('child link="bar"', 'child link="base"'),
+    ARM.replace("revolute", "magic"),
+    ARM.replace("revolute", "floating"),
+    ARM.replace("revolute", "fixed"),
+    ARM.replace(HINGE, ""),
+    ARM.replace('name="arm"', ""),
+    ARM.replace("</robot>", f"{HINGE}</robot>"),
+)
+MOTIONS = (
+    "",
+    "time,hinge\n",
+    "time,hinge\n0,0\n",
+    "t,hinge\n0,0\n1,0\n",
+    "time,hinge\n0,0\n1,nan\n",
+    "time,hinge\n0,0\n1,1e300\n",
+    "time,hinge\n0,0\n1,x\n",
+    "time,hinge\n0,0\n1\n",
+    "time,hinge,hinge\n0,0,0\n1,0,0\n",
+    "time,hinge\n1,0\n0,0\n",
+    "time,hinge\n0,0\n0,0\n",
+    "time,hinge,bar.Fx\n0,0,0\n1,0,0\n",
+    "time,hinge,x.Fx,x.Fy,x.Fz\n0,0,0,0,0\n1,0,0,0,0\n",
+    "time;hinge\n0;0\n1;0\n",
+    "time,x,y,z,a,b,c,d,hinge\n0,0,0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0,0\n",
+)
+
+
+def stl(*corner: float) -> bytes:
+    """Return a mesh of one triangle."""
+    return 80 * b"\0" + struct.pack("<I12fH", 1, 0, 0, 1, *corner, 1, 0, 0, 0, 1, 0, 0)
+
+
+def _arm(place: Path, text: str = ARM, motion: str = "time,hinge\n0,0\n1,0.5\n") -> list[str]:
+    (place / "arm.urdf").write_text(text)
+    (place / "motion.csv").write_text(motion)
+    return list(PLAY)
+
+
+def _robot(rng: Rng, place: Path) -> list[str]:
+    """Write a URDF that is none."""
+    return _arm(place, ROBOTS[rng.integers(len(ROBOTS))])
+
+
+def _number(rng: Rng, place: Path) -> list[str]:
+    """Write a URDF with a number that is none, or absurd."""
+    good = str(rng.choice(["0 1 0", "1 1 1", '"-3"', '"3"']))
+    bad = str(rng.choice(["nan 0 0", "a b c", "1e300 1 1", "", "inf 1 1", "1 1 -1e9"]))
+    return _arm(place, ARM.replace(good, f'"{bad.split()[0] if bad else ""}"' if '"' in good else bad, 1))
+
+
+def _nested(rng: Rng, place: Path) -> list[str]:
+    depth = int(rng.integers(101, 9000))
+    return _arm(place, ARM.replace(SHAPE, depth * "<b>" + depth * "</b>"))
+
+
+def _bytes(rng: Rng, place: Path) -> list[str]:
+    words = _arm(place)
+    (place / str(rng.choice(["arm.urdf", "motion.csv"]))).write_bytes(b"\xff" + rng.bytes(int(rng.integers(1, 3000))))
+    return words
+
+
+def _motion(rng: Rng, place: Path) -> list[str]:
+    return _arm(place, motion=MOTIONS[rng.integers(len(MOTIONS))])
+
+
+def _mesh(rng: Rng, place: Path) -> list[str]:
+    """Name a mesh that is damaged, or of a kind that no page draws."""
+    suffix = str(rng.choice([".stl", ".dae", ".obj", ".gltf", ".txt", ""]))
+    whole = stl(0.0, 0.0, 0.0)
+    bad = (b"", rng.bytes(500), whole[: int(rng.integers(1, 133))], stl(np.nan, 0.0, 0.0), b"solid x\nfacet normal a\n")
+    content = bad[rng.integers(len(bad))] if suffix == ".stl" else rng.bytes(500)
+    (place / f"mesh{suffix}").write_bytes(content)
+    return _arm(place, ARM.replace(SHAPE, f'<mesh filename="mesh{suffix}"/>'))
+
+
+ROBOT: dict[str, Kind] = {
+    "robot": _robot,
+    "number of a robot": _number,
+    "nested elements": _nested,
+    "bytes for a robot or motion": _bytes,
+    "motion": _motion,
+    "mesh": _mesh,
+}
+
+
+def _elsewhere(rng: Rng, place: Path) -> str:
+    """Write files that are none of the robot's business, and return the address of one, without its ending."""
+    (place / "other").mkdir()
+    for folder in (place, place / "other"):
+        (folder / "private.stl").write_bytes(stl(0.0, 0.0, 0.0))
+        (folder / "private.png").write_bytes(PICTURE)
+        (folder / "private.txt").write_bytes(SECRET)
+    (place / "arm").mkdir()
+    for suffix in (".stl", ".png", ".txt"):
+        (place / "arm" / f"link{suffix}").symlink_to(f"../private{suffix}")
+    addresses = ("../private", "{}/private", "../other/private", "link", "file://{}/private", "package://other/private")
+    addresses += ("package://../private", "package://arm/../private", "model://other/private", "../arm/../private")
+    return addresses[rng.integers(len(addresses))].format(place)
+
+
+def _in_its_folder(words: list[str]) -> list[str]:
+    return [f"arm/{word}" if word in ("arm.urdf", "motion.csv") else word for word in words]
+
+
+def _foreign_mesh(rng: Rng, place: Path) -> list[str]:
+    """Name a mesh outside the robot's packages, or a text, a pipe or a missing file within them."""
+    address = _elsewhere(rng, place) + str(rng.choice([".stl", ".png", ".txt"]))
+    os.mkfifo(place / "arm" / "pipe.stl")
+    (place / "arm" / "notes.txt").write_bytes(SECRET)
+    if rng.integers(4) == 0:
+        address = str(rng.choice(["pipe.stl", "notes.txt", "none.stl", ".", "http://example.org/a.stl", 300 * "m"]))
+    return _in_its_folder(_arm(place / "arm", ARM.replace(SHAPE, f'<mesh filename="{address}"/>')))
+
+
+def _foreign_texture(rng: Rng, place: Path) -> list[str]:
+    """Name a texture outside the robot's packages, or one within them that is no picture."""
+    address = _elsewhere(rng, place) + str(rng.choice([".png", ".txt"]))
+    (place / "arm" / "notes.txt").write_bytes(SECRET)
+    if rng.integers(4) == 0:
+        address = str(rng.choice(["notes.txt", "none.png", "arm.urdf", "mesh.dae", ""]))
+    (place / "arm" / "mesh.dae").write_text(COLLADA.format(address))
+    return _in_its_folder(_arm(place / "arm", ARM.replace(SHAPE, '<mesh filename="mesh.dae"/>')))
+
+
+FOREIGN: dict[str, Kind] = {"mesh of others": _foreign_mesh, "texture of others": _foreign_texture}
