@@ -28,7 +28,11 @@ FORMATS = {  # door -> a good file, numbers in it, keys that it must have
         ("wing.offset_x", "body.mass", "proximal.mass", "linkage.L1", "linkage.L3b", "distal.mass"),
         ("name", "description"),
     ),
-    "sweep": ('name = "s"\nbase = "paper"\nseeds = 2\n', ("seeds", "draws.count", "factors.a.values"), ("name", "base")),
+    "sweep": (
+        'name = "s"\nbase = "paper"\nseeds = 2\n',
+        ("seeds", "draws.count", "factors.a.values"),
+        ("name", "base"),
+    ),
 }
 FORMATS["urdf"] = FORMATS["linkage"]
 FORMATS["trim"] = FORMATS["run"]
@@ -143,7 +147,18 @@ def _missing(rng: Rng, door: str) -> str:
 @_file("broken syntax")
 def _syntax(rng: Rng, door: str) -> str:
     good = FORMATS[door][0]
-    broken = ('a = "', "a = [1,", "[a", "a =", "= 1", "a = 1 b = 2", 'a = """x', "a = 1979-02-31", "a = 1\na = 2", "²=1")
+    broken = (
+        'a = "',
+        "a = [1,",
+        "[a",
+        "a =",
+        "= 1",
+        "a = 1 b = 2",
+        'a = """x',
+        "a = 1979-02-31",
+        "a = 1\na = 2",
+        "²=1",
+    )
     line = str(rng.choice(broken))
     return f"{good}\n{line}" if rng.integers(2) else f"{line}\n{good}"
 
@@ -172,7 +187,9 @@ def _setting(rng: Rng, place: Path) -> list[str]:
         "observers.frames=" + str(rng.choice(["[]", '["x"]', '["left_distal", "left_distal"]', "3"])),
         "robot.changes." + str(rng.choice(["linkage.L1=0", "body.mass=-1", "wing.x=1", "name=", "linkage=3"])),
         "unknown_force.0=" + str(rng.choice(["3", "{}", "[]", '{frame="left_distal", signal="none"}'])),
-        'unknown_force=[{signal="recorded", frame="left_distal", file="' + str(rng.choice([300 * "f", ".", "x"])) + '"}]',
+        'unknown_force=[{signal="recorded", frame="left_distal", file="'
+        + str(rng.choice([300 * "f", ".", "x"]))
+        + '"}]',
     )
     return ["run", "paper", "--out", "out", *SHORT, "--set", settings[rng.integers(len(settings))]]
 
@@ -183,7 +200,9 @@ def _path(rng: Rng, place: Path) -> list[str]:
     os.mkfifo(place / "pipe.toml")
     (place / "loop.toml").symlink_to("loop.toml")
     long = int(rng.integers(256, 5000)) * "n"
-    name = str(rng.choice([long, f"{long}.toml", f"a/{long}", "pipe", "pipe.toml", "loop.toml", ".", "/", "/dev/null", "x"]))
+    name = str(
+        rng.choice([long, f"{long}.toml", f"a/{long}", "pipe", "pipe.toml", "loop.toml", ".", "/", "/dev/null", "x"])
+    )
     reads = (["run", name], ["sweep", name], ["linkage", name], ["urdf", name], ["trim", name], ["estimate", name])
     reads += (["play", name], ["play", "--from-csv", name, "--urdf", name])
     good = ["run", "paper", *SHORT]
@@ -196,8 +215,20 @@ def _path(rng: Rng, place: Path) -> list[str]:
 
 def _recorded(rng: Rng, place: Path) -> list[str]:
     """Give a scenario a recorded force that is no table of a force."""
-    texts = ("", "a,b\n1,2\n", "time,force\n0,0\n", "time,force\n0,0\n0,1\n", "time,force\n1,0\n0,1\n", "time,force\n0,x\n1,1\n")
-    texts += ("time,force\n0,nan\n1,1\n", "time;force\n0;1\n1;1\n", "time,force\n0,1,2\n1,1\n", "time,force\n0,1e999\n1,1\n")
+    texts = (
+        "",
+        "a,b\n1,2\n",
+        "time,force\n0,0\n",
+        "time,force\n0,0\n0,1\n",
+        "time,force\n1,0\n0,1\n",
+        "time,force\n0,x\n1,1\n",
+    )
+    texts += (
+        "time,force\n0,nan\n1,1\n",
+        "time;force\n0;1\n1;1\n",
+        "time,force\n0,1,2\n1,1\n",
+        "time,force\n0,1e999\n1,1\n",
+    )
     (place / "force.csv").write_bytes(texts[rng.integers(len(texts))].encode() if rng.integers(4) else rng.bytes(300))
     force = '[{signal="recorded", frame="left_distal", file="force.csv"}]'
     return ["run", "paper", "--out", "out", *SHORT, "--set", f"unknown_force={force}"]
