@@ -3,7 +3,7 @@
 from aerobat_pin.experiments.experiment import Experiment, Progress, run, run_recorded, write
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.output_folder import check_file, output_folder, picture_files, write_files, write_text
-from aerobat_pin.experiments.result_tables import estimate_dataset
+from aerobat_pin.experiments.result_tables import estimate_dataset, read_estimates
 from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "load_sweep",
     "output_folder",
     "picture_files",
+    "read_estimates",
     "recorded_note",
     "run",
     "run_recorded",

@@ -13,10 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.estimation import TABLE_HEADER, Scores, check_names, estimate_log, flight_summary, observer_scores
+from aerobat_pin.estimation import (
+    TABLE_HEADER,
+    Scores,
+    check_names,
+    contradictions,
+    estimate_log,
+    flight_summary,
+    observer_scores,
+)
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.flight import FlightLog, simulate
+from aerobat_pin.flight import FlightLog, checksums, simulate
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import RecordedForce, Scenario, scenario_toml
@@ -116,6 +124,7 @@ def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, p
         inputs=inputs.source,
         note=note,
         observers={name: observer_scores(estimate, log) for name, estimate in estimates.items()},
+        warnings=tuple(contradictions(log, believed)),
     )
     return Experiment(belief, believed, log, estimates, scores)
 
@@ -152,7 +161,8 @@ def write(experiment: Experiment, folder: Path) -> None:
     else:
         write_scenario(experiment.scenario, folder)
         experiment.log.save(folder / "flight.nc")
-    estimate_dataset(experiment.estimates).to_netcdf(folder / "estimate.nc", engine="h5netcdf")
+    estimates = estimate_dataset(experiment.estimates)
+    estimates.to_netcdf(folder / "estimate.nc", engine="h5netcdf", encoding=checksums(estimates))
     write_metrics(experiment.metrics, folder)
 
 
