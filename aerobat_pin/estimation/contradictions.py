@@ -30,6 +30,8 @@ WINDOW = 0.1  # [s]: over which integrals are compared
 LONGEST_SHIFT = 0.05  # [s]
 SHIFT_STEPS = 6  # most Gauss-Newton steps of the shift
 SMALLEST_SHIFT = 1e-5  # [s]: a smaller step ends the search
+LONGEST_GAP = 3.0  # times the usual step; over a longer one no rate is integrated
+FEWEST_POINTS = 8  # at which two series are compared, for otherwise they say nothing
 MOST_POINTS = 1000  # at which two series are compared
 LARGEST_DELAY = 0.8e-3  # [s]; a millisecond costs an R2 of 0.1
 SHIFT_GAIN = 1.2  # a shift is a delay if it makes the mean square difference smaller by this factor
@@ -101,7 +103,7 @@ def contradictions(log: FlightLog, robot: Aerobat) -> list[Contradiction]:
     rising = np.diff(log.time, prepend=-np.inf) > 0.0
     found = list(_held(log))
     time = log.time[rising]
-    if len(time) < 8:
+    if len(time) < FEWEST_POINTS:
         return found
     channels = {name: values[rising] for name, values in _samples(log).items()}
     found += _joints(channels, robot, time)
@@ -214,7 +216,7 @@ def _pairs(channels: dict[str, Array], attitude: Array, time: Array) -> Iterator
         turned = np.concatenate([np.zeros((1, 3)), np.cumsum(vector * (angle / sine)[:, None], axis=0)])
         pair = _fit_rates("attitude", "gyro", turned, channels["gyro"], time)
         yield pair, LARGEST_TURN
-        attitude = _earlier(attitude, pair.delay or 0.0, time)
+        attitude = _earlier(attitude, max(pair.delay or 0.0, 0.0), time)  # a channel is never early
     if "velocity" in channels:
         velocity = np.einsum("mij,mj->mi", _rotations(attitude), channels["velocity"])
         yield _fit_rates("position", "velocity", channels["position"], velocity, time), LARGEST_STEP
@@ -249,11 +251,16 @@ def _fit_rates(first: str, second: str, values: Array, rates: Array, time: Array
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
     integral = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
     n = min(max(1, round(WINDOW / _step(time))), len(time) // 3)
-    return _fit(first, second, values[n:] - values[:-n], integral[n:] - integral[:-n], time[n:], offset=False)
+    gaps = np.concatenate([[0], np.cumsum(np.diff(time) > LONGEST_GAP * np.median(np.diff(time)))])
+    whole = gaps[n:] == gaps[:-n]
+    moved, turned = (values[n:] - values[:-n])[whole], (integral[n:] - integral[:-n])[whole]
+    return _fit(first, second, moved, turned, time[n:][whole], offset=False)
 
 
 def _fit(first: str, second: str, a: Array, b: Array, time: Array, *, offset: bool = True) -> _Pair:
     """Shift the series b (m, c) in time until it fits a (m, c) best; with `offset`, they may differ by a constant."""
+    if len(a) < FEWEST_POINTS:
+        return _Pair(first, second, np.zeros(a.shape[1]), None, np.zeros(a.shape[1]))
     longest = min(LONGEST_SHIFT, 0.125 * (time[-1] - time[0]))
     inside = np.flatnonzero((time >= time[0] + longest) & (time <= time[-1] - longest))
     inside = inside[:: max(1, len(inside) // MOST_POINTS)]

@@ -35,9 +35,7 @@ def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:
     if force is None or sorted(map(str, force.dims)) != sorted(FORCE_DIMS):
         raise LogError(f"{name}: no channel force_W ({', '.join(FORCE_DIMS)})")
     if force.attrs.get("units") != "N" or force.dtype.kind != "f":
-        raise LogError(
-            f"{name}: force_W has units = {str(force.attrs.get('units'))[:40]!r}: numbers in N were expected"
-        )
+        raise LogError(f"{name}: force_W [{str(force.attrs.get('units'))[:40]}]: numbers in N were expected")
     for dim in ("observer", "point", "axis"):
         labels = data.variables[dim].values.tolist() if dim in data.coords else []
         if not labels or len(set(labels)) < len(labels) or not all(isinstance(label, str) for label in labels):
@@ -47,12 +45,12 @@ def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:
     start = data.variables["interval"].values if "interval" in data.coords else np.empty(0)
     if start.shape != log.time[:-1].shape or not np.allclose(start, log.time[:-1], rtol=0.0, atol=1e-9):
         raise LogError(f"{name}: its {len(start)} intervals are not the {len(log.time) - 1} of the flight log")
-    force = data["force_W"].transpose(*FORCE_DIMS).sel(axis=["x", "y", "z"])
-    if not np.all(np.isfinite(force.values)):
-        at = np.argwhere(~np.isfinite(force.values))[0]
+    forces = data["force_W"].transpose(*FORCE_DIMS).sel(axis=["x", "y", "z"])
+    if not np.all(np.isfinite(forces.values)):
+        at = np.argwhere(~np.isfinite(forces.values))[0]
         where = ", ".join(str(data.variables[dim].values[i]) for dim, i in zip(FORCE_DIMS, at, strict=True))
         raise LogError(f"{name}: force_W at {where}: a finite number was expected")
-    return data.assign(force_W=force)
+    return forces.to_dataset()
 
 
 def estimate_table(estimates: dict[str, Estimate]) -> str:

@@ -30,11 +30,11 @@ def log() -> FlightLog:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.number in (1, 2)], ids=lambda kind: kind.name)
 def test_a_bad_log_is_read_right_or_refused_in_one_message(kind: Kind, log: FlightLog, tmp_path: Path) -> None:
-    """Each kind in six variants: an error of the package, of one line and readable length, that names the file.
+    """Each kind in four variants: an error of the package, of one line and readable length, that names the file.
 
     A wrong attribute may only be noticed when the believed robot is loaded.
     """
-    for seed in range(6):
+    for seed in range(4):
         path, _, name = write_kind(kind, np.random.default_rng(seed), log, tmp_path)
         if name in HARMLESS:
             xr.testing.assert_equal(read_log(path).measured, log.measured)
@@ -43,7 +43,7 @@ def test_a_bad_log_is_read_right_or_refused_in_one_message(kind: Kind, log: Flig
             believed_robot(belief_about(read_log(path), "x", None, [], []))
         message = str(told.value)
         assert "\n" not in message
-        assert len(message) < 600 + 9000 * (name == "wrong attribute")  # a morphology's name stands there as it is
+        assert len(message) < 600
         assert str(path) in message or name == "wrong attribute"
 
 
@@ -69,7 +69,7 @@ def test_every_robot_has_its_joints_in_the_order_of_a_log() -> None:
 
 def test_a_log_made_in_python_may_leave_out_labels_and_units(log: FlightLog, tmp_path: Path) -> None:
     """They are those of the table; a file that is saved has them."""
-    bare = log.measured.drop_vars(["q_axis", "v_axis"])
+    bare = log.measured.copy(deep=True).drop_vars(["q_axis", "v_axis"])
     for name in bare.data_vars:
         bare[name].attrs = {}
     FlightLog(bare).save(tmp_path / "log.nc")
@@ -84,7 +84,7 @@ def test_a_log_made_in_python_may_leave_out_labels_and_units(log: FlightLog, tmp
         (lambda m: m["q"].values.__setitem__((12, 9), np.nan), r"'q', sample 12 \(0\.012 s\), right_shoulder = nan: a"),
         (
             lambda m: m["motor_torque"].values.__setitem__((3, 6), 1e300),
-            r"interval 3 \(0\.003 s\), left_shoulder = 1e\+3",
+            r"interval 3 \(0\.003 s\), left_shoulder = 1e",
         ),
         (lambda m: m["v"].attrs.update(units="mm/s"), r"channel 'v' has units = 'mm/s': 'm/s, rad/s' was expected"),
         (lambda m: m.attrs.update(gravity="heavy"), "attribute gravity = 'heavy': a number in m/s2 was expected"),
@@ -103,13 +103,13 @@ def test_a_message_names_channel_sample_and_what_was_expected(
 
 
 def test_damaged_bytes_are_noticed(log: FlightLog, tmp_path: Path) -> None:
-    """A hundred damages anywhere in the file: refused, or the same numbers, labels and units as before.
+    """Forty damages anywhere in the file: refused, or the same numbers, labels and units as before.
 
     Numbers and labels carry HDF5's Fletcher-32 checksums. Only descriptions in words (`long_name`) do not.
     """
     log.save(tmp_path / "good.nc")
     good, path, refused = (tmp_path / "good.nc").read_bytes(), tmp_path / "bad.nc", 0
-    for seed in range(100):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
         data, at, size = bytearray(good), int(rng.integers(len(good))), int(rng.choice([1, 8, 300]))
         data[at : at + size] = rng.integers(0, 256, len(data[at : at + size]), dtype=np.uint8).tobytes()
@@ -123,7 +123,7 @@ def test_damaged_bytes_are_noticed(log: FlightLog, tmp_path: Path) -> None:
         assert found.truth is not None
         assert log.truth is not None
         xr.testing.assert_equal(found.truth, log.truth)
-    assert refused > 30
+    assert refused > 12
 
 
 def test_no_other_file_is_opened(log: FlightLog, tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_sizes_are_checked_before_anything_is_read(
     """Of a NetCDF file all channels together; of a table the bytes, with an estimate of its rows."""
     log.save(tmp_path / "log.nc")
     monkeypatch.setattr(netcdf, "LARGEST_FILE", 50e3)
-    with pytest.raises(LogError, match="its values take .* GB: at most 2 GB are read"):
+    with pytest.raises(LogError, match=r"its values take .* GB: at most 2 GB are read"):
         FlightLog.load(tmp_path / "log.nc")
     csv_log.write_csv(replace(log, truth=None), tmp_path / "log.csv")
     monkeypatch.setattr(csv_log, "LARGEST_TABLE", 10e3)
