@@ -30,9 +30,9 @@ WINDOW = 0.1  # [s]: over which integrals are compared
 LONGEST_SHIFT = 0.05  # [s]
 SHIFT_STEPS = 6  # most Gauss-Newton steps of the shift
 SMALLEST_SHIFT = 1e-5  # [s]: a smaller step ends the search
-LONGEST_GAP = 3.0  # times the usual step; over a longer one no rate is integrated
+LONGEST_GAP = 3.0  # times the mean step; over a longer one no rate is integrated
 FEWEST_POINTS = 8  # at which two series are compared, for otherwise they say nothing
-MOST_POINTS = 1000  # at which two series are compared
+MOST_POINTS = 400  # at which two series are compared
 LARGEST_DELAY = 0.8e-3  # [s]; a millisecond costs an R2 of 0.1
 SHIFT_GAIN = 1.2  # a shift is a delay if it makes the mean square difference smaller by this factor
 LARGEST_OPENING = 0.01  # [rad]: rms difference of a joint angle from the closed linkage; encoders are 20 times better
@@ -251,7 +251,7 @@ def _fit_rates(first: str, second: str, values: Array, rates: Array, time: Array
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
     integral = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
     n = min(max(1, round(WINDOW / _step(time))), len(time) // 3)
-    gaps = np.concatenate([[0], np.cumsum(np.diff(time) > LONGEST_GAP * np.median(np.diff(time)))])
+    gaps = np.concatenate([[0], np.cumsum(np.diff(time) > LONGEST_GAP * _step(time))])
     whole = gaps[n:] == gaps[:-n]
     moved, turned = (values[n:] - values[:-n])[whole], (integral[n:] - integral[:-n])[whole]
     return _fit(first, second, moved, turned, time[n:][whole], offset=False)
