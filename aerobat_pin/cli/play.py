@@ -73,12 +73,11 @@ def _recording(source: Path | None, morphology: str | None, table: Path | None, 
     from aerobat_pin import visualization
     from aerobat_pin.errors import LogError
 
-    if morphology is not None and (source is None or os.path.isdir(source)):
+    is_run = source is not None and os.path.isdir(source)  # unlike `source.is_dir()`, takes names of any length
+    if morphology is not None and (source is None or is_run):
         raise LogError("play: --morphology says which robot is believed to have flown a log; a log was expected")
     if source is not None and table is None and urdf is None:
-        return (
-            visualization.replay_run(source) if os.path.isdir(source) else visualization.replay_log(source, morphology)
-        )
+        return visualization.replay_run(source) if is_run else visualization.replay_log(source, morphology)
     if source is None and table is not None and urdf is not None:
         return visualization.replay_table(table, urdf)
     raise LogError("play: a run or a log was expected, or --from-csv FILE with --urdf FILE")

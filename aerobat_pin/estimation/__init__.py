@@ -1,5 +1,6 @@
 """Run the observers on a flight log: prepare their inputs with an assumed robot model, and score their estimates."""
 
+from aerobat_pin.estimation.contradictions import Contradiction, contradictions
 from aerobat_pin.estimation.estimate import belief_about, check_names, describe_belief, estimate_log, read_log
 from aerobat_pin.estimation.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.estimation.known_inputs import KnownInputs, known_inputs
@@ -21,12 +22,14 @@ __all__ = [
     "FORCE_AXES",
     "TABLE_HEADER",
     "AxisScore",
+    "Contradiction",
     "FlightSummary",
     "KnownInputs",
     "ObserverScores",
     "Scores",
     "belief_about",
     "check_names",
+    "contradictions",
     "describe_belief",
     "estimate_log",
     "flight_summary",

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from aerobat_pin.estimation.contradictions import Contradiction
 from aerobat_pin.estimation.flight_summary import FlightSummary
 from aerobat_pin.estimation.truth import true_force
 from aerobat_pin.flight import FlightLog
@@ -104,6 +105,7 @@ class Scores:
         inputs: input of the observers -> its source, such as `measured`.
         note: a line about the flight.
         observers: name -> scores of the observer.
+        warnings: contradictions between the channels of the log; `metrics.json` contains their texts.
         flight: summary of the flight; None for a recorded flight.
     """
 
@@ -114,6 +116,7 @@ class Scores:
     inputs: Mapping[str, str]
     note: str
     observers: Mapping[str, ObserverScores]
+    warnings: tuple[Contradiction, ...] = ()
     flight: FlightSummary | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -121,6 +124,7 @@ class Scores:
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
         values |= {"versions": dict(self.versions), "inputs": dict(self.inputs)}
         values["observers"] = {name: found.to_json() for name, found in self.observers.items()}
+        values["warnings"] = [warning.text for warning in self.warnings]
         flight = values.pop("flight")
         return values if flight is None else {**values, "flight": flight.to_json()}
 
@@ -142,8 +146,8 @@ class Scores:
         return any((score.r2_noise_free or 0.0) < 0.0 for axes in points for score in axes.values())
 
     def __repr__(self) -> str:
-        """Return title and table as text; lines about forces that cannot be estimated precede an observer's rows."""
-        lines = [self.title]
+        """Return title, warnings and table as text; forces that cannot be estimated precede an observer's rows."""
+        lines = [self.title, *(f"warning: {warning.text}" for warning in self.warnings)]
         if any(found.points for found in self.observers.values()):
             lines.append(_line(TABLE_HEADER))
         for name, found in self.observers.items():

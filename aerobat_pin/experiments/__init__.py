@@ -2,7 +2,7 @@
 
 from aerobat_pin.experiments.experiment import RESULTS, Experiment, Progress, run, run_recorded, write
 from aerobat_pin.experiments.notes import flight_note, recorded_note
-from aerobat_pin.experiments.result_tables import estimate_dataset
+from aerobat_pin.experiments.result_tables import estimate_dataset, read_estimates
 from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "estimate_dataset",
     "flight_note",
     "load_sweep",
+    "read_estimates",
     "recorded_note",
     "run",
     "run_recorded",

@@ -14,7 +14,15 @@ from typing import Any
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import TABLE_HEADER, Scores, check_names, estimate_log, flight_summary, observer_scores
+from aerobat_pin.estimation import (
+    TABLE_HEADER,
+    Scores,
+    check_names,
+    contradictions,
+    estimate_log,
+    flight_summary,
+    observer_scores,
+)
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
 from aerobat_pin.flight import FlightLog, netcdf_bytes, simulate
@@ -143,6 +151,7 @@ def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, p
         inputs=inputs.source,
         note=note,
         observers={name: observer_scores(estimate, log) for name, estimate in estimates.items()},
+        warnings=tuple(contradictions(log, believed)),
     )
     return Experiment(belief, believed, log, estimates, scores)
 

@@ -1,12 +1,19 @@
-"""Convert estimates to labelled tables, for NetCDF and CSV files."""
+"""Convert estimates to labelled tables, for NetCDF and CSV files, and read them again."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerobat_pin.errors import LogError
+from aerobat_pin.flight import FlightLog, read_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
+
+FORCE_DIMS = ("observer", "interval", "point", "axis")
 
 
 @guarded()
@@ -16,6 +23,36 @@ def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
     All estimates must belong to the same log and have the same components.
     """
     return xr.concat([estimate.to_xarray() for estimate in estimates.values()], "observer", join="exact")
+
+
+def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:
+    """Read the forces of `estimate.nc`, whose intervals must be those of the flight log.
+
+    Raises:
+        LogError: the file cannot be read, contains no forces in world axes, or belongs to another flight.
+    """
+    name = f"estimates {path}"
+    data = read_netcdf(path, "estimates")[""]
+    force = data.variables.get("force_W")
+    if force is None or sorted(map(str, force.dims)) != sorted(FORCE_DIMS):
+        raise LogError(f"{name}: no channel force_W ({', '.join(FORCE_DIMS)})")
+    if force.attrs.get("units") != "N" or force.dtype.kind != "f":
+        raise LogError(f"{name}: force_W [{str(force.attrs.get('units'))[:40]}]: numbers in N were expected")
+    for dim in ("observer", "point", "axis"):
+        labels = data.variables[dim].values.tolist() if dim in data.coords else []
+        if not labels or len(set(labels)) < len(labels) or not all(isinstance(label, str) for label in labels):
+            raise LogError(f"{name}: {dim} has no labels or one label twice: names were expected")
+    if sorted(data["axis"].values) != ["x", "y", "z"]:
+        raise LogError(f"{name}: axis has the labels {', '.join(data['axis'].values)}: x, y, z were expected")
+    start = data.variables["interval"].values if "interval" in data.coords else np.empty(0)
+    if start.shape != log.time[:-1].shape or not np.allclose(start, log.time[:-1], rtol=0.0, atol=1e-9):
+        raise LogError(f"{name}: its {len(start)} intervals are not the {len(log.time) - 1} of the flight log")
+    forces = data["force_W"].transpose(*FORCE_DIMS).sel(axis=["x", "y", "z"])
+    if not np.all(np.isfinite(forces.values)):
+        at = np.argwhere(~np.isfinite(forces.values))[0]
+        where = ", ".join(str(data.variables[dim].values[i]) for dim, i in zip(FORCE_DIMS, at, strict=True))
+        raise LogError(f"{name}: force_W at {where}: a finite number was expected")
+    return forces.to_dataset()
 
 
 def estimate_table(estimates: dict[str, Estimate]) -> str:

@@ -1,7 +1,7 @@
 """From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
-from aerobat_pin.flight.channels import KNOWN, channel
+from aerobat_pin.flight.channels import KNOWN, LABELS, channel
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import FlightLog, netcdf_bytes
@@ -15,6 +15,7 @@ from aerobat_pin.flight.wake import Wake, wake_of
 
 __all__ = [
     "KNOWN",
+    "LABELS",
     "ConstantRate",
     "CrankDrive",
     "FlightLog",

@@ -39,7 +39,9 @@ from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection
 
-TEXT_ATTRIBUTES = ("scenario", "morphology", "morphology_changes", "air")  # the last two contain JSON
+NAMES = ("scenario", "morphology")
+TEXT_ATTRIBUTES = (*NAMES, "morphology_changes", "air")  # the last two contain JSON
+LONGEST_NAME = 255
 
 
 @guarded()
@@ -197,6 +199,8 @@ def _check_attributes(attributes: dict[Any, Any], name: str) -> None:
     for key in TEXT_ATTRIBUTES:
         if key in attributes and not isinstance(attributes[key], str):
             raise LogError(f"{name}: attribute {key} = {str(attributes[key])[:60]!r}: text was expected")
+        if key in NAMES and len(attributes.get(key, "")) > LONGEST_NAME:
+            raise LogError(f"{name}: attribute {key} has {len(attributes[key])} letters: a name was expected")
     if "gravity" in attributes:
         gravity = attributes["gravity"]
         if not isinstance(gravity, (int, float, np.number)) or not 0.0 <= float(gravity) <= 100.0:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import xarray as xr
-
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import belief_about, estimate_log, read_log
-from aerobat_pin.experiments import estimate_dataset, flight_note, recorded_note
+from aerobat_pin.experiments import estimate_dataset, flight_note, read_estimates, recorded_note
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.robot import believed_robot, load_robot
 from aerobat_pin.scenario import load_scenario
@@ -30,7 +28,10 @@ def replay_run(folder: Path) -> Recording:
     scenario = load_scenario(str(folder / "scenario.toml"))
     robot = load_robot(scenario)
     log = FlightLog.load(folder / "flight.nc")
-    estimates = xr.load_dataset(folder / "estimate.nc", engine="h5netcdf")
+    estimates = read_estimates(folder / "estimate.nc", log)
+    strangers = [str(name) for name in estimates["point"].values if not robot.model.existFrame(str(name))]
+    if strangers:
+        raise LogError(f"estimates {folder / 'estimate.nc'}: the robot has no frame {', '.join(strangers)}")
     return replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
 
 

@@ -1,0 +1,153 @@
+"""A log that contradicts itself is told so, by name and with the measured figure; a good log is not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bad_logs import CONTRADICTIONS, height_in_millimetres
+from support.commands import call
+
+from aerobat_pin.estimation.contradictions import contradictions
+from aerobat_pin.experiments.experiment import Experiment, run_recorded
+from aerobat_pin.experiments.experiment import write as write_results
+from aerobat_pin.flight.csv_log import write_csv
+from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.robot.load import believed_robot, load_robot
+from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.visualization.report import report_html
+
+
+@pytest.fixture(scope="module")
+def recorded() -> FlightLog:
+    """Fly `real_log_demo`, with the noise and rounding of its sensors, for 0.6 s."""
+    return simulate(load_scenario("real_log_demo", ["simulation.duration=0.6"]))
+
+
+def changed(log: FlightLog, name: str, columns: slice | list[int], values: object) -> FlightLog:
+    """Return the log with columns of a channel replaced."""
+    measured = log.measured.copy(deep=True)
+    measured[name].values[:, columns] = values
+    return FlightLog(measured)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_scenarios()))
+def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sensors(name: str) -> None:
+    """`noisy_sensors` has a pose of 200 Hz that is 5 ms late, which holding makes 7 ms, and an airspeed of 50 Hz."""
+    scenario = load_scenario(name)
+    found = contradictions(simulate(scenario), believed_robot(scenario))
+    if name != "noisy_sensors":
+        assert [str(one) for one in found] == []
+        return
+    assert [one.text.split()[2] for one in found] == ["position", "attitude", "airspeed", "attitude", "position"]
+    assert [one.name for one in found] == 3 * ["held channel"] + 2 * ["late channel"]
+    assert [one.figure for one in found[:3]] == pytest.approx([200.0, 200.0, 50.0], rel=0.03)  # 2 % are lost
+    assert [one.figure for one in found[3:]] == pytest.approx([7.1e-3, 7.1e-3], abs=0.6e-3)
+
+
+@pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
+def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
+    """Ten variants each, with the noise of real sensors; no other kind of warning comes with them."""
+    robot = load_robot(load_scenario("real_log_demo"))
+    for seed in range(10):
+        wrong = CONTRADICTIONS[name](np.random.default_rng(seed), recorded.measured.copy(deep=True))
+        found = contradictions(FlightLog(wrong), robot)
+        assert name in {one.name for one in found}, seed
+        # a held channel is also late, by half of its period
+        assert {one.name for one in found} <= {name, "late channel"}
+        for one in found:
+            assert one.text.startswith(f"{one.name}: ")
+            assert abs(one.figure) > abs(one.threshold) or one.name == "held channel"
+
+
+@pytest.mark.parametrize(
+    ("channel", "columns", "pair"),
+    [
+        ("q", slice(0, 3), "position comes {} ms after velocity"),
+        ("q", slice(3, 7), "attitude comes {} ms after gyro"),
+        ("v", slice(3, 6), "gyro comes {} ms after attitude"),
+        ("v", slice(6, 10), "joint rates come {} ms after joint angles"),
+        ("crank_angle", slice(None), "crank angle comes {} ms after joint angles"),
+    ],
+)
+@pytest.mark.parametrize("late", [1, 3, 12])
+def test_a_delay_is_measured_to_a_tenth_of_a_millisecond(
+    channel: str, columns: slice, pair: str, late: int, paper: Experiment
+) -> None:
+    """From one sample of 1 ms on, which costs an R2 of up to 0.1, and with its sign."""
+    index = np.maximum(np.arange(len(paper.log.time)) - late, 0)
+    measured = paper.log.measured.copy(deep=True)
+    values = measured[channel].values
+    where = (slice(None), columns) if values.ndim > 1 else slice(None)
+    values[where] = values[index][where]
+    told = [one for one in contradictions(FlightLog(measured), paper.robot) if one.name == "late channel"]
+    assert told
+    assert [one.figure for one in told] == pytest.approx([1e-3 * late] * len(told), abs=1e-4)
+    assert pair.format(f"{late:.1f}") in " ".join(one.text for one in told)
+
+
+def test_the_figures_are_those_of_the_mistake(paper: Experiment) -> None:
+    """An elbow 2 deg off is told with 2 deg; a channel of 100 Hz with 100 Hz; z in mm without a velocity with m/s2."""
+    log, robot = paper.log, paper.robot
+    q = log.measured["q"].values
+    (elbow,) = contradictions(changed(log, "q", [8], q[:, [8]] + np.radians(2.0)), robot)
+    assert "left_elbow is 2.00 deg (rms) off" in elbow.text
+    assert (elbow.unit, elbow.figure) == ("rad", pytest.approx(np.radians(2.0), rel=1e-3))
+    held = contradictions(changed(log, "q", slice(0, 3), q[np.arange(len(q)) // 10 * 10, :3]), robot)[0]
+    assert held.figure == pytest.approx(100.0)
+    poses = log.measured["q"].isel(q_axis=slice(7)).rename(q_axis="pose_axis")
+    bare = log.measured.drop_vars(["q", "v", "q_axis", "v_axis", "motor_torque", "known_thrusters"]).assign(pose=poses)
+    assert contradictions(FlightLog(bare), robot) == []
+    bare["pose"].values[:, 2] *= 1e3
+    (moved,) = contradictions(FlightLog(bare), robot)
+    assert (moved.name, moved.unit) == ("position against gravity", "m/s2")
+
+
+def test_a_rounded_slow_signal_is_not_held(paper: Experiment) -> None:
+    """An encoder of 8 bits repeats its angle irregularly, and a channel that stands still repeats it always."""
+    crank = np.round(paper.log.measured["crank_angle"].values / 0.0245) * 0.0245
+    measured = paper.log.measured.copy(deep=True)
+    measured["crank_angle"].values[:] = crank
+    measured["airspeed"].values[:] = 3.0
+    assert not [one for one in contradictions(FlightLog(measured), paper.robot) if one.name == "held channel"]
+
+
+def test_warnings_stand_in_terminal_report_and_metrics(
+    recorded: FlightLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`aerobat estimate` on a table whose gyro is in deg/s: three places, one text."""
+    wrong = changed(recorded, "v", slice(3, 6), recorded.measured["v"].values[:, 3:6] * 180.0 / np.pi)
+    write_csv(wrong, tmp_path / "hall.csv")
+    monkeypatch.chdir(tmp_path)
+    words = ("estimate", "hall.csv", "--observer", "momentum", "--morphology", "aerobat_guard", "--out", "found")
+    assert call(monkeypatch, *words) == 0
+    (text,) = json.loads((tmp_path / "found" / "metrics.json").read_text())["warnings"]
+    assert text.startswith("gyro against attitude: in 0.1 s they differ by ")
+    assert f"warning: {text}\n" in capsys.readouterr().out
+    scenario = load_scenario("real_log_demo", ['observers.names=["momentum"]'])
+    experiment = run_recorded(wrong, scenario)
+    assert "gyro against attitude" in report_html(experiment, {})
+    write_results(experiment, tmp_path)
+    assert json.loads((tmp_path / "metrics.json").read_text())["warnings"] == [
+        w.text for w in experiment.scores.warnings
+    ]
+
+
+def test_a_good_run_has_no_warning(paper: Experiment) -> None:
+    """The entry is there and empty, and neither table nor report mentions it."""
+    assert paper.metrics["warnings"] == []
+    assert "warning" not in str(paper.scores)
+    assert "contradicts itself" not in report_html(paper, {})
+
+
+def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None:
+    """Three samples, repeated stamps, a gap in time, and a height in mm in the rest."""
+    robot = load_robot(load_scenario("real_log_demo"))
+    measured = recorded.measured.drop_dims("interval")
+    for rows in (np.arange(3), np.arange(9), np.sort(np.append(np.arange(300), 10)), np.r_[0:100, 200:300]):
+        assert contradictions(FlightLog(measured.isel(time=rows)), robot) == []
+    wrong = height_in_millimetres(np.random.default_rng(1), measured.isel(time=np.r_[0:100, 200:300]).copy(deep=True))
+    assert [one.name for one in contradictions(FlightLog(wrong), robot)] == ["position against velocity"]
