@@ -84,7 +84,9 @@ def claimed(target: Path) -> Iterator[Path]:
         number = ""
         with suppress(OSError):
             number = (place / LOCK).read_text().strip()
-        raise OutputError(f"output folder {target}: another process{f' ({number})' * bool(number)} writes into it") from error
+        raise OutputError(
+            f"output folder {target}: another process{f' ({number})' * bool(number)} writes into it"
+        ) from error
     except OSError as error:
         if isinstance(error, OutputError) or error.errno is None:
             raise

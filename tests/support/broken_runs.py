@@ -26,6 +26,7 @@ from types import TracebackType
 
 import numpy as np
 import xarray as xr
+
 from support.forks import Forks, Running
 
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1", "--no-report"]
@@ -199,7 +200,10 @@ def limited(size: int) -> Case:
 
 def can_mount() -> bool:
     """Return whether this process may mount a file system."""
-    return os.geteuid() == 0 and subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False).returncode == 0
+    return (
+        os.geteuid() == 0
+        and subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False).returncode == 0
+    )
 
 
 @contextmanager

@@ -36,7 +36,6 @@ from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
-
 # Beyond these limits a flight has diverged.
 LIMITS = {
     "velocity": (1e3, "m/s"),
