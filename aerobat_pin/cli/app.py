@@ -210,7 +210,7 @@ def list_command() -> None:
         "scenarios": shipped_scenarios(),
         "sweeps": shipped_sweeps(),
         "morphologies": {name: Morphology.load(name).description for name in MORPHOLOGIES},
-        "observers": {name: (kind.__doc__ or "").splitlines()[0] for name, kind in OBSERVERS.items()},
+        "observers": {name: (kind.__doc__ or "\n").splitlines()[0] for name, kind in OBSERVERS.items()},
     }
     for title, entries in sections.items():
         typer.echo(title)

@@ -253,7 +253,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
     sweep, told = load_sweep(written(tmp_path, SHORT)), []
 
     def progress(*_: int) -> None:
-        with pytest.raises(OutputError, match=r"another process .[0-9]+. writes into it"):
+        with pytest.raises(OutputError, match=r"another process \([0-9]+\) writes into it"):
             run_sweep(sweep, tmp_path / "out")
         told.append(True)
 

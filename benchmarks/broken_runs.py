@@ -1,0 +1,124 @@
+"""Write docs/broken_runs.md: runs that are killed at random moments, that meet a full disk, or that are two at once.
+
+    PYTHONPATH=tests python benchmarks/broken_runs.py [--moments 100] [--seed N]
+
+Every signal is sent to a process of its own, at any time from its start to its end. The other cases are those of
+`tests/support/broken_runs.py`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import support.broken_runs as broken
+from support.broken_runs import Bench
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "broken_runs.md"
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+COMMAND = [sys.executable, "-m", "aerobat_pin", *broken.RUN, *broken.NEW]
+SIZES = (1_000, 30_000, 120_000, 400_000)  # [bytes]
+ENDS = ("finished", "ended in one line", "before our first line", "ended otherwise")
+STATES = ("old result", "new result", "half-written", "left behind", "false statement")
+
+
+def interrupt(bench: Bench, number: signal.Signals, moment: float) -> tuple[str, ...]:
+    """Send a run a signal at a moment [s] after its start, and return what was seen: of `ENDS` and `STATES`."""
+    folder = bench.new_folder()
+    process = subprocess.Popen(COMMAND, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(moment)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=broken.HANGS)
+    found = broken.content(folder / "result")
+    wrong = bench.wrong(folder, left=number == signal.SIGKILL)
+    new = found["metrics.json"] == bench.new["metrics.json"]
+    seen = ["half-written" if any("half" in text or "own" in text for text in wrong) else STATES[new]]
+    seen += ["left behind"] * any(path.name != "result" for path in folder.iterdir())
+    seen += ["false statement"] * (new and "nothing was written" in said)
+    shutil.rmtree(folder)
+    if process.returncode == 0:
+        return ("finished", *seen)
+    if process.returncode == 128 + number and said.startswith("interrupted: ") and said.count("\n") == 1:
+        return ("ended in one line", *seen)
+    ours = "aerobat_pin/" in said or "aerobat_description/" in said
+    return ("before our first line" if process.returncode != -9 and not ours else "ended otherwise", *seen)
+
+
+def signal_table(bench: Bench, moments: int, rng: np.random.Generator) -> list[str]:
+    """Return the table of signals."""
+    start = time.monotonic()
+    subprocess.run(COMMAND, cwd=bench.new_folder(), check=True, capture_output=True)
+    longest = 1.05 * (time.monotonic() - start)
+    counts = {number: Counter[str]() for number in SIGNALS}
+    for k in range(moments):
+        for number in SIGNALS:
+            counts[number].update(interrupt(bench, number, float(rng.uniform(0.0, longest))))
+        print(f"{k + 1} of {moments}", {number.name: dict(count) for number, count in counts.items()}, flush=True)
+    names = (*ENDS, *STATES)
+    lines = [f"| signal | moments | {' | '.join(names)} |", "|---" * (len(names) + 2) + "|"]
+    for number, count in counts.items():
+        lines.append(f"| {number.name} | {moments} | {' | '.join(str(count[name]) for name in names)} |")
+    return lines
+
+
+def case_table(bench: Bench) -> list[str]:
+    """Return the table of the other cases."""
+    cases = [broken.at_once(2), broken.at_once(5), *(broken.limited(size) for size in SIZES)]
+    if broken.can_mount():
+        cases += [broken.full_disk(size) for size in SIZES]
+    lines = ["| case | tries | as it should be |", "|---|---|---|"]
+    for case in cases:
+        good = sum(case.play(bench, bench.new_folder()) == [] for _ in range(5))
+        lines.append(f"| {case.name} | 5 | {good} |")
+    return lines
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--moments", type=int, default=100, help="random moments for each signal")
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder, Bench(Path(folder)) as bench:
+        cases = case_table(bench)
+        signals = signal_table(bench, chosen.moments, np.random.default_rng(chosen.seed))
+    PAGE.write_text(TEXT.format(date=time.strftime("%Y-%m-%d"), signals="\n".join(signals), cases="\n".join(cases)))
+
+
+TEXT = """# Broken runs
+
+Written on {date} by `make evidence` (`benchmarks/broken_runs.py`). Each try starts `aerobat run paper --force` in a folder
+with an old result and with files of the user's.
+
+## Signals at random moments
+
+{signals}
+
+Each try is a new process, and the moment is anywhere between its start and its end. It ends in one of four ways: it has
+finished; it ended in one line, with exit code 130 or 143; the signal came before the first line of this package, while
+Python itself was loading; or otherwise, as always with `kill -9`. Afterwards the folder holds the old result, the new one,
+or something else, which counts as half-written; a changed or missing file of the user's counts as half-written too. A work
+folder can be left behind by `kill -9` alone, and the next run removes it. A statement is false if a program says that nothing
+was written and the new result is there.
+
+## Two at once, and no space
+
+{cases}
+
+Of several runs into one folder at once, one writes its result; the others end with one message and exit code 2 (before it
+has ended, or they run after it). "free" is the space that a disk of its own has left beside the old result; the size limit is
+that of a process (`ulimit -f`). A run that needs more ends with one message and exit code 2, leaves the old result as it was,
+and nothing else. Mounting a small disk needs root; elsewhere these rows are missing.
+"""
+
+if __name__ == "__main__":
+    main()

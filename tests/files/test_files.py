@@ -1,0 +1,169 @@
+"""Files and folders are written whole or not at all; the user's own stay; signals end a program in one line."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from aerobat_pin.errors import OutputError, OutputWarning
+from aerobat_pin.files.output_folder import claimed, output_folder
+from aerobat_pin.files.whole_files import write_files
+
+folders = import_module("aerobat_pin.files.output_folder")  # the door has a function of this name
+REPLACES = ("a.txt", "b.txt")
+PROGRAM = [sys.executable, "-m", "aerobat_pin"]
+
+
+def written(folder: Path) -> dict[str, str]:
+    """Return the files below a folder."""
+    return {str(path.relative_to(folder)): path.read_text() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def write(target: Path) -> None:
+    """Write a new result of one file over an old one of two."""
+    with output_folder(target, force=True, replaces=REPLACES) as work:
+        (work / "a.txt").write_text("new")
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Path:
+    """Return a folder with an old result and a file of the user's."""
+    folder = tmp_path / "target"
+    folder.mkdir()
+    for name, text in (("a.txt", "old"), ("b.txt", "old"), ("mine.txt", "mine")):
+        (folder / name).write_text(text)
+    return folder
+
+
+def test_a_new_result_takes_the_place_of_the_old_one_at_once(target: Path) -> None:
+    """Until the end nothing changes; then the folder is another one, with the user's file itself, not a copy."""
+    inode, mine = target.stat().st_ino, (target / "mine.txt").stat().st_ino
+    with output_folder(target, force=True, replaces=REPLACES) as work:
+        (work / "a.txt").write_text("new")
+        assert written(target) == {"a.txt": "old", "b.txt": "old", "mine.txt": "mine"}
+        (target / "late.txt").write_text("made meanwhile")
+    assert written(target) == {"a.txt": "new", "late.txt": "made meanwhile", "mine.txt": "mine"}
+    assert target.stat().st_ino != inode
+    assert (target / "mine.txt").stat().st_ino == mine
+    assert os.listdir(target.parent) == ["target"]
+
+
+def test_a_link_to_a_folder_stays_a_link(target: Path) -> None:
+    """The folder behind it is replaced."""
+    link = target.parent / "link"
+    link.symlink_to(target)
+    write(link)
+    assert link.is_symlink()
+    assert written(target) == {"a.txt": "new", "mine.txt": "mine"}
+
+
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EPERM])
+def test_where_the_file_system_cannot_exchange_folders_a_warning_says_so(
+    number: int, target: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The files are then replaced one by one."""
+
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(folders, "_put", refuse)
+    with pytest.warns(OutputWarning, match=r"cannot exchange it as a whole \(.*its files are replaced one by one"):
+        write(target)
+    assert written(target) == {"a.txt": "new", "mine.txt": "mine"}
+    assert os.listdir(target.parent) == ["target"]
+
+
+def test_a_disk_that_is_full_at_the_last_moment_costs_nothing(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The old result stays, and the message gives the reason."""
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(folders, "_put", refuse)
+    with pytest.raises(OutputError, match=f"output folder {target}: cannot be written: No space left on device"):
+        write(target)
+    assert written(target) == {"a.txt": "old", "b.txt": "old", "mine.txt": "mine"}
+    assert os.listdir(target.parent) == ["target"]
+
+
+def test_a_second_writer_is_refused_by_the_number_of_the_first(target: Path) -> None:
+    """At once, and without harm to the first."""
+    with claimed(target):
+        with pytest.raises(OutputError, match=rf"another process \({os.getpid()}\) writes into it"):
+            write(target)
+        assert written(target)["a.txt"] == "old"
+    write(target)
+
+
+def test_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
+    """A folder in the place of the second file: the first is not written either, and no folder stays."""
+    (tmp_path / "two").mkdir()
+    with pytest.raises(OutputError, match="two: cannot be written: is a folder"):
+        write_files({tmp_path / "new" / "one": b"1", tmp_path / "two": b"2"})
+    assert os.listdir(tmp_path) == ["two"]
+    (tmp_path / ".aerobat-three").write_text("left by a process that was killed, and longer than what comes")
+    write_files({tmp_path / "three": b"3"})
+    assert written(tmp_path) == {"three": "3"}
+
+
+def test_standard_output_on_a_full_disk_is_told(tmp_path: Path) -> None:
+    """One line and exit code 2; without it Python would end with code 120."""
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*PROGRAM, "urdf"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "error: standard output: cannot be written: No space left on device\n")
+
+
+def test_programs_without_docstrings_work(tmp_path: Path) -> None:
+    """`PYTHONOPTIMIZE=2`, and no HOME; `list` shows docstrings where there are any."""
+    environment = {name: value for name, value in os.environ.items() if name != "HOME"} | {"PYTHONOPTIMIZE": "2"}
+    done = subprocess.run([*PROGRAM, "list"], env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "force_level" in done.stdout
+
+
+LOADING = """
+import os, signal, sys
+import importlib.abc
+
+wanted = sys.argv[1]
+
+class Interrupt(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == wanted:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+from aerobat_pin.cli import main
+sys.argv = ["aerobat", "run", "paper", "--out", "result"]
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["aerobat_pin.files", "typer", "numpy", "pinocchio", "numba", "xarray"])
+def test_ctrl_c_while_the_program_loads_is_one_line(module: str, tmp_path: Path) -> None:
+    """From the first import of ours on, before the handlers are there and after."""
+    command = [sys.executable, "-c", LOADING, module]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "interrupted: nothing was written\n")
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_program_in_the_background_ignores_ctrl_c(tmp_path: Path) -> None:
+    """Started with SIGINT ignored, as `&` in a script and `nohup` do."""
+    process = subprocess.Popen(
+        ["sh", "-c", "trap '' INT; exec \"$@\"", "sh", *PROGRAM, "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+    _, errors = process.communicate()
+    assert (process.returncode, errors) == (0, b"")
