@@ -9,7 +9,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-python coverage docs bench clean
+.PHONY: demo test test-python coverage mutants docs bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -37,6 +37,10 @@ coverage: $(VENV)/.installed-test
 	$(BIN)/coverage run -m pytest
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --fail-under=95
+
+# Which classical slips would no test notice? Some ten minutes.
+mutants: $(VENV)/.installed-test
+	$(BIN)/python tests/mutants.py $(ARGS)
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
