@@ -9,7 +9,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-python coverage docs bench evidence clean
+.PHONY: demo test test-python coverage mutants docs bench reliability evidence clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -38,8 +38,16 @@ coverage: $(VENV)/.installed-test
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --fail-under=95
 
+# Which classical slips would no test notice? Some ten minutes.
+mutants: $(VENV)/.installed-test
+	$(BIN)/python tests/mutants.py $(ARGS)
+
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
+
+# Thousands of bad inputs through all doors, and the page of their counts; ARGS="--seeds 2000 --seed 1".
+reliability: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python benchmarks/bad_inputs.py $(ARGS)
 
 # Counts that take an hour: pages with a date.
 evidence: $(VENV)/.installed-test

@@ -101,7 +101,7 @@ class LineFlight:
     circulation: Array
 
 
-@guarded(added_mass="not negative")
+@guarded(time="any", added_mass="not negative")
 def fly(
     line: LiftingLine,
     motion: Callable[[float], Halves],

@@ -144,6 +144,8 @@ def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep
     if shape is not None and shape != "any":
         checked_shape(found, shape, name, sizes)
     if shape != "any" and not np.all(np.abs(found) <= LARGEST):
+        if found.shape == ():
+            raise ShapeError(f"{name} = {found}: a finite number was expected")
         raise ShapeError(f"{name} holds NaN, infinity or a number beyond {LARGEST:g}: finite numbers were expected")
     return value if keep else found
 
@@ -210,6 +212,8 @@ def _callable(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
 
 def _instance(value: Any, name: str, sizes: dict[Any, Any], kind: type = object) -> Any:
     fits = isinstance(value, (int, np.integer)) if kind is int else isinstance(value, kind)
+    if kind is int and isinstance(value, float):
+        raise ShapeError(f"{name} = {value}: a whole number was expected")
     if not fits or (kind is int and (isinstance(value, bool) or abs(value) >= 2**63)):
         raise _wrong(name, value, WORDS.get(kind, f"a {kind.__name__}"))
     return value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,11 @@ def real_numbers(values: ArrayLike, name: str) -> Array:
 
 def shown(value: Any) -> str:
     """Return a value as short text for an error message."""
-    if value is None or isinstance(value, str | bytes | float | complex | type):
-        text = repr(value)
-        return text if len(text) <= 60 else f"{text[:50]}..."
-    return str(value) if isinstance(value, int) and abs(value) < 10**20 else f"an object of {type(value).__name__}"
+    if value is None or isinstance(value, str | bytes | float | complex | type | int | list | tuple):
+        with suppress(ValueError):  # whole numbers of thousands of digits have no text
+            text = repr(value)
+            return text if len(text) <= 60 else f"{text[:50]}..."
+    return f"an object of {type(value).__name__}"
 
 
 def checked_shape(array: Array, shape: Any, name: str, sizes: dict[Any, Any] | None = None) -> None:

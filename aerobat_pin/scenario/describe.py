@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any, get_args
 
 from aerobat_pin.scenario.scenario import Scenario
-from aerobat_pin.scenario.tables import Section, sections_of
+from aerobat_pin.scenario.tables import LARGEST_NUMBER, Section, sections_of
 from aerobat_pin.scenario.toml import scenario_value
 
 COLUMNS = 100  # width of the text in characters
@@ -40,7 +40,8 @@ def kind_of(schema: dict[str, Any]) -> str:
             count = f"{len(inner)} " if "prefixItems" in schema else "list of "
         schema = inner[0]
     bounded = schema.get("additionalProperties", schema)
-    bounds = [f"{sign} {bounded[key]:g}" for key, sign in BOUNDS.items() if bounded is not True and key in bounded]
+    given = {key: bounded[key] for key in BOUNDS if bounded is not True and key in bounded}
+    bounds = [f"{BOUNDS[key]} {value:g}" for key, value in given.items() if abs(value) < LARGEST_NUMBER]
     choices = schema.get("enum", [schema["const"]] if "const" in schema else [])
     noun = " or ".join(f'"{choice}"' for choice in choices) or NOUNS[schema["type"]]
     return f"{count}{noun}{'s' if count else ''} {', '.join(bounds)}".rstrip()

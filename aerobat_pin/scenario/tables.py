@@ -5,20 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 LARGEST_NUMBER = 1.0e12  # no key needs a larger number, in any of its units
 FARTHEST_START = 1.0e6  # [m]: further out, positions lose their digits
-
-
-def _of_this_world(value: float) -> float:
-    if abs(value) > LARGEST_NUMBER:
-        raise PydanticCustomError("too_large", f"a number of at most {LARGEST_NUMBER:g} was expected")
-    return value
-
-
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidator(_of_this_world)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Whole = Annotated[int, Field(strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 NonNegative = Annotated[Number, Field(ge=0.0)]

@@ -156,7 +156,7 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
         observer.update(1.1, q[:-1], v, tau)
     with pytest.raises(ShapeError, match="q has 1 rows"):
         observer.run([0.0, 1.0], q[None], np.zeros((2, model.nv)), tau[None])
-    with pytest.raises(ShapeError, match="too large"):
+    with pytest.raises(ShapeError, match=r"tau holds NaN, infinity or a number beyond 1e\+15"):
         observer.update(1.1, q, v, np.full(model.nv, 1e307))
     strict = observer.update(1.1, q, v, rest(model, q))
     np.testing.assert_allclose(strict.force, 0.0, atol=1e-9)
