@@ -90,7 +90,7 @@ def test_the_mark_at_the_start_of_a_file_from_windows_is_no_mistake(tmp_path: Pa
 
 
 def test_settings_have_the_same_limits() -> None:
-    """A value that is not TOML stays text; a key has 32 parts at most; "²" is no index, though Python calls it digit."""
+    """What is no TOML stays text; a key has 32 parts at most; "²" is no index, though Python takes it for a digit."""
     assert parsed_value(9000 * "[") == 9000 * "["
     assert parsed_value(5000 * "9") == 5000 * "9"
     with pytest.raises(ScenarioError, match="9001 parts of a dotted key: at most 32"):

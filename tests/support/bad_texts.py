@@ -268,7 +268,7 @@ def _runs(rng: Rng, place: Path) -> list[str]:
     texts = (
         f"seeds = {count}",
         f'[ranges]\n"observers.gain" = {{from = 1, to = 2, count = {count}}}',
-        f'[draws]\ncount = {count}\n[draws.values]\n"air.density" = {{distribution = "normal", mean = 1, deviation = 0.1}}',
+        f'[draws]\ncount = {count}\n[draws.values]\n"air.density" = {{distribution = "uniform", low = 1, high = 2}}',
         f'[factors.a]\nvalues = {{from = 1, to = 2, count = {count}}}\nof = {{"observers.gain" = 1}}',
         f'[ranges]\n"simulation.duration" = [1e{rng.integers(4, 300)}]',
     )
