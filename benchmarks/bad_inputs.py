@@ -58,7 +58,7 @@ def counted(count: int, seed: int) -> tuple[Counter[tuple[int, str]], list[str],
     rng = np.random.default_rng(seed)
     counts, said, longest = Counter[tuple[int, str]](), [], 0.0
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder)) as doors:
-        assert (doors.run, doors.swept, doors.estimated, doors.bench.seconds)  # made before anything is timed
+        _ = doors.run, doors.swept, doors.estimated, doors.bench.seconds  # made before anything is timed
         for k, number in enumerate(drawn_classes(rng, count)):
             start = time.monotonic()
             attempt = doors.attempt(rng, number)
@@ -116,17 +116,17 @@ generator makes the 300 bad inputs of every test run (`tests/support/bad_inputs.
 
 * A *traceback* is any error that is none of this package's, or a program that is ended by a signal of its own making.
 * A *hang* takes more than 20 s. The longest of these inputs took {longest:.0f} s, the start of its process included.
-* A *half-written result* is any file that a refused command adds, changes or removes, or a folder of results that is neither
-  the old one nor the new one.
-* A *silent acceptance* is exit code 0 for an input that must be refused, another estimate from columns in another order, or
-  a contradiction without its warning.
+* A *half-written result* is any file that a refused command adds, changes or removes, or a folder of results that is
+  neither the old one nor the new one.
+* A *silent acceptance* is exit code 0 for an input that must be refused, another estimate from columns in another
+  order, or a contradiction without its warning.
 * A *wrong message* is any other exit code than 2, or not exactly one message.
 
-Most inputs go through the command line in one process, some through processes of their own. The doors are `run`, `estimate`,
-`sweep`, `trim`, `play`, `urdf`, `linkage`, the page that `play` serves, and the functions that Python offers. Sizes are
-estimated before any work: a flight may take {limits[0]:g} GB of log and {limits[1]:g} s, a sweep {limits[2]} runs and
-{limits[3]:g} days, a table {limits[4]:g} MB, a TOML file {limits[5]:g} MB with {limits[6]} levels. [broken_runs.md](broken_runs.md) has the counts of
-`make evidence` for interruptions and full disks.
+Most inputs go through the command line in one process, some through processes of their own. The doors are `run`,
+`estimate`, `sweep`, `trim`, `play`, `urdf`, `linkage`, the page that `play` serves, and the functions that Python
+offers. Sizes are estimated before any work: a flight may take {limits[0]:g} GB of log and {limits[1]:g} s, a sweep
+{limits[2]} runs and {limits[3]:g} days, a table {limits[4]:g} MB, a TOML file {limits[5]:g} MB with {limits[6]} levels.
+[broken_runs.md](broken_runs.md) has the counts of `make evidence` for interruptions and full disks.
 """
 
 if __name__ == "__main__":

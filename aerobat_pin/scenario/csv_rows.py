@@ -26,8 +26,8 @@ class TextTable:
         error: error class to raise.
 
     Raises:
-        AerobatError: of the class `error`: there is no such file, it is not text or too large, or its cells are separated
-            by semicolons or tabs.
+        AerobatError: of the class `error`: there is no such file, it is not text or too large, or semicolons or tabs
+            separate its cells.
     """
 
     @guarded()
