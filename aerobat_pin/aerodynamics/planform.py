@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ArgumentError, ShapeError
-from aerobat_pin.numerics import LARGEST, Array, real_numbers, shown
+from aerobat_pin.numerics import LARGEST_REAL, Array, real_numbers, shown
 
 AlongSpan = float | ArrayLike | Callable[[Array], ArrayLike]
 FINE = 4096  # number of midpoints in theta at which a planform is sampled for its area, accurate to 1e-7
@@ -40,7 +40,7 @@ def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Cal
             raise ShapeError(
                 f"{name} as a function has shape {found.shape} at {len(y)} stations: {y.shape} was expected"
             )
-        wrong = ~(np.abs(found) <= LARGEST)
+        wrong = ~(np.abs(found) <= LARGEST_REAL)
         if np.any(wrong):
             raise ShapeError(f"{name} = {found[wrong][0]}: finite lengths in metres were expected")
         return np.array(np.broadcast_to(found, y.shape))

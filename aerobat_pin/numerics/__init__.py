@@ -1,7 +1,16 @@
 """Arrays, compiled kernels, views of Pinocchio's results and integration on manifolds, independent of any robot."""
 
 from aerobat_pin.numerics.arguments import guarded, number
-from aerobat_pin.numerics.arrays import LARGEST, Array, checked, checked_shape, real_numbers, shaped, shown, together
+from aerobat_pin.numerics.arrays import (
+    LARGEST_REAL,
+    Array,
+    checked,
+    checked_shape,
+    real_numbers,
+    shaped,
+    shown,
+    together,
+)
 from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
 from aerobat_pin.numerics.kernel_cache import remove_damaged_kernels
@@ -32,7 +41,7 @@ __all__ = [
     "DEPARTURES",
     "DOUBLE",
     "HALF_STEPS",
-    "LARGEST",
+    "LARGEST_REAL",
     "Array",
     "Integers",
     "add_product",

@@ -1,4 +1,4 @@
-"""Check the arguments of public functions and classes by their annotations, and name the one that is wrong.
+"""ArgumentCheck the arguments of public functions and classes by their annotations, and name the one that is wrong.
 
 Functions that a loop calls for every sample are not decorated: they check what their kernels report.
 """
@@ -15,12 +15,14 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 import numpy as np
 
 from aerobat_pin.errors import ArgumentError, ShapeError
-from aerobat_pin.numerics.arrays import LARGEST, checked_shape, real_numbers, shown
+from aerobat_pin.numerics.arrays import LARGEST_REAL, checked_shape, real_numbers, shown
 
 Target = TypeVar("Target", bound=Callable[..., Any])
 Shape = tuple[Any, ...]  # as `checked_shape` reads it; a name stands for one size in a whole call
 Rule = Shape | list[Shape] | Literal["positive", "not negative", "any", "free"]
-Check = Callable[[Any, str, dict[Any, Any]], Any]  # takes value, name and sizes so far; returns what the function gets
+ArgumentCheck = Callable[
+    [Any, str, dict[Any, Any]], Any
+]  # takes value, name and sizes so far; returns what the function gets
 
 
 class _Numbers:
@@ -32,7 +34,7 @@ WORDS: dict[Any, str] = {str: "text", Path: "a path", int: "a whole number", flo
 
 
 def guarded(**rules: Rule) -> Callable[[Target], Target]:
-    """Check every call of a function, or of a class, against its annotations.
+    """ArgumentCheck every call of a function, or of a class, against its annotations.
 
     Numbers are real, finite and of a size that occurs in SI units; arrays also arrive as arrays of doubles.
 
@@ -58,7 +60,7 @@ def _wrapped(function: Callable[..., Any], rules: Mapping[str, Rule]) -> Callabl
     names = tuple(inspect.signature(function).parameters)
 
     @cache
-    def checks() -> dict[str, Check]:  # on the first call, when all modules are imported
+    def checks() -> dict[str, ArgumentCheck]:  # on the first call, when all modules are imported
         return {name: _check_of(hint, rules.get(name)) for name, hint in _hints(function).items() if name in names}
 
     @wraps(function)
@@ -86,7 +88,7 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
     return hints
 
 
-def _check_of(hint: Any, rule: Rule | None = None) -> Check:
+def _check_of(hint: Any, rule: Rule | None = None) -> ArgumentCheck:
     """Return the check of one annotation."""
     kind, parts = get_origin(hint) or hint, get_args(hint)
     if rule == "free" or hint is Any:
@@ -134,7 +136,7 @@ def number(value: Any, name: str, sign: Literal["positive", "not negative", "any
     if found.shape != ():
         raise ShapeError(f"{name} has shape {found.shape}: one number was expected")
     good = {"positive": found > 0.0, "not negative": found >= 0.0}.get(sign or "", True)
-    if sign != "any" and not (good and abs(found) <= LARGEST):
+    if sign != "any" and not (good and abs(found) <= LARGEST_REAL):
         raise ShapeError(f"{name} = {found}: a finite number{'' if sign is None else f', {sign},'} was expected")
     return float(found)
 
@@ -143,10 +145,12 @@ def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep
     found = real_numbers(value, name)
     if shape is not None and shape != "any":
         checked_shape(found, shape, name, sizes)
-    if shape != "any" and not np.all(np.abs(found) <= LARGEST):
+    if shape != "any" and not np.all(np.abs(found) <= LARGEST_REAL):
         if found.shape == ():
             raise ShapeError(f"{name} = {found}: a finite number was expected")
-        raise ShapeError(f"{name} holds NaN, infinity or a number beyond {LARGEST:g}: finite numbers were expected")
+        raise ShapeError(
+            f"{name} holds NaN, infinity or a number beyond {LARGEST_REAL:g}: finite numbers were expected"
+        )
     return value if keep else found
 
 
@@ -156,7 +160,7 @@ def _choice(value: Any, name: str, sizes: dict[Any, Any], choices: tuple[Any, ..
     return value
 
 
-def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> Check:
+def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> ArgumentCheck:
     """Return the check of a union: the first member that fits counts; of the errors, the last is raised."""
     members = [_check_of(part, rule) for part in parts if part is not type(None)]
     optional = len(members) < len(parts)
@@ -174,7 +178,7 @@ def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> Check:
     return check
 
 
-def _items(value: Any, name: str, _: dict[Any, Any], item: Check, kept: bool = True) -> Any:
+def _items(value: Any, name: str, _: dict[Any, Any], item: ArgumentCheck, kept: bool = True) -> Any:
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         raise _wrong(name, value, "a list")
     items = value if kept and isinstance(value, Sequence) else list(value)
@@ -183,7 +187,7 @@ def _items(value: Any, name: str, _: dict[Any, Any], item: Check, kept: bool = T
     return items
 
 
-def _row(value: Any, name: str, _: dict[Any, Any], items: list[Check]) -> Any:
+def _row(value: Any, name: str, _: dict[Any, Any], items: list[ArgumentCheck]) -> Any:
     found = _items(value, name, {}, _anything)
     if len(found) != len(items):
         raise ArgumentError(f"{name} has {len(found)} items: {len(items)} were expected")
@@ -192,7 +196,7 @@ def _row(value: Any, name: str, _: dict[Any, Any], items: list[Check]) -> Any:
     return found
 
 
-def _table(value: Any, name: str, _: dict[Any, Any], key: Any, item: Check) -> Any:
+def _table(value: Any, name: str, _: dict[Any, Any], key: Any, item: ArgumentCheck) -> Any:
     if not isinstance(value, Mapping) or not all(isinstance(one, key) for one in value):
         raise _wrong(name, value, "a mapping from names" if key is str else "a mapping")
     return {one: item(inside, f"{name}[{one!r}]", {}) for one, inside in value.items()}

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from aerobat_pin.errors import ArgumentError, ShapeError
 
 Array = NDArray[np.floating[Any]]
-LARGEST = 1.0e15  # no quantity in SI units is larger; squares and products of such numbers are finite
+LARGEST_REAL = 1.0e15  # no quantity in SI units is larger; squares and products of such numbers are finite
 
 
 def real_numbers(values: ArrayLike, name: str) -> Array:

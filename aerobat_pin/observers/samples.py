@@ -7,7 +7,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import LARGEST, Array, checked_shape, real_numbers
+from aerobat_pin.numerics import LARGEST_REAL, Array, checked_shape, real_numbers
 from aerobat_pin.observers.kernels.residual import FARTHEST, LENGTH_TOLERANCE
 
 # Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
@@ -30,7 +30,7 @@ def modes(gain: Array, size: int) -> tuple[Array, Array]:
         if not np.allclose(gain, gain.T, rtol=1e-9, atol=0.0):
             raise ObserverError("gain matrix: a symmetric one was expected")
         gains, basis = np.linalg.eigh(gain)
-    if not (np.all(gains > 0.0) and np.all(gains <= LARGEST)):
+    if not (np.all(gains > 0.0) and np.all(gains <= LARGEST_REAL)):
         raise ObserverError(f"gain = {gain}: a finite positive gain in 1/s was expected")
     return np.array(np.broadcast_to(gains, (size,))), basis
 
@@ -69,7 +69,7 @@ def checked_record(values: ArrayLike, rows: int, columns: int, name: str) -> Arr
     checked_shape(table, (len(table) if table.ndim == 2 else rows, columns), name)
     if len(table) != rows:
         raise ShapeError(f"{name} has {len(table)} rows: {rows} were expected")
-    if not np.all(np.abs(table) <= LARGEST):
-        row = int(np.argmin(np.all(np.abs(table) <= LARGEST, axis=1)))
-        raise ShapeError(f"{name} holds NaN or infinity in row {row}, or a number beyond {LARGEST:g}")
+    if not np.all(np.abs(table) <= LARGEST_REAL):
+        row = int(np.argmin(np.all(np.abs(table) <= LARGEST_REAL, axis=1)))
+        raise ShapeError(f"{name} holds NaN or infinity in row {row}, or a number beyond {LARGEST_REAL:g}")
     return np.ascontiguousarray(table)

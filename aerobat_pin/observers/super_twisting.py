@@ -8,7 +8,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import LARGEST, guarded
+from aerobat_pin.numerics import LARGEST_REAL, guarded
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.kernels.filters import SUPER_TWISTING
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
@@ -44,7 +44,7 @@ class SuperTwistingObserver(Observer):
         slope: float = 1.0,
     ) -> None:
         """Prepare the filter; `reset` starts it."""
-        if not 0.0 < slope <= LARGEST:
+        if not 0.0 < slope <= LARGEST_REAL:
             raise ObserverError(f"slope = {slope}: a finite positive number in N/s was expected")
         self.slope, self._settings = float(slope), {"slope": slope}
         super().__init__(model, applications, gain, rows)

@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 from aerobat_pin.estimation.scores import lag, r_squared
-from aerobat_pin.estimation.truth import TrueEvent, true_events
+from aerobat_pin.estimation.truth import TrueEvent, true_events, true_force
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.frames import euler_angles, world_velocity
@@ -73,6 +73,17 @@ def test_the_lag_compares_the_estimate_with_the_truth_rolled_sample_by_sample() 
     before, here, after = errors[5:8]
     assert int(np.argmin(errors)) == 6
     assert lag(estimate, truth, dt) == (5 + 0.5 * (before - after) / (before - 2.0 * here + after)) * dt
+
+
+def test_a_true_force_is_found_by_the_name_of_its_point() -> None:
+    """Not by its place among the points; a point on which nothing acts has the force zero."""
+    log = simulate(load_scenario("paper", ["simulation.duration=0.005", "air.strips=4", "air.warm_up_cycles=0"]))
+    assert log.truth is not None
+    values = log.truth["force_W"].copy()
+    values.loc[{"point": "left_force_point"}], values.loc[{"point": "right_force_point"}] = 1.0, 2.0
+    marked = FlightLog(log.measured, log.truth.assign(force_W=values))
+    for frame, size in (("left_force_point", 1.0), ("right_force_point", 2.0), ("left_distal", 0.0)):
+        np.testing.assert_array_equal(true_force(marked, frame)[0], np.full((5, 3), size))
 
 
 def test_a_log_knows_everything_that_comes_and_goes(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def test_numbers_that_no_robot_has_are_refused() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("observers.gain=1e300", r"observers.gain = 1e\+300: a number of at most 1e\+12 was expected"),
+        ("observers.gain=1e300", r"observers.gain = 1e\+300: .* 1000000000000"),
         ('observers.names=["momentum", "momentum"]', "'momentum' is there twice"),
         ('observers.frames=["left_distal", "left_distal"]', "'left_distal' is there twice"),
         ("unknown_force.0.step_end=0.5", "step from step_start = 1.0 s to step_end = 0.5 s: step_end comes later"),

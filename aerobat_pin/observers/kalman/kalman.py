@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import LARGEST, Array, checked, fields_of, guarded, new_memory, shown
+from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_memory, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
@@ -143,7 +143,7 @@ class KalmanObserver(Observer):
         self._prior: Array | None = None
         if force_walk is not None:
             walk = np.array(force_walk, float)
-            if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST)):
+            if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST_REAL)):
                 raise ObserverError(
                     f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
                 )
@@ -246,6 +246,6 @@ class KalmanObserver(Observer):
 
 def _positive(name: str, value: float) -> float:
     """Return the value if it is finite and positive. Raises ObserverError with its name otherwise."""
-    if not 0.0 < value <= LARGEST:
+    if not 0.0 < value <= LARGEST_REAL:
         raise ObserverError(f"{name} = {value}: a finite positive number was expected")
     return float(value)
