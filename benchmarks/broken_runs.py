@@ -89,35 +89,36 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, Bench(Path(folder)) as bench:
-        cases = case_table(bench)
         signals = signal_table(bench, chosen.moments, np.random.default_rng(chosen.seed))
+        cases = case_table(bench)
     PAGE.write_text(TEXT.format(date=time.strftime("%Y-%m-%d"), signals="\n".join(signals), cases="\n".join(cases)))
 
 
 TEXT = """# Broken runs
 
-Written on {date} by `make evidence` (`benchmarks/broken_runs.py`). Each try starts `aerobat run paper --force` in a folder
-with an old result and with files of the user's.
+Written on {date} by `make evidence` (`benchmarks/broken_runs.py`). Each try starts `aerobat run paper --force` in a
+folder with an old result and with files of the user's.
 
 ## Signals at random moments
 
 {signals}
 
-Each try is a new process, and the moment is anywhere between its start and its end. It ends in one of four ways: it has
-finished; it ended in one line, with exit code 130 or 143; the signal came before the first line of this package, while
-Python itself was loading; or otherwise, as always with `kill -9`. Afterwards the folder holds the old result, the new one,
-or something else, which counts as half-written; a changed or missing file of the user's counts as half-written too. A work
-folder can be left behind by `kill -9` alone, and the next run removes it. A statement is false if a program says that nothing
-was written and the new result is there.
+Each try is a new process, and the moment is anywhere between its start and its end. It ends in one of four ways: it
+has finished; it ended in one line, with exit code 130 or 143; the signal came before the first line of this package,
+while Python itself was loading; or otherwise, as always with `kill -9`.
+
+Afterwards the folder holds the old result, the new one, or something else, which counts as half-written, as does a
+changed or missing file of the user's. A work folder can be left behind by `kill -9` alone, and the next run removes it.
+A statement is false if a program says that nothing was written and the new result is there.
 
 ## Two at once, and no space
 
 {cases}
 
-Of several runs into one folder at once, one writes its result; the others end with one message and exit code 2 (before it
-has ended, or they run after it). "free" is the space that a disk of its own has left beside the old result; the size limit is
-that of a process (`ulimit -f`). A run that needs more ends with one message and exit code 2, leaves the old result as it was,
-and nothing else. Mounting a small disk needs root; elsewhere these rows are missing.
+Of several runs into one folder at once, one writes its result; each of the others refuses with one message and exit
+code 2, or runs after it. "free" is the space that a disk of its own has left beside the old result; the limit is that
+of a process (`ulimit -f`). A run that needs more ends with one message and exit code 2, and leaves the old result as it
+was and nothing else. Mounting a small disk needs root; elsewhere these rows are missing.
 """
 
 if __name__ == "__main__":

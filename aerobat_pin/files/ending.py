@@ -11,12 +11,10 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from pathlib import Path
-    from types import FrameType
 
 
 class _Now:

@@ -44,9 +44,9 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str]) -> Iter
         OutputError: another process writes into the target, or the target is a file, is not empty (without `force`),
             has a folder where a file has to go, or cannot be written, now or later.
     """
-    _check(target, force, replaces)
+    _check_folder(target, force, replaces)
     with claimed(target) as work:
-        _check(target, force, replaces)  # another process may have ended in between
+        _check_folder(target, force, replaces)  # another process may have ended in between
         yield work
         replace_results(work, target, replaces)
 
@@ -133,7 +133,7 @@ def replace_results(work: Path, target: Path, replaces: Sequence[str]) -> None:
             path.unlink()
 
 
-def _check(target: Path, force: bool, replaces: Sequence[str]) -> None:
+def _check_folder(target: Path, force: bool, replaces: Sequence[str]) -> None:
     """Raise OutputError unless results can go into a folder."""
     target = _real(target)
     try:

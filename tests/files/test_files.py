@@ -160,7 +160,10 @@ def test_ctrl_c_while_the_program_loads_is_one_line(module: str, tmp_path: Path)
 def test_a_program_in_the_background_ignores_ctrl_c(tmp_path: Path) -> None:
     """Started with SIGINT ignored, as `&` in a script and `nohup` do."""
     process = subprocess.Popen(
-        ["sh", "-c", "trap '' INT; exec \"$@\"", "sh", *PROGRAM, "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [*PROGRAM, "list"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
     )
     while process.poll() is None:
         process.send_signal(signal.SIGINT)
