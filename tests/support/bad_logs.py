@@ -23,6 +23,7 @@ import xarray as xr
 
 from aerobat_pin.flight.csv_log import write_csv
 from aerobat_pin.flight.flight_log import FlightLog
+from support.contradictory_logs import CONTRADICTIONS
 
 HARMLESS = ("columns in another order", "dimensions in another order")
 Rng = np.random.Generator
@@ -148,21 +149,6 @@ def text_kind(number: int, name: str) -> Callable[[Any], Any]:
     return register
 
 
-def log_kind(name: str) -> Callable[[Any], Any]:
-    """Register a function (rng, dataset) -> dataset whose result is a log that contradicts itself, as both formats."""
-
-    def register(change: Callable[[Rng, xr.Dataset], xr.Dataset]) -> Callable[[Rng, xr.Dataset], xr.Dataset]:
-        def write(rng: Rng, log: FlightLog, path: Path) -> None:
-            wrong = FlightLog(change(rng, log.measured.copy(deep=True)))
-            wrong.save(path) if path.suffix == ".nc" else write_csv(wrong, path)
-
-        KINDS.extend(Kind(11, name, suffix, write) for suffix in (".nc", ".csv"))
-        CONTRADICTIONS[name] = change
-        return change
-
-    return register
-
-
 _SAVED: list[tuple[FlightLog, bytes]] = []  # the last good log and its file: saving takes longest
 
 
@@ -173,7 +159,15 @@ def _save(log: FlightLog, path: Path) -> None:
     path.write_bytes(_SAVED[0][1])
 
 
-CONTRADICTIONS: dict[str, Callable[[Rng, xr.Dataset], xr.Dataset]] = {}
+def _contradiction(name: str, suffix: str) -> Kind:
+    def write(rng: Rng, log: FlightLog, path: Path) -> None:
+        wrong = FlightLog(CONTRADICTIONS[name](rng, log.measured.copy(deep=True)))
+        wrong.save(path) if suffix == ".nc" else write_csv(wrong, path)
+
+    return Kind(11, name, suffix, write)
+
+
+KINDS += [_contradiction(name, suffix) for name in CONTRADICTIONS for suffix in (".nc", ".csv")]
 
 
 def _table(log: FlightLog, path: Path) -> Cells:
@@ -493,61 +487,3 @@ def _length_cells(rng: Rng, rows: Cells) -> None:
 def _milliseconds(rng: Rng, rows: Cells) -> None:
     for row in rows[1:]:
         row[0] = repr(float(row[0]) * 1000.0)
-
-
-# --- class 11: contradictions; each function changes the measured channels of a log ----------------------------------
-
-
-@log_kind("joints off the linkage")
-def off_the_linkage(rng: Rng, data: xr.Dataset) -> xr.Dataset:
-    """One joint angle with an offset of 2 to 10 deg, or both joints of a wing swapped."""
-    q = data["q"].values
-    if rng.random() < 0.3:
-        q[:, 7:9] = q[:, [8, 7]]
-    else:
-        q[:, rng.integers(7, 11)] += rng.choice([-1.0, 1.0]) * rng.uniform(0.035, 0.17)
-    return data
-
-
-@log_kind("gyro against attitude")
-def gyro_in_degrees(rng: Rng, data: xr.Dataset) -> xr.Dataset:
-    """A gyro in deg/s."""
-    data["v"].values[:, 3:6] *= 180.0 / np.pi
-    return data
-
-
-@log_kind("position against velocity")
-def height_in_millimetres(rng: Rng, data: xr.Dataset) -> xr.Dataset:
-    """The height z in mm."""
-    data["q"].values[:, 2] *= 1000.0
-    return data
-
-
-@log_kind("held channel")
-def held(rng: Rng, data: xr.Dataset) -> xr.Dataset:
-    """A channel of 60 to 500 Hz that repeats its last sample at the log's rate."""
-    rate = 1.0 / float(np.median(np.diff(data["time"].values)))
-    every = max(2, round(rate / rng.choice([60.0, 100.0, 200.0, 500.0])))
-    index = np.arange(data.sizes["time"]) // every * every
-    name, columns = [("q", slice(0, 3)), ("q", slice(3, 7)), ("v", slice(3, 6)), ("v", slice(0, 3))][rng.integers(4)]
-    values = data[name].values
-    values[:, columns] = values[index, columns]
-    return data
-
-
-@log_kind("quaternion order")
-def w_first(rng: Rng, data: xr.Dataset) -> xr.Dataset:
-    """Quaternions written as w, x, y, z."""
-    data["q"].values[:, 3:7] = data["q"].values[:, [6, 3, 4, 5]]
-    return data
-
-
-@log_kind("late channel")
-def late(rng: Rng, data: xr.Dataset) -> xr.Dataset:
-    """Gyro, velocity, pose or joints that are 4 to 15 ms late."""
-    step = float(np.median(np.diff(data["time"].values)))
-    index = np.maximum(np.arange(data.sizes["time"]) - round(rng.uniform(0.004, 0.015) / step), 0)
-    name, columns = [("q", slice(0, 7)), ("v", slice(0, 6)), ("q", slice(7, 11))][rng.integers(3)]
-    values = data[name].values
-    values[:, columns] = values[index, columns]
-    return data
