@@ -272,7 +272,7 @@ def test_what_a_plant_is_made_of_lies_in_its_memory_by_name(case: str) -> None:
         for found, expected in zip(fields.hold, plant.hold, strict=True):
             np.testing.assert_array_equal(found, expected)
     assert robot.air.density == plant.scenario.air.density
-    np.testing.assert_array_equal(robot.air.strips.link, plant.air.link)
+    np.testing.assert_array_equal(robot.air.pieces.link, plant.air.pieces.link)
     np.testing.assert_array_equal(robot.air.downwash, plant.air.line.downwash)
     data = plant.data
     results = (

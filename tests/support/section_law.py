@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, air_in, air_loads_in, air_memory, strips_of
+from aerobat_pin.aerodynamics import (
+    STRIP_ROWS,
+    LiftingLine,
+    Pieces,
+    Stroke,
+    air_in,
+    air_loads_in,
+    air_memory,
+    strips_of,
+)
 from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.robot import LINKS
 from support import references
@@ -16,8 +25,12 @@ ENDLESS = 1e9  # [m], a span that leaves no downwash
 
 def memory_of(line: LiftingLine) -> Array:
     """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body."""
-    middle = np.column_stack([line.mid_chord, line.y, np.zeros(line.strips)])
-    return air_memory(line, np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp), middle)
+    strips = np.arange(line.strips)
+    link = np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp)
+    damping = 0.5 * line.semichord * line.added_mass * line.width
+    return air_memory(
+        line, Pieces(strips, link, line.mid_chord, line.y, 0.0 * line.y, np.ones(line.strips), damping)
+    )
 
 
 def fly_strips(air: Array, twists: Array, step: float, last: int) -> Array:
