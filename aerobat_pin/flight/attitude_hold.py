@@ -36,6 +36,9 @@ def rotation_vector(R: Array, out: Array) -> None:
         w, x, y = ((R[1, 0] - R[0, 1]) / (4 * z), (R[0, 2] + R[2, 0]) / (4 * z), (R[1, 2] + R[2, 1]) / (4 * z))
     sine = np.sqrt(x * x + y * y + z * z)
     factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, abs(w)) / sine
+    near = np.sqrt(2.0) * abs(w)
+    if near < 1.0:
+        factor *= near * near * near * (10.0 - 15.0 * near + 6.0 * near * near)
     if w < 0.0:
         factor = -factor
     out[0], out[1], out[2] = factor * x, factor * y, factor * z
