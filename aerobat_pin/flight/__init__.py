@@ -1,7 +1,7 @@
 """From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
-from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
+from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import KNOWN, FlightLog, channel
 from aerobat_pin.flight.plant.kernels import advance_stage
@@ -21,7 +21,6 @@ __all__ = [
     "SpinUp",
     "Trim",
     "Wake",
-    "WingInertia",
     "advance_stage",
     "channel",
     "find_trim",

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.aerodynamics import strips_of
+from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.flight_log import KNOWN, POSE_AXIS, TWIST_AXIS, FlightLog, channel
 from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.numerics import Array
@@ -52,6 +53,8 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "added_mass": (mean.added_mass, generalized, nm, "generalised force of the wings' added mass, interval mean"),
         "motor_power": (mean.motor_power, per_interval, "W", "motor power, interval mean"),
         "air_power": (mean.air_power, per_interval, "W", "power of air and added mass, interval mean"),
+        "thruster_power": (mean.thruster_power, per_interval, "W", "power of the attitude hold, interval mean"),
+        "unknown_power": (mean.unknown_power, per_interval, "W", "power of the unknown forces, interval mean"),
         "link_wrench": (mean.link_wrench, link, nm, "air on links, at and in their frames"),
         "airspeed": (strips.airspeed, strip, "m/s", "air past the strip, in its plane, at start"),
         "incidence": (strips.incidence, strip, "rad", "incidence at the 3/4 chord, at start"),
@@ -60,6 +63,14 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "strip_force_z": (strips.force_z, strip, n, "force along the link's z, at start"),
         "strip_force_x": (strips.force_x, strip, n, "force along the link's x, at start"),
     }
+    if isinstance(plant.drive, RateControlledMotor):
+        true |= {
+            "crank_rate": (flown.crank_rate, per_sample, "rad/s", "rate of the crank"),
+            "crank_torque": (mean.crank_torque, per_interval, "N m", "torque from crank to linkage, interval mean"),
+            "drive_torque": (mean.drive_torque, per_interval, "N m", "torque of the motor on the crank, interval mean"),
+            "drive_power": (mean.drive_power, per_interval, "W", "power of the motor on the crank, interval mean"),
+            "friction_power": (mean.friction_power, per_interval, "W", "power lost to friction, interval mean"),
+        }
     axes = {
         "v_axis": [*TWIST_AXIS, *order],
         "point": list(plant.points),
