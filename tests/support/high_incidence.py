@@ -42,7 +42,8 @@ class Law(NamedTuple):
 
 ROBOT, LIMIT_2, LIMIT_1 = Law("robot"), Law("limit 2", limit=2.0), Law("limit 1", limit=1.0)
 DICKINSON, POTENTIAL = Law("Dickinson", quasi_steady=True), Law("potential flow", potential=True)
-LAWS = (ROBOT, LIMIT_2, LIMIT_1, DICKINSON, POTENTIAL)
+MOVING = (ROBOT, LIMIT_2, LIMIT_1, DICKINSON)  # those of the kernels
+LAWS = (*MOVING, POTENTIAL)
 
 
 @cache

@@ -38,10 +38,11 @@ def plates() -> list[Plates]:
     * Tunnel, aspect ratio 2, 140 000: Pelletier & Mueller, J. Aircraft 37 (2000) 825, semispan aspect ratio 1. Read by
       T. Fox (boatcalculator, hulls/flatPlate_140000_ar1), to 0.03.
     * Stalled, aspect ratio 4: Viterna & Corrigan, NASA CP-2230 (1981), a fit: normal force 1.11 + 0.018 times the
-      aspect ratio at 90 degrees, times the sine, nothing along the plate.
+      aspect ratio at 90 degrees, times the sine, nothing along the plate. From 60 degrees on: nearer to the stall, the
+      fit is tied to a point of each wing's own.
     """
     table = np.genfromtxt(MEASURED / "plates.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
-    stalled = np.arange(20.0, 91.0, 5.0)
+    stalled = np.arange(60.0, 91.0, 5.0)
     normal = (1.11 + 0.018 * 4.0) * np.sin(np.radians(stalled))
     fit = Plates(
         "stalled plates, fit, aspect ratio 4",
