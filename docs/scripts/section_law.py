@@ -17,7 +17,6 @@ from support.high_incidence import (
     RANGES,
     ROBOT,
     WING,
-    Law,
     errors,
     harmonic,
     plunge,
@@ -240,7 +239,7 @@ def flights(*, fly: bool) -> str:
             _row(f"`{name}`", *(f"{100 * np.mean(reached > b):.0f} %" for b in BEYOND), f"{reached.max():.0f}")
         )
         turn = rotations(log.measured["q"].values[:-1])
-        flap = int(round(1.0 / scenario.crank.frequency / scenario.simulation.dt))
+        flap = round(1.0 / scenario.crank.frequency / scenario.simulation.dt)
         last = len(turn) // flap * flap - flap
         for change, values in CHANGES:
             air = scenario.air.model_copy(update=values)

@@ -1,4 +1,4 @@
-"""The section laws beyond stall, held to measured plates and wings: which law is nearest where (docs/section_law.md)."""
+"""The section laws beyond stall, held to measured plates and wings: which is nearest where (docs/section_law.md)."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_section_that_plunges_beyond_stall_lifts_as_the_default_says(at: int) 
 
 
 def test_the_flapping_wings_taps_read_the_default() -> None:
-    """Yeo, Atkins & Shyy (2011): first harmonic within 5 %, a fifth too small with a limit of 1; the load is not even."""
+    """Yeo, Atkins & Shyy (2011): first harmonic within 5 %, with a limit of 1 a fifth too small; uneven load."""
     force = 2.0 * WING.pressure @ WING.area
     for law, ratio, rest in ((ROBOT, 0.96, 0.19), (LIMIT_2, 0.95, 0.19), (LIMIT_1, 0.81, 0.26)):
         ours = tapped(law)

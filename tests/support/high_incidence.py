@@ -110,9 +110,9 @@ def errors(law: Law, plate: Plates) -> Array:
 
 
 class Loads(NamedTuple):
-    """Strips over a flap: circulatory normal force and that of the added mass (steps, N) [N], rotations (steps, N, 3, 3).
+    """Forces of the strips over a flap (steps, N) [N], and the rotations of their halves (steps, N, 3, 3).
 
-    `axial` (steps, N) [N] is suction minus profile drag.
+    `normal` is the circulatory normal force, `added` that of the added mass, `axial` suction minus profile drag.
     """
 
     normal: Array
@@ -164,7 +164,7 @@ def _tapped_line() -> LiftingLine:
 
 
 def tapped(law: Law, *, flat: bool = False) -> Array:
-    """Return the force (50,) [N] that the taps of the flapping wing would give under a law, without its mean; both halves.
+    """Return the force (50,) [N] of both halves that the taps of the flapping wing would give, without its mean.
 
     Attached flow loads a section by 2 l / (pi c) sqrt(c / x - 1), added mass by 8 m / (pi c^2) sqrt(x (c - x)); three
     taps see 22 % less than all of the former. `flat` spreads each section's force evenly instead, which they see whole.

@@ -82,7 +82,7 @@ class Plunging(NamedTuple):
 
 
 def plunging() -> list[Plunging]:
-    """Return a plunging NACA 0012, wall to wall, Reynolds number 20 000, which stalls at 9 degrees when it stands still.
+    """Return a plunging NACA 0012, wall to wall, Reynolds number 20 000; at rest in the stream it stalls at 9 degrees.
 
     Chiereghin, Cleaver & Gursul, AIAA J. 57 (2019) 208, as we conclude from section, amplitudes and incidences. Read by
     R. Jan (ISAE_Aswing_Experimental_Validation, UA 1), who names them not; to 0.03. His figure of lift over incidence
