@@ -38,6 +38,10 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 
+ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
+MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
+
+
 @dataclass(frozen=True)
 class State:
     """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,), and the crank.
@@ -112,6 +116,7 @@ class Plant:
         if motor is not None:
             fill(self.fields.motor, motor)
             self.fields.linkage[...] = series
+        self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
         self.start = self._warmed_up(rotation)
 
     def __repr__(self) -> str:
@@ -202,6 +207,8 @@ class Plant:
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
+        parts = self.substeps(dt)
+        intervals, count, dt = count, count * parts, dt / parts
         model, data, memory, fields = self.model, self.data, self.memory, self.fields
         halves = np.arange(2 * count + 1) * 0.5 * dt
         wind, size, free = self.wind(halves), len(fields.start), len(self.crank_start) > 0
@@ -212,9 +219,9 @@ class Plant:
         motion = joint_table(closed)
         q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
         v[:] = self.robot.velocity(start.twist, *motion[0, 1])
-        means = np.zeros((count, sum(part.size for part in fields.forces)))
-        loads = np.zeros((count, STRIP_ROWS, self.air.line.strips))
-        placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
+        means = np.zeros((intervals, sum(part.size for part in fields.forces)))
+        loads = np.zeros((intervals, STRIP_ROWS, self.air.line.strips))
+        placement, states = np.zeros((intervals + 1, 7)), np.zeros((intervals + 1, size))
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
         tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
@@ -222,20 +229,23 @@ class Plant:
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
             nle(model, data, here, v)
-            advance_stage(memory, motion, wind, held, dt, k, number, means, loads)
+            advance_stage(memory, motion, wind, held, dt, k, number, parts, means, loads)
             return tangents
 
         for k in range(count):
             q = lie_step(evaluate_stage, retract, q)
-            placement[k + 1], states[k + 1] = q[:7], fields.start
+            at = k // parts + 1
+            placement[at], states[at] = q[:7], fields.start
             if k % every == 0:
                 if not np.all(np.isfinite(fields.start)):
-                    states[k + 1 :] = np.nan
+                    states[at:] = np.nan
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        _check_finite(self.scenario.name, states, dt)
-        joints, crank = motion[::2], (closed.crank_angle[::2], closed.crank_velocity[::2])
+        _check_finite(self.scenario.name, states, dt * parts)
+        means /= parts
+        edges = slice(None, None, 2 * parts)
+        joints, crank = motion[edges], (closed.crank_angle[edges], closed.crank_velocity[edges])
         air = BASE_SIZE + self.air.state_size
         if free:
             crank = (states[:, air], states[:, air + 1])
@@ -248,6 +258,10 @@ class Plant:
             forces=split_forces(fields.forces, means),
             loads=loads,
         )
+
+    def substeps(self, dt: float) -> int:
+        """Return the number of integration steps in an interval [s]: more than one where the air would be unstable."""
+        return max(1, int(np.ceil(dt * self.fastest_mode / MODE_STEP_LIMIT - 1e-9)))
 
     def wind(self, time: Array) -> Array:
         """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
@@ -264,13 +278,18 @@ class Plant:
         twist = np.concatenate([rotation.T @ np.array(flight.velocity), flight.angular_velocity])
         wind = rotation.T @ self.wind(np.zeros(1))[0, 0]
         rate = 2.0 * np.pi * self.scenario.crank.frequency
+        against = twist - np.concatenate([wind, np.zeros(3)])
+        if self.air.state_size:
+            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, ANGLES), rate))
+            airspeed = np.max(self.air.airspeed(self.in_air.flapping_twists(placement, against, turn)))
+            self.fastest_mode = float(airspeed) * self.air.line.fastest_mode
         if rate == 0.0 or air.warm_up_cycles == 0 or not self.air.state_size:
             return State(placement, twist, np.zeros(self.air.state_size), self.crank_start)
         period = 2.0 * np.pi / rate
-        count = int(np.ceil(air.warm_up_cycles * period / self.scenario.simulation.dt))
+        step = self.scenario.simulation.dt
+        count = int(np.ceil(air.warm_up_cycles * period / step * self.substeps(step)))
         dt = air.warm_up_cycles * period / count
         motion = joint_table(self.closure((np.arange(2 * count + 1) * 0.5 - count) * dt))
-        against = twist - np.concatenate([wind, np.zeros(3)])
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt), self.crank_start)
 
 
