@@ -21,30 +21,28 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 
-PANELS = (6, 24)  # along the chord, and along each half of the span: 0.2 % of the tabulated coefficients
+PANELS = (6, 48)  # along chord and span: 0.2 % of the tabulated coefficients
 
 
 def added_mass_factor(chord: Callable[[Array], Array], span: float, y: Array) -> Array:
-    """Return the added mass per span, divided by pi rho b^2, at stations of a symmetric planform.
+    """Return the added mass per span, divided by pi rho b^2, at stations of a planform.
 
     Args:
-        chord: function from spanwise coordinates (n,) to the chord there [m]; only y >= 0 is asked for.
+        chord: function from spanwise coordinates (n,) to the chord there [m].
         span: length of the wing from tip to tip [m].
         y: stations (n,) [m].
     """
     edge_x, x = _edges_and_centres(PANELS[0])
-    edge_y, centre = _edges_and_centres(2 * PANELS[1])
-    root = PANELS[1]
-    out, middle = 0.5 * span * edge_y[root:], 0.5 * span * centre[root:]
+    edge_y, centre = _edges_and_centres(PANELS[1])
+    out, middle = 0.5 * span * edge_y, 0.5 * span * centre
     length = chord(middle)
     corner_x, corner_y = 0.5 * np.outer(edge_x, chord(out)), np.broadcast_to(out, (len(edge_x), len(out)))
     at_x, at_y = 0.5 * np.outer(x, length).ravel(), np.tile(middle, len(x))
-    influence = sum(_rings(corner_x, side * corner_y, at_x, at_y) * side for side in (1.0, -1.0))
-    jump = np.linalg.solve(influence, np.ones(len(at_x))).reshape(len(x), -1)
+    jump = np.linalg.solve(_rings(corner_x, corner_y, at_x, at_y), np.ones(len(at_x))).reshape(len(x), -1)
     factor = np.abs(0.5 * np.diff(edge_x) @ jump) * length / (0.25 * np.pi * length**2)
     # mu vanishes at the tips as a square root: interpolating over the angle of the cosine follows it.
-    angles, factors = np.arccos([1.0, *centre[:root-1:-1]]), [0.0, *factor[::-1]]
-    return np.asarray(np.interp(np.arccos(2.0 * np.abs(y) / span), angles, factors))
+    angles, factors = np.arccos([1.0, *centre[::-1], -1.0]), [0.0, *factor[::-1], 0.0]
+    return np.asarray(np.interp(np.arccos(2.0 * y / span), angles, factors))
 
 
 def _edges_and_centres(panels: int) -> tuple[Array, Array]:
