@@ -21,30 +21,28 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 
-PANELS = (6, 24)  # along the chord, and along each half of the span: 0.2 % of the tabulated coefficients
+PANELS = (6, 48)  # along chord and span: 0.2 % of the tabulated coefficients
 
 
 def added_mass_factor(chord: Callable[[Array], Array], span: float, y: Array) -> Array:
-    """Return the added mass per span, divided by pi rho b^2, at stations of a symmetric planform.
+    """Return the added mass per span, divided by pi rho b^2, at stations of a planform.
 
     Args:
-        chord: function from spanwise coordinates (n,) to the chord there [m]; only y >= 0 is asked for.
+        chord: function from spanwise coordinates (n,) to the chord there [m].
         span: length of the wing from tip to tip [m].
         y: stations (n,) [m].
     """
     edge_x, x = _edges_and_centres(PANELS[0])
-    edge_y, centre = _edges_and_centres(2 * PANELS[1])
-    root = PANELS[1]
-    out, middle = 0.5 * span * edge_y[root:], 0.5 * span * centre[root:]
-    length = chord(middle)
-    corner_x, corner_y = 0.5 * np.outer(edge_x, chord(out)), np.broadcast_to(out, (len(edge_x), len(out)))
-    at_x, at_y = 0.5 * np.outer(x, length).ravel(), np.tile(middle, len(x))
-    influence = sum(_rings(corner_x, side * corner_y, at_x, at_y) * side for side in (1.0, -1.0))
-    jump = np.linalg.solve(influence, np.ones(len(at_x))).reshape(len(x), -1)
-    factor = np.abs(0.5 * np.diff(edge_x) @ jump) * length / (0.25 * np.pi * length**2)
+    edge_y, centre = _edges_and_centres(PANELS[1])
+    length, corner_x, half = chord(0.5 * span * centre), 0.5 * np.outer(edge_x, chord(0.5 * span * edge_y)), len(x) // 2
+    at_x, at_y = 0.5 * np.outer(x[:half], length), np.broadcast_to(0.5 * span * centre, (half, len(centre)))
+    rings = _rings(corner_x, np.broadcast_to(0.5 * span * edge_y, corner_x.shape), at_x.ravel(), at_y.ravel())
+    influence = (rings[:, :half] + rings[:, : half - 1 : -1]).reshape(at_x.size, -1)  # mu is even about mid-chord
+    jump = np.linalg.solve(influence, np.ones(at_x.size)).reshape(at_x.shape)
+    factor = np.abs(np.diff(edge_x)[:half] @ jump) / (0.25 * np.pi * length)
     # mu vanishes at the tips as a square root: interpolating over the angle of the cosine follows it.
-    angles, factors = np.arccos([1.0, *centre[:root-1:-1]]), [0.0, *factor[::-1]]
-    return np.asarray(np.interp(np.arccos(2.0 * np.abs(y) / span), angles, factors))
+    angles, factors = np.arccos([1.0, *centre[::-1], -1.0]), [0.0, *factor[::-1], 0.0]
+    return np.asarray(np.interp(np.arccos(2.0 * y / span), angles, factors))
 
 
 def _edges_and_centres(panels: int) -> tuple[Array, Array]:
@@ -54,15 +52,21 @@ def _edges_and_centres(panels: int) -> tuple[Array, Array]:
 
 
 def _rings(corner_x: Array, corner_y: Array, x: Array, y: Array) -> Array:
-    """Return the normal velocities at points (m,) due to unit ring vortices around the panels of a plane grid (m, n)."""
-    corners = [(slice(None, -1), slice(None, -1)), (slice(1, None), slice(None, -1)), (slice(1, None), slice(1, None))]
-    corners.append((slice(None, -1), slice(1, None)))
-    ring = [(corner_x[at].ravel(), corner_y[at].ravel()) for at in corners]
-    total = np.zeros((len(x), len(ring[0][0])))
-    for (x1, y1), (x2, y2) in zip(ring, [*ring[1:], ring[0]], strict=True):
-        ax, ay, bx, by = x[:, None] - x1, y[:, None] - y1, x[:, None] - x2, y[:, None] - y2
-        across = ax * by - ay * bx
-        turn = (x2 - x1) * (ax / np.hypot(ax, ay) - bx / np.hypot(bx, by))
-        turn += (y2 - y1) * (ay / np.hypot(ax, ay) - by / np.hypot(bx, by))
-        total += turn / np.where(across == 0.0, np.inf, across)
-    return total / (4.0 * np.pi)
+    """Return the normal velocities at points (k,) due to unit ring vortices around the panels of a plane grid (m, n).
+
+    The grid's corners are (m + 1, n + 1), the velocities (k, m, n).
+    """
+    off_x, off_y = x[:, None, None] - corner_x, y[:, None, None] - corner_y
+    along_x, along_y = (off / np.hypot(off_x, off_y) for off in (off_x, off_y))
+
+    def edges(first: tuple[slice, slice], last: tuple[slice, slice]) -> Array:
+        """Return the velocities due to the straight vortices from the first corners to the last ones."""
+        start, end = (slice(None), *first), (slice(None), *last)
+        across = off_x[start] * off_y[end] - off_y[start] * off_x[end]
+        turn = (corner_x[last] - corner_x[first]) * (along_x[start] - along_x[end])
+        turn += (corner_y[last] - corner_y[first]) * (along_y[start] - along_y[end])
+        return np.asarray(turn / np.where(across == 0.0, np.inf, across))
+
+    every, front, back = slice(None), slice(None, -1), slice(1, None)
+    out, aft = edges((every, front), (every, back)), edges((front, every), (back, every))
+    return np.asarray((aft[..., :-1] + out[:, 1:] - aft[..., 1:] - out[:, :-1]) / (4.0 * np.pi))

@@ -32,6 +32,9 @@ from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, shaped
 
 
+NEAR = 1e-4  # [s] largest step of these differences, even between distant instants: at 50 Hz they are exact to 3e-8
+
+
 class Halves(NamedTuple):
     """Motion of the left and the right half wing, in this order; the flight's axes are x forward, y left, z up.
 
@@ -131,7 +134,8 @@ def fly(
     """Compute the loads on a lifting line along a motion.
 
     The air is at rest at the first time, so a steady or periodic flow develops only after a while. Accelerations are
-    differences of the motion's twists, for which the motion is also called shortly before and after each time.
+    differences of the motion's twists, for which the motion is also called shortly (at most 2 `NEAR`) before and after
+    each time.
 
     Args:
         line: the wing.
@@ -153,7 +157,7 @@ def fly(
         raise ShapeError(f"added_mass = {added_mass}: a factor, not negative, was expected; 0 leaves it out")
     point = shaped(about, (3,), "about")
     half = np.where(line.y > -1e-9 * line.span, 0, 1)
-    near = 0.1 * float(np.min(np.diff(instants)))
+    near = min(0.1 * float(np.min(np.diff(instants))), NEAR)
 
     def section(now: Halves) -> tuple[Array, Array, Array]:
         vx, _, vz, wx, wy, wz = now.twist[half].T

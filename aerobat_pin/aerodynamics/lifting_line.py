@@ -16,8 +16,8 @@ Stations y = (S/2) cos theta at theta_i = i pi/(N+1); Gamma = sum_n g_n sin(n th
 D Gamma = 1/(2S) sum_n n g_n sin(n theta)/sin(theta). At those stations sin(n theta_i) is orthogonal.
 
 Sources: Boutet & Dimitriadis 2018 (Wagner lifting line); Sihite et al. 2022, arXiv 2207.12353 (state space).
-The suction is Garrick's (NACA TR 567, 1936). The flow is attached: the model has no stall. Sweep moves the points at which velocity is evaluated and
-force acts; the downwash is that of a straight line, as in Prandtl's theory.
+The suction is Garrick's (NACA TR 567, 1936). The flow is attached: the model has no stall. Sweep moves the points at
+which velocity is evaluated and force acts; the downwash is that of a straight line, as in Prandtl's theory.
 """
 
 from __future__ import annotations
@@ -135,7 +135,8 @@ class LiftingLine:
 
     def mean_downwash(self, width: float) -> Array:
         """Return the row (N,) [1/m] of the downwash, averaged over a width [m] about the root, not more than the span."""
-        n, angle = np.arange(1, self.strips + 1), np.arccos(min(width / self.span, 1.0))
+        width = min(width, self.span)
+        n, angle = np.arange(1, self.strips + 1), np.arccos(width / self.span)
         odd = n % 2  # the mean of sin(n theta) / sin(theta) in y is 2 cos(n angle) / (n width) times span / 2
         return np.asarray((odd * np.cos(n * angle) / (2.0 * width)) @ self._to_modes)
 

@@ -27,6 +27,7 @@ PAGE = (DOCS / "observers.md").read_text()
 RECORDED = (DOCS / "recorded.md").read_text()
 WRITTEN = (
     "lifting_line/lifting_line.py",
+    "crank.py",
     "frames.py",
     "observer_study.py",
     "results.py",

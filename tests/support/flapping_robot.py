@@ -62,7 +62,7 @@ def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
     motion, stride = prescribed(), STEPS // steps
     air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
     twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])
-    found = strips_of(fly_strips(air.memory, twists, 1.0 / FREQUENCY / steps, steps))
+    found = strips_of(fly_strips(air.memory, twists, 1.0 / FREQUENCY / steps, steps)[0])
     strip, link, x, y, z, share, _ = air.pieces
     rotation, place = (each[:: 2 * stride][:, link] for each in (motion.rotation, motion.place))
     local = np.stack([found.force_x, 0.0 * found.force_x, found.force_z], axis=-1)[:, strip]

@@ -206,7 +206,16 @@ def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, sta
 
 @kernel
 def advance_stage(
-    memory: Array, motion: Array, wind: Array, held: Array, dt: float, k: int, stage: int, means: Array, loads: Array
+    memory: Array,
+    motion: Array,
+    wind: Array,
+    held: Array,
+    dt: float,
+    k: int,
+    stage: int,
+    parts: int,
+    means: Array,
+    loads: Array,
 ) -> None:
     """Evaluate one Runge-Kutta stage of step k, and write `state`, `tangent` and `v` for the next stage.
 
@@ -215,12 +224,13 @@ def advance_stage(
         motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step. If the crank is
             free, rows after the first are written.
         wind: (2 n + 1, 2, 3) wind velocity and its rate of change at every half step, world axes.
-        held: (2, f, n) mean noise and mean signal of each unknown force [N].
+        held: (2, f, n / parts) mean noise and mean signal of each unknown force over each interval [N].
         dt: time step [s].
         k: index of the step.
         stage: index of the stage, 0 to 3.
-        means: (n, size) forces averaged over each step; this stage's share is added to row k.
-        loads: (n, 9, N) strip loads at the start of each step; stage 0 writes row k.
+        parts: number of steps in an interval.
+        means: (n / parts, size) sums of the forces' means over the steps of each interval; this stage's share is added.
+        loads: (n / parts, 9, N) strip loads at the start of each interval; stage 0 of its first step writes them.
     """
     plant = plant_in(memory)
     tree, state, start, rates, twists = plant.robot.tree, plant.state, plant.start, plant.rates, plant.twists
@@ -228,11 +238,12 @@ def advance_stage(
     forces = array_at(plant.forces.aerodynamic.ctypes.data, (means.shape[1],))
     linkage, closed, second = plant.linkage, plant.closed, plant.second
     here = 2 * k + HALF_STEPS[stage]
-    equations_of_motion(plant, motion[here], wind[here], held, k, state, rates[stage])
-    add_stage(stage, forces, means[k])
-    if stage == 0:
+    interval = k // parts
+    equations_of_motion(plant, motion[here], wind[here], held, interval, state, rates[stage])
+    add_stage(stage, forces, means[interval])
+    if stage == 0 and k == interval * parts:
         for row in range(loads.shape[1]):
-            copy_values(strips[row], loads[k, row])
+            copy_values(strips[row], loads[interval, row])
     copy_values(state[:6], twists[stage])
     next_tangent(stage, dt, twists, tangent)
     next_state(stage, dt, rates, start, state)

@@ -2,13 +2,13 @@
 
 At each instant the air, the attitude hold and the unknown forces act on the links. Their wrenches are carried up the
 kinematic tree and give the generalised force F. The crank's drive and the linkage prescribe the joint angles theta, so
-the equations of motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor torque
-u_m (see `prescribed_joints`):
+the equations of motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor
+torque u_m (see `prescribed_joints`):
 
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
-H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns the
-crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank.motor`), and theta'' follows from it.
+H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns
+the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank.motor`), and theta'' follows.
 
 The kernel `advance_stage` is one stage of the integrator: it evaluates these equations, adds the forces to their means
 over the step, and prepares the next stage.
@@ -36,6 +36,10 @@ from aerobat_pin.linkage import Closure, joint_series
 from aerobat_pin.numerics import Array, fields_of, lie_step, new_memory, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
+
+
+ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
+MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,9 @@ class Plant:
         ScenarioError: a force acts at a frame that the robot does not have, or its direction is zero.
     """
 
-    def __init__(self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None) -> None:
+    def __init__(
+        self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None
+    ) -> None:
         """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
@@ -112,6 +118,7 @@ class Plant:
         if motor is not None:
             fill(self.fields.motor, motor)
             self.fields.linkage[...] = series
+        self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
         self.start = self._warmed_up(rotation)
 
     def __repr__(self) -> str:
@@ -129,7 +136,8 @@ class Plant:
 
     def closure(self, time: Array) -> Closure:
         """Close the linkage at the crank angles that the drive gives for times (n,) [s]; with a motor, up to 0 s."""
-        return self.robot.linkage.solve(*checked_motion(self.drive, time))
+        drive = self.drive.before if isinstance(self.drive, RateControlledMotor) else self.drive
+        return self.robot.linkage.solve(*checked_motion(drive, time))
 
     def rates(
         self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
@@ -202,19 +210,23 @@ class Plant:
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
+        parts = self.substeps(dt)
+        intervals, count, dt = count, count * parts, dt / parts
         model, data, memory, fields = self.model, self.data, self.memory, self.fields
         halves = np.arange(2 * count + 1) * 0.5 * dt
         wind, size, free = self.wind(halves), len(fields.start), len(self.crank_start) > 0
         begin = np.concatenate([start.twist, start.air, start.crank])
         fields.start[:] = fields.state[:] = shaped(begin, (size,), "start")
         # A free crank's flight writes its own motion after the first row.
-        closed = self.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves))) if free else self.closure(halves)
+        closed = (
+            self.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves))) if free else self.closure(halves)
+        )
         motion = joint_table(closed)
         q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
         v[:] = self.robot.velocity(start.twist, *motion[0, 1])
-        means = np.zeros((count, sum(part.size for part in fields.forces)))
-        loads = np.zeros((count, STRIP_ROWS, self.air.line.strips))
-        placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
+        means = np.zeros((intervals, sum(part.size for part in fields.forces)))
+        loads = np.zeros((intervals, STRIP_ROWS, self.air.line.strips))
+        placement, states = np.zeros((intervals + 1, 7)), np.zeros((intervals + 1, size))
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
         tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
@@ -222,20 +234,23 @@ class Plant:
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
             nle(model, data, here, v)
-            advance_stage(memory, motion, wind, held, dt, k, number, means, loads)
+            advance_stage(memory, motion, wind, held, dt, k, number, parts, means, loads)
             return tangents
 
         for k in range(count):
             q = lie_step(evaluate_stage, retract, q)
-            placement[k + 1], states[k + 1] = q[:7], fields.start
+            at = k // parts + 1
+            placement[at], states[at] = q[:7], fields.start
             if k % every == 0:
                 if not np.all(np.isfinite(fields.start)):
-                    states[k + 1 :] = np.nan
+                    states[at:] = np.nan
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        _check_finite(self.scenario.name, states, dt)
-        joints, crank = motion[::2], (closed.crank_angle[::2], closed.crank_velocity[::2])
+        _check_finite(self.scenario.name, states, dt * parts)
+        means /= parts
+        edges = slice(None, None, 2 * parts)
+        joints, crank = motion[edges], (closed.crank_angle[edges], closed.crank_velocity[edges])
         air = BASE_SIZE + self.air.state_size
         if free:
             crank = (states[:, air], states[:, air + 1])
@@ -248,6 +263,10 @@ class Plant:
             forces=split_forces(fields.forces, means),
             loads=loads,
         )
+
+    def substeps(self, dt: float) -> int:
+        """Return the number of integration steps in an interval [s]: more than one where the air would be unstable."""
+        return max(1, int(np.ceil(dt * self.fastest_mode / MODE_STEP_LIMIT - 1e-9)))
 
     def wind(self, time: Array) -> Array:
         """Return wind velocity and its rate of change (n, 2, 3), world axes [m/s, m/s2], at times (n,) [s]."""
@@ -264,13 +283,18 @@ class Plant:
         twist = np.concatenate([rotation.T @ np.array(flight.velocity), flight.angular_velocity])
         wind = rotation.T @ self.wind(np.zeros(1))[0, 0]
         rate = 2.0 * np.pi * self.scenario.crank.frequency
+        against = twist - np.concatenate([wind, np.zeros(3)])
+        if self.air.state_size:
+            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, ANGLES), rate))
+            airspeed = np.max(self.air.airspeed(self.in_air.flapping_twists(placement, against, turn)))
+            self.fastest_mode = float(airspeed) * self.air.line.fastest_mode
         if rate == 0.0 or air.warm_up_cycles == 0 or not self.air.state_size:
             return State(placement, twist, np.zeros(self.air.state_size), self.crank_start)
         period = 2.0 * np.pi / rate
-        count = int(np.ceil(air.warm_up_cycles * period / self.scenario.simulation.dt))
+        step = self.scenario.simulation.dt
+        count = int(np.ceil(air.warm_up_cycles * period / step * self.substeps(step)))
         dt = air.warm_up_cycles * period / count
         motion = joint_table(self.closure((np.arange(2 * count + 1) * 0.5 - count) * dt))
-        against = twist - np.concatenate([wind, np.zeros(3)])
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt), self.crank_start)
 
 
