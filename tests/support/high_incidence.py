@@ -109,7 +109,7 @@ def errors(law: Law, plate: Plates) -> Array:
     return np.array([np.sqrt(np.mean(off[one] ** 2)) if one.any() else np.nan for one in inside])
 
 
-class Loads(NamedTuple):
+class StripForces(NamedTuple):
     """Forces of the strips over a flap (steps, N) [N], and the rotations of their halves (steps, N, 3, 3).
 
     `normal` is the circulatory normal force, `added` that of the added mass, `axial` suction minus profile drag.
@@ -121,7 +121,7 @@ class Loads(NamedTuple):
     rotation: Array
 
 
-def flap(law: Law, line: LiftingLine, motion: Callable[[float], Halves], frequency: float) -> Loads:
+def flap(law: Law, line: LiftingLine, motion: Callable[[float], Halves], frequency: float) -> StripForces:
     """Fly a line under a law through a periodic motion and return the loads of the last flap.
 
     Potential flow is `fly`'s; the others are the robot's kernel, with the added mass of `fly`.
@@ -135,11 +135,12 @@ def flap(law: Law, line: LiftingLine, motion: Callable[[float], Halves], frequen
     if law.potential:
         flown = fly(line, motion, np.arange(FLAPS * STEPS + 1) * step).strip_force[-STEPS - 1 : -1]
         local = np.einsum("tnji,tnj->tni", rotation, flown)
-        return Loads(local[..., 2] - added, added, local[..., 0], rotation)
+        return StripForces(local[..., 2] - added, added, local[..., 0], rotation)
     twists = np.zeros((2 * FLAPS * STEPS + 1, len(LINKS), 6))
     twists[:, HALVES] = [motion(0.5 * k * step).twist for k in range(len(twists))]
-    found = strips_of(fly_strips(law.memory(line), twists, step, STEPS))
-    return Loads(found.force_z, added, found.force_x, rotation)
+    loads, _ = fly_strips(law.memory(line), twists, step, STEPS)
+    found = strips_of(loads)
+    return StripForces(found.force_z, added, found.force_x, rotation)
 
 
 def plunge(law: Law, measured: Plunging, k: float) -> tuple[float, float]:
