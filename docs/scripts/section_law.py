@@ -52,7 +52,7 @@ them in `tests/support/high_incidence.py`, the tests in `tests/aerodynamics/test
 
 In ordinary flapping the outer strips of the robot pass 40 to 60 degrees of incidence. Which law should they follow there?
 Five are compared with what others measured at Reynolds numbers from 100 to 140 000. Aerobat's mean chord of 135 mm flies at
-27 000 in `paper` and 45 000 in `paper_open_loop`, with reduced frequencies k = pi f c / V of 0.67 and 0.57; its outermost
+27 000 in `paper` and 45 000 in `paper_open_loop`, with reduced frequencies k = pi f c / V of 0.5 to 0.7; its outermost
 strips have chords of 25 to 64 mm.
 
 | law | how to choose it |
