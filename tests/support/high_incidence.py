@@ -138,8 +138,7 @@ def flap(law: Law, line: LiftingLine, motion: Callable[[float], Halves], frequen
         return StripForces(local[..., 2] - added, added, local[..., 0], rotation)
     twists = np.zeros((2 * FLAPS * STEPS + 1, len(LINKS), 6))
     twists[:, HALVES] = [motion(0.5 * k * step).twist for k in range(len(twists))]
-    loads, _ = fly_strips(law.memory(line), twists, step, STEPS)
-    found = strips_of(loads)
+    found = strips_of(fly_strips(law.memory(line), twists, step, STEPS)[0])
     return StripForces(found.force_z, added, found.force_x, rotation)
 
 
