@@ -143,7 +143,7 @@ def moving() -> tuple[Figure, str]:
         found = {law: np.array([plunge(law, one, k) for k in one.reduced_frequency]) for law in MOVING}
         for law in MOVING:
             off[law] += list(found[law][1:, 0] / one.first_harmonic[1:] - 1.0)
-        ends = [f"{found[law][-1, 0]:.2f}, {found[law][-1, 1]:.2f}" for law in MOVING]
+        ends = [f"{found[law][-1, 0]:.2f}, {abs(found[law][-1, 1]):.2f}" for law in MOVING]
         measured = f"{one.first_harmonic[-1]:.2f}, {one.least_mean[-1]:.2f} to {one.largest_mean[-1]:.2f}"
         rows.append(_row(f"{one.incidence:.0f}, up to {one.largest_incidence[-1]:.0f}", measured, *ends))
         for axis, at in zip(left, (0.0, 9.0), strict=True):
@@ -206,7 +206,7 @@ def _row(*cells: str) -> str:
 def _reading(ours: np.ndarray, force: np.ndarray) -> str:
     ratio = harmonic(ours) / harmonic(force)
     off = 100 * (ours - force).std() / force.std()
-    return f"{100 * (abs(ratio) - 1):+.0f} %, {np.degrees(np.angle(ratio)):+.0f} deg, {off:.0f} %"
+    return f"{100 * (abs(ratio) - 1):+.0f} %, {round(np.degrees(np.angle(ratio))):+d} deg, {off:.0f} %"
 
 
 def steady_table() -> str:
