@@ -38,7 +38,7 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 
-ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
+START_ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
 MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
 
 
@@ -285,7 +285,7 @@ class Plant:
         rate = 2.0 * np.pi * self.scenario.crank.frequency
         against = twist - np.concatenate([wind, np.zeros(3)])
         if self.air.state_size:
-            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, ANGLES), rate))
+            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, START_ANGLES), rate))
             airspeed = np.max(self.air.airspeed(self.in_air.flapping_twists(placement, against, turn)))
             self.fastest_mode = float(airspeed) * self.air.line.fastest_mode
         if rate == 0.0 or air.warm_up_cycles == 0 or not self.air.state_size:
