@@ -234,7 +234,7 @@ class Aerodynamics:
     Attributes:
         profile_drag: profile drag coefficient of the wings' strips.
         body_drag_area: drag area (coefficient times area) of the body [m2].
-        tail_downwash_factor: downwash at the tail divided by the downwash at the centre line of the wing.
+        tail_downwash_factor: downwash at the tail divided by the wing's mean downwash over the tail's span.
     """
 
     profile_drag: float

@@ -7,7 +7,7 @@ from aerobat_pin.aerodynamics.links import place_links
 from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, air_in, fill, robot_in
 from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads, air_loads_in, air_memory
 from aerobat_pin.aerodynamics.robot_in_air import RobotInAir
-from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, StripLoads, strips_of
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, Pieces, StripLoads, strips_of
 from aerobat_pin.aerodynamics.wind import LARGEST_AIRSPEED, Gust, Wind
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Halves",
     "LiftingLine",
     "LineFlight",
+    "Pieces",
     "RobotAir",
     "RobotInAir",
     "RobotMemory",

@@ -1,8 +1,8 @@
 """Body, tail and fin in quasi-steady flow, compiled.
 
 The tail is a flat plate of area S with force rho/2 S a |u| w, a = 2 pi / (1 + 2 / aspect ratio), in the wing's
-centre-line downwash times a factor. The fin is a vertical plate with side force -rho/2 S a |u| v at lateral velocity v.
-The body is a drag area at its centre of mass.
+mean downwash over the tail's span, times a factor. The fin is a vertical plate with side force -rho/2 S a |u| v at
+lateral velocity v. The body is a drag area at its centre of mass.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from aerobat_pin.numerics import Array, inner
 
 
 @inner
-def add_surfaces(surfaces: Surfaces, density: float, base: Array, centre_downwash: float, body: Array) -> None:
+def add_surfaces(surfaces: Surfaces, density: float, base: Array, downwash: float, body: Array) -> None:
     """Add the wrench of body drag, tail and fin.
 
     Args:
         surfaces: constants of body, tail and fin.
         density: density of the air [kg/m3].
         base: (6,) twist of the body relative to the air, in body axes.
-        centre_downwash: downwash of the wing on its centre line [m/s].
+        downwash: mean downwash of the wing over the tail's span [m/s].
         body: (6,) wrench on the body; the forces are added in place.
     """
     tail, fin, drag_area = surfaces.tail, surfaces.fin, surfaces.drag_area[()]
@@ -32,7 +32,7 @@ def add_surfaces(surfaces: Surfaces, density: float, base: Array, centre_downwas
         body[k] -= 0.5 * density * drag_area * speed * base[k]
     x, y, z = tail[0], tail[1], tail[2]
     u = base[0] + base[4] * z - base[5] * y
-    w = -(base[2] + base[3] * y - base[4] * x) - factor * centre_downwash
+    w = -(base[2] + base[3] * y - base[4] * x) - factor * downwash
     force = density * tail_lift * abs(u * cosine - w * sine) * (u * sine + w * cosine)
     fx, fz = -force * sine, force * cosine
     body[0] += fx

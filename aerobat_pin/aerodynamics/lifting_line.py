@@ -10,24 +10,25 @@ Phi0 = Phi(0) = 1/2:
     w_eff    = Phi0 w + sum_k Psi_k eps_k (U/b) zeta_k
     Gamma'   = -(U/c) Gamma + (a0 U/2) w_eff
     lift per span = rho U Gamma + rho c Gamma' = a0 rho b U w_eff     at the 1/4 chord, along the normal
-    suction per span = a0 rho b w_eff^2                               at the leading edge, toward it
+    suction per span = a0 rho b (w_eff - b q / 2)^2                   at the leading edge, toward it; q: nose-up rate
 
 Stations y = (S/2) cos theta at theta_i = i pi/(N+1); Gamma = sum_n g_n sin(n theta) and the downwash
 D Gamma = 1/(2S) sum_n n g_n sin(n theta)/sin(theta). At those stations sin(n theta_i) is orthogonal.
 
 Sources: Boutet & Dimitriadis 2018 (Wagner lifting line); Sihite et al. 2022, arXiv 2207.12353 (state space).
-The flow is attached: the model has no stall. The suction depends on the 3/4-chord velocity alone, which is exact for
-plunging and flapping but omits Garrick's pitch-rate term. Sweep moves the points at which velocity is evaluated and
-force acts; the downwash is that of a straight line, as in Prandtl's theory.
+The suction is Garrick's (NACA TR 567, 1936). The flow is attached: the model has no stall. Sweep moves the points at
+which velocity is evaluated and force acts; the downwash is that of a straight line, as in Prandtl's theory.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aerobat_pin.aerodynamics.finite_wing import added_mass_factor
 from aerobat_pin.aerodynamics.planform import FINE, AlongSpan, along_span
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, guarded
@@ -67,10 +68,12 @@ class LiftingLine:
         chord, semichord: chord and half of it at the stations (N,) [m].
         quarter_chord, mid_chord, three_quarter_chord: x of these points at the stations (N,) [m].
         width: weight of each station in an integral along the span (N,) [m].
-        added_mass: mass per span of the air that a section accelerates, pi rho b^2 (N,) [kg/m]. The force per span
-            along the normal, at mid-chord, is minus this mass times the rate of the normal velocity there.
+        added_mass: mass per span of the air that a section accelerates (N,) [kg/m]: pi rho b^2 times the planform's
+            `finite_wing.added_mass_factor`. The force per span along the normal, at mid-chord, is minus this mass times
+            the rate of the normal velocity there. Two couples oppose a nose-up rate q: b^2 / 8 times this mass times
+            q', and b / 2 times this mass times U q, Theodorsen's pitch-rate force moved from mid-chord to 3/4 chord.
         area: area of the planform [m2].
-        downwash: the operator D (N, N) [1/m]; `centre_downwash` (N,) its row at the root.
+        downwash: the operator D (N, N) [1/m].
 
     Raises:
         ShapeError: span, chord, strips or density are not finite and positive, or the shapes do not fit.
@@ -115,17 +118,28 @@ class LiftingLine:
         self.semichord = self.chord / 2.0
         self.mid_chord = self.quarter_chord - 0.25 * self.chord
         self.three_quarter_chord = self.quarter_chord - 0.5 * self.chord
-        self.added_mass = np.pi * self.air_density * self.semichord**2
+        self.added_mass = np.pi * self.air_density * self.semichord**2 * added_mass_factor(shape, self.span, self.y)
         # Quadrature along the span: exact for every sin(n theta) that the stations resolve.
         self.width = 0.5 * span * np.sin(self.theta) * np.pi / (strips + 1)
         sines = np.sin(np.outer(self.theta, n))
-        to_modes = 2.0 / (strips + 1) * sines.T
-        self.downwash = (sines / np.sin(self.theta)[:, None] * n / (2.0 * span)) @ to_modes
-        self.centre_downwash = (np.sin(n * np.pi / 2.0) * n / (2.0 * span)) @ to_modes
+        self._to_modes = 2.0 / (strips + 1) * sines.T
+        self.downwash = (sines / np.sin(self.theta)[:, None] * n / (2.0 * span)) @ self._to_modes
 
     def __repr__(self) -> str:
         """Name span, area and number of strips."""
         return f"LiftingLine(span {self.span:g} m, area {self.area:.4g} m2, {self.strips} strips)"
+
+    @cached_property
+    def fastest_mode(self) -> float:
+        """Largest rate of the states at unit airspeed [1/m]: it grows with the square of the number of strips."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.state_space(1.0).A))))
+
+    def mean_downwash(self, width: float) -> Array:
+        """Return the row (N,) [1/m] of the downwash, averaged over a width [m] about the root, at most the span."""
+        width = min(width, self.span)
+        n, angle = np.arange(1, self.strips + 1), np.arccos(width / self.span)
+        odd = n % 2  # the mean of sin(n theta) / sin(theta) in y is 2 cos(n angle) / (n width) times span / 2
+        return np.asarray((odd * np.cos(n * angle) / (2.0 * width)) @ self._to_modes)
 
     def split(self, state: Array) -> tuple[Array, Array, Array]:
         """Return zeta_1, zeta_2 and circulation, each (N,), of a state (3N,)."""
@@ -151,9 +165,10 @@ class LiftingLine:
         """Return the lift per span (N,) [N/m], along the normal at the 1/4 chord."""
         return self.lift_slope * self.air_density * self.semichord * airspeed * w_eff
 
-    def suction(self, w_eff: Array) -> Array:
-        """Return the leading-edge suction per span (N,) [N/m], toward the leading edge."""
-        return self.lift_slope * self.air_density * self.semichord * w_eff**2
+    def suction(self, w_eff: Array, pitch_rate: Array) -> Array:
+        """Return the leading-edge suction per span (N,) [N/m]; the pitch rate (N,) [rad/s] is positive nose up."""
+        edge = w_eff - 0.5 * self.semichord * pitch_rate
+        return self.lift_slope * self.air_density * self.semichord * edge**2
 
     @guarded()
     def state_space(self, airspeed: ArrayLike) -> StateSpace:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from aerobat_pin.aerodynamics.added_mass import AddedMass
 from aerobat_pin.aerodynamics.links import Links, PinocchioResults
-from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants, Strips, Surfaces
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants, Pieces, Strips, Surfaces
 from aerobat_pin.numerics import Array, array_at, merged, next_size, rewind, take, take_integers
 from aerobat_pin.robot import LINKS, Tree
 
@@ -37,9 +37,9 @@ class RobotMemory(NamedTuple):
 
 @merged
 def air_in(memory: Array) -> AirConstants:
-    """Lay out the aerodynamic constants. Size: number of strips."""
+    """Lay out the aerodynamic constants. Sizes: number of strips, and of their pieces."""
     cursor = rewind(memory)
-    n = next_size(cursor)
+    n, p = next_size(cursor), next_size(cursor)
     return AirConstants(
         quasi_steady=take(cursor, ()),
         density=take(cursor, ()),
@@ -47,16 +47,21 @@ def air_in(memory: Array) -> AirConstants:
         profile_drag=take(cursor, ()),
         slope_over_limit=take(cursor, ()),
         strips=Strips(
-            link=take_integers(cursor, (n,)),
-            x=take(cursor, (n,)),
-            y=take(cursor, (n,)),
-            z=take(cursor, (n,)),
             quarter_chord=take(cursor, (n,)),
             per_semichord=take(cursor, (n,)),
             force_factor=take(cursor, (n,)),
         ),
+        pieces=Pieces(
+            strip=take_integers(cursor, (p,)),
+            link=take_integers(cursor, (p,)),
+            x=take(cursor, (p,)),
+            y=take(cursor, (p,)),
+            z=take(cursor, (p,)),
+            share=take(cursor, (p,)),
+            pitch_damping=take(cursor, (p,)),
+        ),
         downwash=take(cursor, (n, n)),
-        centre_downwash=take(cursor, (n,)),
+        tail_downwash=take(cursor, (n,)),
         surfaces=Surfaces(
             drag_area=take(cursor, ()),
             downwash_factor=take(cursor, ()),

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics.strip_forces import StripLoads, Strips, gather, sections
+from aerobat_pin.aerodynamics.strip_forces import AirConstants, StripLoads, gather, sections
 from aerobat_pin.numerics import Array, inner
 
 DEGREE = np.pi / 180.0
@@ -31,14 +31,15 @@ def coefficients(incidence: float) -> tuple[float, float]:
 
 
 @inner
-def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: StripLoads) -> float:
-    """Compute the strips' loads, with the arguments of `strip_loads`; return the centre line's downwash, always 0.
+def quasi_steady_loads(air: AirConstants, twists: Array, wrenches: Array, rows: StripLoads) -> float:
+    """Compute the strips' loads, with the arguments of `strip_loads`; return the downwash at the tail, always 0.
 
     The row `circulation` is the bound circulation of this lift, U chord CL / 2; `effective_velocity` is the normal
     velocity w.
     """
-    sections(strips, twists, rows)
-    factor, per_semichord, us, ws, speeds = strips.force_factor, strips.per_semichord, rows.u, rows.w, rows.airspeed
+    sections(air, twists, rows)
+    factor, per_semichord = air.strips.force_factor, air.strips.per_semichord
+    us, ws, speeds = rows.u, rows.w, rows.airspeed
     downwash, circulation, effective = rows.downwash, rows.circulation, rows.effective_velocity
     force_x, force_z = rows.force_x, rows.force_z
     for i in range(factor.shape[0]):
@@ -49,5 +50,5 @@ def quasi_steady_loads(strips: Strips, twists: Array, wrenches: Array, rows: Str
         circulation[i] = np.sign(w) * lift * speed / per_semichord[i]
         force_x[i] = push * (np.sign(u) * lift * abs(w) - drag * u)
         force_z[i] = push * (np.sign(w) * lift * abs(u) + drag * w)
-    gather(strips, rows, wrenches)
+    gather(air, twists, rows, wrenches)
     return 0.0

@@ -3,11 +3,14 @@
 All forces depend on the links' twists relative to the air: the twist of each link minus the wind, in the link's axes.
 `strip_forces` and `quasi_steady` are the two models of the wing; `body_surfaces` models body, tail and fin.
 
-Added mass: each strip accelerates a mass m of air, factor pi rho b^2 per span, along its normal and at mid-chord. All
-strips of a link have the link's z axis as normal. So one constant matrix (3, 3) describes the added mass of a link,
-multiplying the link's (v_z, omega_x, omega_y):
+Added mass: each piece of a strip accelerates a mass m of air (`LiftingLine.added_mass`, times a factor) along its
+normal and at mid-chord, and resists turning about mid-chord with the moment of inertia m b^2 / 8. All pieces on a link
+have the link's z axis as normal. So one constant matrix (3, 3) describes the added mass of a link, multiplying the
+link's (v_z, omega_x, omega_y):
 
-    G = sum m [1, y, -x]^T [1, y, -x]          kinetic energy (v_z, omega_x, omega_y) G (v_z, omega_x, omega_y)^T / 2
+    G = sum m ([1, y, -x]^T [1, y, -x] + diag(0, 0, b^2 / 8))
+
+and (v_z, omega_x, omega_y) G (v_z, omega_x, omega_y)^T / 2 is its kinetic energy.
 """
 
 from __future__ import annotations
@@ -15,15 +18,16 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics.body_surfaces import add_surfaces
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine
 from aerobat_pin.aerodynamics.memory import air_in, fill
+from aerobat_pin.aerodynamics.pieces import divide
 from aerobat_pin.aerodynamics.quasi_steady import quasi_steady_loads
 from aerobat_pin.aerodynamics.strip_forces import (
     AirConstants,
+    Pieces,
     Strips,
     Surfaces,
     strip_loads,
@@ -52,10 +56,10 @@ def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, r
     """
     rows = strip_rows(loads)
     if air.quasi_steady[()] > 0.0:
-        centre = quasi_steady_loads(air.strips, twists, wrenches, rows)
+        downwash = quasi_steady_loads(air, twists, wrenches, rows)
     else:
-        centre = strip_loads(air, twists, state, wrenches, rates, rows)
-    add_surfaces(air.surfaces, air.density[()], twists[0], centre, wrenches[0])
+        downwash = strip_loads(air, twists, state, wrenches, rates, rows)
+    add_surfaces(air.surfaces, air.density[()], twists[0], downwash, wrenches[0])
 
 
 @kernel
@@ -73,7 +77,12 @@ class RobotAir:
         air_density: density of the air [kg/m3].
         model: `lifting_line` (unsteady, 3N states) or `quasi_steady` (no states).
         lift_limit: largest lift coefficient of a strip in the lifting line; None for attached flow without limit.
-        added_mass: factor on the added mass pi rho b^2 per span; 1 is thin-aerofoil theory, 0 leaves it out.
+        added_mass: factor on the line's added mass; 1 is theory, 0 leaves it out.
+
+    Attributes:
+        line: the lifting line of the planform.
+        pieces: the strips' pieces on the links.
+        added_mass: G of each link (5, 3, 3) [kg, kg m, kg m2].
 
     Raises:
         ShapeError: the model is unknown, the number of strips or the density is not positive, the lift limit is not
@@ -102,22 +111,21 @@ class RobotAir:
         self.model: Model = model
         self.lift_limit = lift_limit
         self.line = line = LiftingLine(wing.span, wing.chord, strips=strips, air_density=air_density)
-        self.link, middle = wing.attach(line.y)
-        middle[:, 0] += wing.leading_edge(line.y) - 0.5 * line.chord
-        self.mid_chord = middle  # (N, 3) [m] in the links' frames
-        mass = added_mass * np.pi * air_density * line.semichord**2 * line.width
-        rows = np.column_stack([np.ones(strips), middle[:, 1], -middle[:, 0]])
-        self.added_mass = np.array(
-            [(rows[self.link == i].T * mass[self.link == i]) @ rows[self.link == i] for i in range(len(LINKS))]
-        )  # (5, 3, 3): G of each link [kg, kg m, kg m2]
+        mass = added_mass * line.added_mass * line.width
+        self.pieces = pieces = divide(wing, line, mass)
+        rows = np.column_stack([np.ones(len(pieces.share)), pieces.y, -pieces.x])
+        G = rows[:, :, None] * rows[:, None]
+        G[:, 2, 2] += line.semichord[pieces.strip] ** 2 / 8.0
+        self.added_mass = np.zeros((len(LINKS), 3, 3))
+        np.add.at(self.added_mass, pieces.link, (pieces.share * mass[pieces.strip])[:, None, None] * G)
         self.memory = air_memory(
             line,
-            self.link,
-            middle,
+            pieces,
             quasi_steady=float(model == "quasi_steady"),
             profile_drag=shape.aerodynamics.profile_drag,
             slope_over_limit=0.0 if lift_limit is None else line.lift_slope / lift_limit,
             surfaces=_surfaces(shape, line.lift_slope),
+            tail_span=0.0 if shape.tail is None else shape.tail.span,
         )
 
     def __repr__(self) -> str:
@@ -132,34 +140,36 @@ class RobotAir:
     @guarded(twists=("n", len(LINKS), 6))
     def airspeed(self, twists: Array) -> Array:
         """Return each strip's airspeed in its plane (n, N) [m/s], given link twists relative to the air (n, 5, 6)."""
-        linear, angular = np.split(twists[:, self.link], 2, axis=2)
-        velocity = linear + np.cross(angular, self.mid_chord)
-        return np.asarray(np.hypot(velocity[..., 0], velocity[..., 2]))
+        pieces = self.pieces
+        linear, angular = np.split(twists[:, pieces.link], 2, axis=2)
+        velocity = linear + np.cross(angular, np.column_stack([pieces.x, pieces.y, pieces.z]))
+        to_strips = np.zeros((self.line.strips, len(pieces.strip)))
+        to_strips[pieces.strip, np.arange(len(pieces.strip))] = pieces.share
+        return np.asarray(np.hypot(velocity[..., 0] @ to_strips.T, velocity[..., 2] @ to_strips.T))
 
 
 def air_memory(
     line: LiftingLine,
-    link: NDArray[np.intp],
-    middle: Array,
+    pieces: Pieces,
     *,
     quasi_steady: float = 0.0,
     profile_drag: float = 0.0,
     slope_over_limit: float = 0.0,
     surfaces: Surfaces = NO_SURFACES,
+    tail_span: float = 0.0,
 ) -> Array:
     """Return a new memory with the aerodynamic constants of a lifting line whose strips are fixed to links.
 
     Args:
         line: the lifting line.
-        link: (N,) link of each strip, as an index into `LINKS`.
-        middle: (N, 3) mid-chord point of each strip in the frame of its link [m].
+        pieces: the strips' pieces on the links.
         quasi_steady: 1 for the quasi-steady model, 0 for the lifting line.
         profile_drag: coefficient of profile drag.
         slope_over_limit: lift slope divided by the largest lift coefficient [1/rad]; 0 for no limit.
         surfaces: aerodynamic constants of body, tail and fin; when omitted, these have no forces.
+        tail_span: span over which the downwash at the tail is averaged [m]; 0 for no downwash there.
     """
-    memory = new_memory(air_in, line.strips)
-    x, y, z = middle.T
+    memory = new_memory(air_in, line.strips, len(pieces.strip))
     force_factor = 0.5 * line.air_density * line.chord * line.width
     values = AirConstants(
         quasi_steady,
@@ -167,9 +177,10 @@ def air_memory(
         line.lift_slope,
         profile_drag,
         slope_over_limit,
-        Strips(link, x, y, z, 0.25 * line.chord, 1.0 / line.semichord, force_factor),
+        Strips(0.25 * line.chord, 1.0 / line.semichord, force_factor),
+        pieces,
         line.downwash,
-        line.centre_downwash,
+        np.zeros(line.strips) if tail_span == 0.0 else line.mean_downwash(tail_span),
         surfaces,
     )
     fill(fields_of(air_in, memory), values)

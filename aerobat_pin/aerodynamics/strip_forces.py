@@ -1,8 +1,11 @@
 """Unsteady strips on the links, compiled: from link twists to link wrenches and rates of the aerodynamic state.
 
-A strip is fixed to its link's frame: chord along x, normal along z. Spanwise flow is ignored. At mid-chord the strip
-moves forward through the air at u, and the air passes it upward at w_m. With U = hypot(u, w_m), the cosine of the flow
-direction is c = u / U. For c = 1 the front edge leads, for c = -1 the rear edge. In between, the number
+A strip lies on one link, or across a joint on two: it is then divided into pieces, one on each link, with shares by
+length. A piece is fixed to its link's frame: chord along x, normal along z. A strip's velocity is the mean of its
+pieces' velocities, and each piece carries its share of the strip's force, so force times velocity is the power.
+Spanwise flow is ignored. At mid-chord the strip moves forward through the air at u, and the air passes it upward at
+w_m. With U = hypot(u, w_m), the cosine of the flow direction is c = u / U. For c = 1 the front edge leads, for c = -1
+the rear edge. In between, the number
 
     lead = c (3 - c^2) / 2            flat at both ends: 1 - 3/8 incidence^4
 
@@ -12,11 +15,12 @@ force jumps when the flow meets the strip broadside, and flow from behind gives 
     w_n = w |u| / U,  w at the 3/4 chord             lift and drag act at the 1/4 chord; equations in `lifting_line`
     f_x = lead suction - rho/2 chord cd0 U u         per span
     f_z = lift + rho/2 chord cd0 U w
+    couple = -pi/2 rho b^3 lead u omega_y            Theodorsen's pitch-rate force, moved from mid-chord to 3/4 chord
 
 `flapping_wing.fly` differs: there the input of the lifting line is w itself, as in potential flow. In steady flow both
 laws give the normal force of an attached plate, a0 rho b |u| w, at any incidence. But here the suction is scaled by
 lead c^2, so a plate has drag. The two laws agree up to incidence^2. At larger incidence, and wing tips exceed 40 to 60
-degrees, this law lies between attached and stalled flow (docs/design/0006-added-mass.md, docs/lifting_line.md).
+degrees, this law lies between attached and stalled flow; docs/section_law.md compares it with measurements.
 
 If a limit of the lift coefficient is set, w_eff is first reduced to w_eff / (1 + r^4)^(1/4), r = a0 w_eff / (U limit).
 At half the limit this is 1.5 % less, and the lift coefficient never exceeds the limit.
@@ -38,25 +42,38 @@ Scalar = Any  # an array () as a view of a kernel's memory, a number as a value 
 
 
 class Strips(NamedTuple):
-    """The strips on the links, each field (N,).
+    """The strips, each field (N,).
 
-    `link` is the index into `LINKS`; `x`, `y`, `z` is the mid-chord point in the link's frame [m]; `quarter_chord` is a
-    quarter of the chord [m]; `per_semichord` is 1 / semichord [1/m]; `force_factor` is density chord width / 2 [kg/m].
+    `quarter_chord` is a quarter of the chord [m]; `per_semichord` is 1 / semichord [1/m]; `force_factor` is density
+    chord width / 2 [kg/m].
     """
 
-    link: Integers
-    x: Array
-    y: Array
-    z: Array
     quarter_chord: Array
     per_semichord: Array
     force_factor: Array
 
 
+class Pieces(NamedTuple):
+    """The strips' pieces on the links, each field (P,), ordered by strip.
+
+    `strip` and `link` are indices, the latter into `LINKS`; `x`, `y`, `z` is the mid-chord point in the link's frame
+    [m]; `share` is the share of the strip; `pitch_damping` times lead u omega_y is the couple [kg m].
+    """
+
+    strip: Integers
+    link: Integers
+    x: Array
+    y: Array
+    z: Array
+    share: Array
+    pitch_damping: Array
+
+
 class Surfaces(NamedTuple):
     """Constants of body, tail and fin; points (3,) are in the body's frame [m].
 
-    `drag_area` is that of the body [m2]. `downwash_factor` times the centre-line downwash is the downwash at the tail.
+    `drag_area` is that of the body [m2]. `downwash_factor` times the wing's mean downwash over the
+    tail's span is the downwash at the tail.
     `tail` is the centre of the tail, `tail_cosine` and `tail_sine` give its incidence, `tail_lift` is its lift divided
     by rho |u| w [m2]. `fin` is the centre of the fin, `fin_lift` is its side force divided by rho |u| v [m2].
     """
@@ -76,8 +93,8 @@ class AirConstants(NamedTuple):
 
     Numbers (): `quasi_steady` is 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
     `lift_slope` [1/rad], `profile_drag` is the coefficient cd0, `slope_over_limit` is the lift slope divided by the
-    limit of the lift coefficient, 0 for no limit. `downwash` (N, N) is the operator D [1/m], `centre_downwash` (N,) its
-    row on the centre line.
+    limit of the lift coefficient, 0 for no limit. `downwash` (N, N) is the operator D [1/m], `tail_downwash` (N,)
+    its mean over the tail's span.
     """
 
     quasi_steady: Scalar
@@ -86,8 +103,9 @@ class AirConstants(NamedTuple):
     profile_drag: Scalar
     slope_over_limit: Scalar
     strips: Strips
+    pieces: Pieces
     downwash: Array
-    centre_downwash: Array
+    tail_downwash: Array
     surfaces: Surfaces
 
 
@@ -133,17 +151,20 @@ def strip_rows(loads: Array) -> StripLoads:
 
 
 @inner
-def sections(strips: Strips, twists: Array, rows: StripLoads) -> None:
-    """Write the rows `u`, `w`, `airspeed` and `lead` of each strip."""
-    count = strips.link.shape[0]
-    link_of, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
+def sections(air: AirConstants, twists: Array, rows: StripLoads) -> None:
+    """Write the rows `u`, `w`, `airspeed` and `lead` of each strip, and omega_y chord / 4 into the row `force_x`."""
+    strip_of, link_of, x, y, z = air.pieces.strip, air.pieces.link, air.pieces.x, air.pieces.y, air.pieces.z
+    share, quarter = air.pieces.share, air.strips.quarter_chord
     u, w, speed, lead, turn = rows.u, rows.w, rows.airspeed, rows.lead, rows.force_x
-    for i in range(count):
-        link = link_of[i]
-        u[i] = twists[link, 0] + twists[link, 4] * z[i] - twists[link, 5] * y[i]
-        w[i] = -(twists[link, 2] + twists[link, 3] * y[i] - twists[link, 4] * x[i])
-        turn[i] = twists[link, 4] * quarter[i]
-    for i in range(count):
+    u[:] = 0.0
+    w[:] = 0.0
+    turn[:] = 0.0
+    for p in range(strip_of.shape[0]):
+        i, link = strip_of[p], link_of[p]
+        u[i] += share[p] * (twists[link, 0] + twists[link, 4] * z[p] - twists[link, 5] * y[p])
+        w[i] -= share[p] * (twists[link, 2] + twists[link, 3] * y[p] - twists[link, 4] * x[p])
+        turn[i] += share[p] * twists[link, 4] * quarter[i]
+    for i in range(quarter.shape[0]):
         speed[i] = np.sqrt(u[i] * u[i] + w[i] * w[i])
         cosine = u[i] / speed[i] if speed[i] > 0.0 else 0.0
         lead[i] = 0.5 * cosine * (3.0 - cosine * cosine)
@@ -151,26 +172,28 @@ def sections(strips: Strips, twists: Array, rows: StripLoads) -> None:
 
 
 @inner
-def gather(strips: Strips, rows: StripLoads, wrenches: Array) -> None:
-    """Write the wrenches (5, 6) that the strips' forces, acting at the 1/4 chords, exert on the links."""
-    link, x, y, z, quarter = strips.link, strips.x, strips.y, strips.z, strips.quarter_chord
-    force_x, force_z, lead = rows.force_x, rows.force_z, rows.lead
+def gather(air: AirConstants, twists: Array, rows: StripLoads, wrenches: Array) -> None:
+    """Write the wrenches (5, 6) on the links: the strips' forces at the 1/4 chords, and the couples of turning."""
+    strip_of, link_of, x, y, z = air.pieces.strip, air.pieces.link, air.pieces.x, air.pieces.y, air.pieces.z
+    share, damping, quarter = air.pieces.share, air.pieces.pitch_damping, air.strips.quarter_chord
+    force_x, force_z, lead, u = rows.force_x, rows.force_z, rows.lead, rows.u
     wrenches[:] = 0.0
-    for i in range(link.shape[0]):
-        wrench = wrenches[link[i]]
-        fx, fz = force_x[i], force_z[i]
+    for p in range(strip_of.shape[0]):
+        i, link = strip_of[p], link_of[p]
+        wrench = wrenches[link]
+        fx, fz = share[p] * force_x[i], share[p] * force_z[i]
         wrench[0] += fx
         wrench[2] += fz
-        wrench[3] += y[i] * fz
-        wrench[4] += z[i] * fx - (x[i] + lead[i] * quarter[i]) * fz
-        wrench[5] -= y[i] * fx
+        wrench[3] += y[p] * fz
+        wrench[4] += z[p] * fx - (x[p] + lead[i] * quarter[i]) * fz - damping[p] * lead[i] * u[i] * twists[link, 4]
+        wrench[5] -= y[p] * fx
 
 
 @inner
 def strip_loads(
     air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripLoads
 ) -> float:
-    """Compute the strips' loads and the rates of the aerodynamic state; return the centre line's downwash [m/s].
+    """Compute the strips' loads and the rates of the aerodynamic state; return the downwash at the tail [m/s].
 
     Args:
         air: aerodynamic constants.
@@ -181,15 +204,15 @@ def strip_loads(
         rows: written: flow and force at the strips.
     """
     strips = air.strips
-    count = strips.link.shape[0]
+    count = strips.quarter_chord.shape[0]
     slope, cd0, limit = air.lift_slope[()], air.profile_drag[()], air.slope_over_limit[()]
     zeta1, zeta2, circulation = state[:count], state[count : 2 * count], state[2 * count :]
     rate1, rate2, growth = rates[:count], rates[count : 2 * count], rates[2 * count :]
     per_semichord, factor = strips.per_semichord, strips.force_factor
-    sections(strips, twists, rows)
+    sections(air, twists, rows)
     u, w, speed, lead, wash = rows.u, rows.w, rows.airspeed, rows.lead, rows.downwash
     w_eff, bound, fx, fz = rows.effective_velocity, rows.circulation, rows.force_x, rows.force_z
-    downwash, centre_downwash = air.downwash, air.centre_downwash
+    downwash, tail_downwash = air.downwash, air.tail_downwash
     for i in range(count):
         total = 0.0
         for j in range(count):
@@ -210,10 +233,11 @@ def strip_loads(
         drag = factor[i] * cd0 * speed[i]
         lift = factor[i] * slope * w_eff[i]
         bound[i] = circulation[i]
-        fx[i] = lead[i] * lift * w_eff[i] - drag * u[i]
+        edge = w_eff[i] + lead[i] * fx[i]  # Garrick's velocity at the leading edge: w_eff - b/2 of the nose-up rate
+        fx[i] = lead[i] * factor[i] * slope * edge * edge - drag * u[i]
         fz[i] = lift * speed[i] + drag * w[i]
-    gather(strips, rows, wrenches)
-    centre = 0.0
+    gather(air, twists, rows, wrenches)
+    mean = 0.0
     for j in range(count):
-        centre += centre_downwash[j] * circulation[j]
-    return centre
+        mean += tail_downwash[j] * circulation[j]
+    return mean

@@ -71,8 +71,7 @@ class AirAlongMotion:
         self.robot, self.section = robot, air
         self.in_air = RobotInAir(robot, robot_air(robot.wing, air))
         self.air = self.in_air.air
-        modes = np.linalg.eigvals(self.air.line.state_space(1.0).A) if self.air.state_size else np.zeros(1)
-        self.fastest = float(np.max(np.abs(modes)))  # [1/m]: rate of the fastest mode divided by the airspeed
+        self.fastest = self.air.line.fastest_mode if self.air.state_size else 0.0  # [1/m]
 
     def airspeed(self, twists: Array) -> Array:
         """Return the airspeed (n,) [m/s] of the fastest strip, from the links' twists relative to the air (n, 5, 6)."""

@@ -2,7 +2,7 @@
 
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.channels import KNOWN, LABELS, channel
-from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp, WingInertia
+from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import FlightLog, netcdf_bytes
 from aerobat_pin.flight.netcdf import checksums, read_netcdf
@@ -24,7 +24,6 @@ __all__ = [
     "SpinUp",
     "Trim",
     "Wake",
-    "WingInertia",
     "advance_stage",
     "channel",
     "checksums",

@@ -86,8 +86,16 @@ OPTIONAL_TRUTH = {
     "event_start": _channel("event", "s", "when an unknown force comes"),
     "event_end": _channel("event", "s", "when it goes; infinity where it stays"),
     "body_airspeed": MEASURED["airspeed"],  # in the truth, `airspeed` is that of the strips
+    "thruster_power": _channel("interval", "W", "power of the attitude hold, interval mean"),
+    "unknown_power": _channel("interval", "W", "power of the unknown forces, interval mean"),
+    "crank_rate": MEASURED["crank_rate"],  # this and the next four: if a motor turns the crank
+    "crank_torque": _channel("interval", "N m", "torque from crank to linkage, interval mean"),
+    "drive_torque": _channel("interval", "N m", "torque of the motor on the crank, interval mean"),
+    "drive_power": _channel("interval", "W", "power of the motor on the crank, interval mean"),
+    "friction_power": _channel("interval", "W", "power lost to friction, interval mean"),
     **{name: MEASURED[name] for name in ("q", "v", "crank_angle", "motor_torque")},  # exact, if sensors have errors
 }
+TRUTH = REQUIRED_TRUTH | OPTIONAL_TRUTH
 
 
 def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.Variable:

@@ -13,11 +13,11 @@ from aerobat_pin.flight.channels import (
     KNOWN_FORCE,
     LABELS,
     MEASURED,
-    OPTIONAL_TRUTH,
-    REQUIRED_TRUTH,
+    TRUTH,
     channel,
     filled,
 )
+from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.numerics import Array
@@ -55,6 +55,8 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "added_mass": mean.added_mass,
         "motor_power": mean.motor_power,
         "air_power": mean.air_power,
+        "thruster_power": mean.thruster_power,
+        "unknown_power": mean.unknown_power,
         "link_wrench": mean.link_wrench,
         "airspeed": strips.airspeed,
         "incidence": strips.incidence,
@@ -63,22 +65,28 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "strip_force_z": strips.force_z,
         "strip_force_x": strips.force_x,
     }
+    if isinstance(plant.drive, RateControlledMotor):
+        true |= {
+            "crank_rate": flown.crank_rate,
+            "crank_torque": mean.crank_torque,
+            "drive_torque": mean.drive_torque,
+            "drive_power": mean.drive_power,
+            "friction_power": mean.friction_power,
+        }
     axes = {
         **{name: list(LABELS[name]) for name in ("v_axis", "axis", "link", "wrench_axis")},
         "point": list(plant.points),
         "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
     }
-    truth = xr.Dataset(
-        {name: filled(name, values, REQUIRED_TRUTH) for name, values in true.items()}, coords={**coords, **axes}
-    )
+    truth = xr.Dataset({name: filled(name, values, TRUTH) for name, values in true.items()}, coords={**coords, **axes})
     if flown.air.size:
-        truth["air_state"] = filled("air_state", flown.air, OPTIONAL_TRUTH)
+        truth["air_state"] = filled("air_state", flown.air, TRUTH)
     events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
     if events:
         points, names, starts, ends = zip(*events, strict=True)
         truth = truth.assign_coords(event=list(names), event_point=("event", list(points)))
-        truth["event_start"] = filled("event_start", starts, OPTIONAL_TRUTH)
-        truth["event_end"] = filled("event_end", ends, OPTIONAL_TRUTH)
+        truth["event_start"] = filled("event_start", starts, TRUTH)
+        truth["event_end"] = filled("event_end", ends, TRUTH)
     table = MEASURED | {thrusters: KNOWN_FORCE}
     seen = {name: filled(name, values, table) for name, values in measured.items()}
     labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}

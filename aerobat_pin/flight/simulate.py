@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.flight.crank import CrankDrive
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.plant.kernels import advance_stage
@@ -23,7 +23,7 @@ from aerobat_pin.scenario import Scenario, check_size
 def simulate(
     scenario: Scenario,
     progress: Callable[[float], None] | None = None,
-    drive: CrankDrive | None = None,
+    drive: CrankDrive | RateControlledMotor | None = None,
     robot: Aerobat | None = None,
 ) -> FlightLog:
     """Simulate the flight of a scenario and return its log.
@@ -31,7 +31,7 @@ def simulate(
     Args:
         scenario: robot, start, air, crank, forces and sensors.
         progress: called about a hundred times with the completed share, 0..1.
-        drive: crank drive that replaces the scenario's.
+        drive: crank drive or motor that replaces the scenario's.
         robot: the scenario's robot, if it is already loaded by `load_robot`.
 
     Raises:

@@ -87,10 +87,9 @@ def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
     # The trailing edge is the rear edge, or the front edge where the flow comes from behind.
     aft = np.where(np.cos(incidence) >= 0.0, -0.5, 0.5) * placed.line.chord
     data, joints = robot.model.createData(), [robot.model.getFrameId(link) for link in LINKS]
-    position = np.empty((*bound.shape, 3))
+    position, pieces = np.zeros((*bound.shape, 3)), placed.pieces
     for k, q in enumerate(np.asarray(log.measured["q"].values, float)[: len(bound)]):
         pin.framesForwardKinematics(robot.model, data, q)
-        for i, link in enumerate(placed.link):
-            place = data.oMf[joints[link]]
-            position[k, i] = place.act(placed.mid_chord[i] + np.array([aft[k, i], 0.0, 0.0]))
+        for i, link, x, y, z, share in zip(*pieces[:6], strict=True):
+            position[k, i] += share * data.oMf[joints[link]].act(np.array([x + aft[k, i], y, z]))
     return Wake(log.time[: len(bound)], position, bound, wind_of(air))

@@ -12,14 +12,25 @@ A point of the plane is a complex number, outboard + i up, so a rotation is a pr
 wing; the right wing is its mirror image. Angles are absolute and counter-clockwise. The shoulder angle is theta_s = t5,
 the elbow angle theta_e = t6 - t5.
 
-`KineticSculpture` computes the closed linkage at any crank angle. `SculptureDynamics` is the form in the paper:
+`KineticSculpture` computes the closed linkage at any crank angle; `joint_series` gives its joint angles as Fourier
+series, which the kernel `joints_at` evaluates. `SculptureDynamics` is the form in the paper:
 angular accelerations that an integrator turns into angles.
 """
 
 from aerobat_pin.linkage.arms import ANGLES, PINS
 from aerobat_pin.linkage.closure import Closure
+from aerobat_pin.linkage.joint_series import joint_series, joints_at
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.linkage.sculpture_dynamics import SculptureDynamics
 from aerobat_pin.linkage.sensitivity import Sensitivity
 
-__all__ = ["ANGLES", "PINS", "Closure", "KineticSculpture", "SculptureDynamics", "Sensitivity"]
+__all__ = [
+    "ANGLES",
+    "PINS",
+    "Closure",
+    "KineticSculpture",
+    "SculptureDynamics",
+    "Sensitivity",
+    "joint_series",
+    "joints_at",
+]

@@ -63,11 +63,12 @@ class SpinUpSection(Section):
 
 
 class MotorSection(Section):
-    """A motor that controls the crank's rate against the wings' inertia; see `aerobat_pin.flight.crank.motor`."""
+    """A motor that controls the crank's rate against all forces on it; see `aerobat_pin.flight.crank.motor`."""
 
     start_frequency: NonNegative = Field(0.0, description="of the crank at t = 0, and steadily before [Hz]")
     rotor_inertia: Positive = Field(5.0e-5, description="seen at the crank: rotor times gear ratio squared [kg m2]")
-    torque_limit: Positive = Field(0.15, description="at the crank [N m]")
+    friction: NonNegative = Field(0.0, description="seen at the crank: motor's times gear ratio squared [N m s/rad]")
+    torque_limit: Positive = Field(0.15, description="at the crank: motor's times gear ratio [N m]")
     lag: Positive = Field(0.005, description="time constant of the torque [s]")
     gain: Positive = Field(0.01, description="on the miss of the rate [N m s/rad]")
     integral_gain: NonNegative = Field(0.1, description="on its integral [N m/rad]")

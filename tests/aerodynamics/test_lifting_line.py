@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerobat_pin.aerodynamics import LiftingLine
+from aerobat_pin.aerodynamics.finite_wing import added_mass_factor
+from aerobat_pin.aerodynamics.planform import along_span
 from aerobat_pin.errors import AerobatError, ShapeError
 
 
@@ -53,10 +55,18 @@ def test_the_downwash_of_an_elliptic_circulation_is_uniform() -> None:
     line = LiftingLine(0.8, 0.1, strips=16)
     ellipse = np.sin(line.theta)
     assert line.downwash @ ellipse == pytest.approx(np.full(16, 1.0 / 1.6), rel=1e-12)
-    assert line.centre_downwash @ ellipse == pytest.approx(1.0 / 1.6, rel=1e-12)
     third = np.sin(3.0 * line.theta)
     assert line.downwash @ third == pytest.approx(3.0 * third / ellipse / 1.6, rel=1e-11)
-    assert line.centre_downwash @ third == pytest.approx(-3.0 / 1.6, rel=1e-12)
+
+
+@pytest.mark.parametrize("width", [1e-6, 0.1, 0.55, 0.8, 2.0])
+def test_the_mean_downwash_over_a_width_is_the_integral_of_prandtls(width: float) -> None:
+    """The downwash n sin(n theta)/(2 S sin(theta)) of each mode, at 20,000 points about the root; not past the tips."""
+    line, span = LiftingLine(0.8, 0.1, strips=9), min(width, 0.8)
+    theta = np.arccos(((np.arange(20000) + 0.5) / 20000 - 0.5) * span / 0.4)
+    for n in range(1, 10):
+        fine = np.mean(n * np.sin(n * theta) / (1.6 * np.sin(theta)))
+        assert line.mean_downwash(width) @ np.sin(n * line.theta) == pytest.approx(fine, rel=1e-4, abs=1e-9)
 
 
 def test_the_strips_integrate_every_circulation_they_resolve_over_the_span() -> None:
@@ -156,7 +166,8 @@ def test_function_and_polyline_are_the_same_wing(chord: Any) -> None:
     assert line.quarter_chord == pytest.approx(0.05 + 0.5 * line.y, abs=1e-15)
     assert line.mid_chord == pytest.approx(line.quarter_chord - line.chord / 4.0, abs=1e-15)
     assert line.three_quarter_chord == pytest.approx(line.quarter_chord - line.chord / 2.0, abs=1e-15)
-    assert line.added_mass == pytest.approx(1.225 * np.pi * line.chord**2 / 4.0)
+    factor = added_mass_factor(along_span(chord, line.y, 0.6, "chord")[0], 0.6, line.y)
+    assert line.added_mass == pytest.approx(factor * 1.225 * np.pi * line.chord**2 / 4.0, rel=1e-15)
 
 
 def test_area_does_not_depend_on_the_number_of_strips() -> None:

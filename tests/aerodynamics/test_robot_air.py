@@ -58,15 +58,33 @@ def test_the_planform_has_the_published_area_and_spans() -> None:
     assert 2.0 * (25e-3 + proximal + distal) == pytest.approx(0.414)  # the drawing's own span
 
 
-def test_each_strip_rides_on_the_link_under_it() -> None:
-    """Of 16 cosine strips 2 lie over the body, 1 on each proximal and 6 on each distal panel."""
-    assert np.bincount(AIR.link).tolist() == [2, 1, 6, 1, 6]
-    shoulder, elbow, tip = WING.breaks
-    for y, link, point in zip(AIR.line.y, AIR.link, AIR.mid_chord, strict=True):
-        start, stop = [(0.0, shoulder), (shoulder, elbow), (elbow, tip)][[0, 1, 2, 1, 2][link]]  # in the order of LINKS
-        assert start <= abs(y) <= stop
-        assert link == 0 or LINKS[link].startswith("left" if y > 0.0 else "right")
-        assert point[1] * y > 0.0
+def test_each_strip_is_shared_by_the_links_under_it() -> None:
+    """Of 16 strips 2 lie across each shoulder and elbow: 20 pieces, 2 on the body, 2 and 7 on each wing's panels.
+
+    A piece's share is its part of the length between the strip's edges, midway between stations in theta.
+    """
+    pieces, shoulder, elbow = AIR.pieces, *WING.breaks[:2]
+    assert np.bincount(pieces.link).tolist() == [2, 2, 7, 2, 7]
+    edges = 0.5 * WING.span * np.cos(np.array([0.0, *np.arange(1.5, 16.0), 17.0]) * np.pi / 17.0)
+    reach = [(-shoulder, shoulder), (shoulder, elbow), (elbow, 1.0), (-elbow, -shoulder), (-1.0, -elbow)]
+    for strip, link, y, share in zip(pieces.strip, pieces.link, pieces.y, pieces.share, strict=True):
+        low, high = np.clip(edges[[strip + 1, strip]], *reach[link])
+        assert share == pytest.approx((high - low) / (edges[strip] - edges[strip + 1]), rel=1e-9)
+        assert link == 0 or y * (1.0 if LINKS[link].startswith("left") else -1.0) > 0.0
+    np.testing.assert_allclose(np.bincount(pieces.strip, pieces.share), 1.0, rtol=1e-15)
+
+
+def test_a_strip_on_one_link_lies_at_its_station_and_a_shared_one_in_its_parts() -> None:
+    """Arc coordinates of the pieces, back from the links' frames: a strip at 55.1 mm has parts at 53 and 71 mm."""
+    pieces, (shoulder, elbow, _) = AIR.pieces, WING.breaks
+    stretch = (elbow - shoulder) / SHAPE.elbow[1]
+    at = {0: lambda y: y, 1: lambda y: shoulder + y * stretch, 2: lambda y: elbow + y}
+    arc = np.array([at[link](y) for link, y in zip(pieces.link[:10], pieces.y[:10], strict=True) if link < 3])
+    assert 1e3 * arc[:6] == pytest.approx(1e3 * AIR.line.y[:6], abs=1e-9)
+    edges = 1e3 * 0.5 * WING.span * np.cos(np.array([6.5, 7.5, 8.5]) * np.pi / 17.0)
+    joints = 1e3 * np.array([elbow, shoulder])
+    parts = [(edges[0], joints[0]), (joints[0], edges[1]), (edges[1], joints[1]), (joints[1], edges[2])]
+    assert 1e3 * arc[6:10] == pytest.approx([sum(part) / 2.0 for part in parts], abs=1e-9)
 
 
 def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
@@ -77,11 +95,13 @@ def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
     )
     assert AIR.line.chord == pytest.approx(WING.chord(AIR.line.y))
     # In world axes, wings spread, a strip's leading edge lies where the arc and the planform put it.
-    data = robot.model.createData()
+    data, pieces = robot.model.createData(), AIR.pieces
     pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
-    for y, link, point, chord in zip(AIR.line.y, AIR.link, AIR.mid_chord, AIR.line.chord, strict=True):
-        place = data.oMf[robot.model.getFrameId(LINKS[link])].act(point)
-        assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
+    for strip, link, *point in zip(*pieces[:5], strict=True):
+        if np.count_nonzero(pieces.strip == strip) == 1:
+            y, chord = AIR.line.y[strip], AIR.line.chord[strip]
+            place = data.oMf[robot.model.getFrameId(LINKS[link])].act(np.array(point))
+            assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
 
 
 def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
@@ -112,32 +132,56 @@ def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
 @settings(max_examples=20, derandomize=True)
 @given(SEEDS)
 def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
-    """A loop over strips: force (f_x, 0, f_z) of each at its own point, moment about its own link's origin."""
+    """A loop over pieces: shares of (f_x, 0, f_z) at their points, and of a turning section's couple -m b/2 u q."""
     rng = np.random.default_rng(seed)
-    wrenches, _, strips = evaluate(BARE, rng.normal(size=(5, 6)), 0.1 * rng.normal(size=BARE.state_size))
+    twists, line = rng.normal(size=(5, 6)), BARE.line
+    wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
     expected = np.zeros((5, 6))
-    for i, link in enumerate(BARE.link):
-        force = np.array([strips.force_x[i], 0.0, strips.force_z[i]])
-        point = BARE.mid_chord[i] + [strips.lead[i] * BARE.line.chord[i] / 4.0, 0.0, 0.0]
+    for i, link, x, y, z, share, _ in zip(*BARE.pieces, strict=True):
+        force = share * np.array([strips.force_x[i], 0.0, strips.force_z[i]])
+        point = np.array([x + strips.lead[i] * line.chord[i] / 4.0, y, z])
         expected[link] += np.concatenate([force, np.cross(point, force)])
+        damping = line.added_mass[i] * line.width[i] * line.semichord[i] / 2.0
+        expected[link, 4] -= share * damping * strips.lead[i] * strips.u[i] * twists[link, 4]
     assert wrenches == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
 
 
 @settings(max_examples=20, derandomize=True)
 @given(SEEDS)
+def test_the_links_power_is_the_strips_force_times_the_strips_velocity(seed: int) -> None:
+    """A strip across a joint gives each link its share of force, and moves with the mean of their velocities.
+
+    A straight wing whose quarter chord is taken at mid-chord (lead 0, broadside) has no other power than that.
+    """
+    rng = np.random.default_rng(seed)
+    twists = np.zeros((5, 6))
+    twists[:, [1, 2, 3]] = rng.normal(size=(5, 3))  # broadside: the links rise and flap, none moves forward
+    wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
+    assert not strips.lead.any()
+    assert np.sum(wrenches * twists) == pytest.approx(-strips.force_z @ strips.w, rel=1e-12, abs=1e-15)
+
+
+@settings(max_examples=20, derandomize=True)
+@given(SEEDS)
 def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
-    """A loop over strips: speed of the 3/4-chord point, incidence, lift a0 rho b U w_eff, suction a0 rho b w_eff^2."""
+    """A loop over strips: mean speed of its pieces' 3/4-chord points, incidence, lift a0 rho b U w_eff, suction.
+
+    The suction is Garrick's: a0 rho b (w_eff - b q/2)^2, q the nose-up rate.
+    """
     rng = np.random.default_rng(seed)
     twists, state = gliding(4.0, 0.0) + rng.normal(size=(5, 6)), 0.01 * rng.normal(size=AIR.state_size)
     _, rates, strips = evaluate(AIR, twists, state)
     line, cd0 = AIR.line, SHAPE.aerodynamics.profile_drag
-    for i, link in enumerate(AIR.link):
-        middle = twists[link, :3] + np.cross(twists[link, 3:], AIR.mid_chord[i])
+    points = np.column_stack([AIR.pieces.x, AIR.pieces.y, AIR.pieces.z])
+    for i in range(line.strips):
+        mine = np.flatnonzero(AIR.pieces.strip == i)
+        links, share = AIR.pieces.link[mine], AIR.pieces.share[mine]
+        middle = share @ (twists[links, :3] + np.cross(twists[links, 3:], points[mine]))
         speed, b = np.hypot(middle[0], middle[2]), line.chord[i] / 2.0
         lead = 0.5 * middle[0] / speed * (3.0 - (middle[0] / speed) ** 2)
-        aft = AIR.mid_chord[i] - [lead * line.chord[i] / 4.0, 0.0, 0.0]
-        velocity = twists[link, :3] + np.cross(twists[link, 3:], aft)
-        u, w = velocity[0], -velocity[2]
+        aft = points[mine] - [lead * line.chord[i] / 4.0, 0.0, 0.0]
+        velocity = share @ (twists[links, :3] + np.cross(twists[links, 3:], aft))
+        u, w, q = velocity[0], -velocity[2], -lead * (share @ twists[links, 4])
         zeta1, zeta2, circulation = state.reshape(3, -1)[:, i]
         w_n = w * abs(u) / speed - line.downwash[i] @ state.reshape(3, -1)[2]
         w_eff = 0.5 * w_n + speed / b * (0.165 * 0.0455 * zeta1 + 0.335 * 0.300 * zeta2)
@@ -146,7 +190,7 @@ def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
         assert strips.circulation[i] == circulation
         drag = 1.225 * b * cd0 * speed * np.array([-u, w])
         lift = 2.0 * np.pi * 1.225 * b * speed * w_eff
-        suction = lead * 2.0 * np.pi * 1.225 * b * w_eff**2
+        suction = lead * 2.0 * np.pi * 1.225 * b * (w_eff - b * q / 2.0) ** 2
         assert strips.force_x[i] / line.width[i] == pytest.approx(suction + drag[0], rel=1e-9, abs=1e-9)
         assert strips.force_z[i] / line.width[i] == pytest.approx(lift + drag[1], rel=1e-9, abs=1e-9)
         kutta = 1.225 * (speed * circulation + 2.0 * b * rates.reshape(3, -1)[2, i])
@@ -253,7 +297,7 @@ def test_the_tail_pushes_against_sink_and_pitching(span_chord: tuple[float, floa
     assert push(gliding(3.0, 0.0), raised)[2] > 0.0
     wash = np.concatenate([np.zeros(32), np.full(16, 0.1)])  # lifting wing: its downwash presses the tail
     washed, clear = (evaluate(which, gliding(3.0, 0.0), wash)[0][0, 2] for which in (air, without))
-    down = SHAPE.aerodynamics.tail_downwash_factor * 0.1 * air.line.centre_downwash.sum()
+    down = SHAPE.aerodynamics.tail_downwash_factor * 0.1 * air.line.mean_downwash(span).sum()
     assert washed - clear == pytest.approx(-0.5 * 1.225 * span * chord * np.pi * slope * 3.0 * down, rel=1e-9)
 
 

@@ -21,7 +21,7 @@ def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:
     A wing whose mid-chords lie at x = 0 is its own mirror image: x forces and y moments change sign, the rest stays.
     """
     air = RobotAir(Wing(replace(SHAPE, tail=None)))
-    fields_of(air_in, air.memory).strips.x[:] = 0.0
+    fields_of(air_in, air.memory).pieces.x[:] = 0.0
     turn = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])  # reflection in the y-z plane: u, omega_y, omega_z change sign
     rng = np.random.default_rng(12)
     twists, state = rng.normal(size=(5, 6)), 0.1 * rng.normal(size=air.state_size)

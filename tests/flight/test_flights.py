@@ -45,11 +45,14 @@ def test_a_force_on_the_left_wing_alone_drifts_the_robot_to_the_right() -> None:
 
 
 def test_the_open_loop_flight_stays_up_and_its_forces_are_found() -> None:
-    """Trimmed, nothing held: small roll and yaw, bounded pitch and height, through noise and step."""
+    """Trimmed, nothing held: small roll and yaw, bounded pitch and height, through noise and step.
+
+    Nothing holds roll and yaw either: what the noise starts doubles in 0.44 s, and reaches 8 deg in 2 s.
+    """
     flight = fly("paper_open_loop")
     assert flight.metrics["note"] == "free flight, nothing held"
     for angle in ("roll", "yaw"):
-        assert np.all(np.abs(degrees(flight, angle)) < 6.0)
+        assert np.all(np.abs(degrees(flight, angle)) < 10.0)
     assert np.all(np.abs(degrees(flight, "pitch")) < 15.0)
     assert np.max(np.abs(flight.metrics["flight"]["z_range"])) < 0.5
     decay = np.exp(-2000.0 * 1e-3)
@@ -186,3 +189,30 @@ def test_a_flight_that_is_pushed_to_one_side_is_not_trimmed() -> None:
     """Longitudinal motion closes, lateral motion does not: no orbit, and no multipliers of one."""
     with pytest.raises(TrimError, match="only a symmetric flight can be trimmed"):
         find_trim(load_scenario("tumble"))
+
+
+WIDE = ["hold.torque_limit=[9, 9, 9]", "hold.thrust_limit=9", "hold.lift_limit=9"]
+SPUN = ["air.density=1e-9", "flight.angular_velocity=[100, 0, 0]", "unknown_force=[]", "observers.frames=[]"]
+
+
+def order(*settings: str) -> float:
+    """Return the order with which the end of a short `paper` flight converges: three steps, each half the last."""
+    first, second, third = (
+        simulate(load_scenario("paper", [*settings, f"simulation.dt={dt}"])).measured["q"].values[-1]
+        for dt in (1e-3, 5e-4, 2.5e-4)
+    )
+    return float(np.log2(np.linalg.norm(first - second) / np.linalg.norm(second - third)))
+
+
+def test_a_held_flight_converges_with_order_four_where_the_hold_keeps_off_its_limits() -> None:
+    """0.4 s of `paper`; with its own limits, thrust and lift reach them, and such kinks make the order irregular."""
+    assert order("simulation.duration=0.4", *WIDE) == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_robot_that_turns_through_half_a_turn_against_its_hold_converges_with_order_four() -> None:
+    """Spun up to 100 rad/s of roll in practically no air: the attitude error passes 180 deg."""
+    settings = ["simulation.duration=0.3", *SPUN, *WIDE]
+    q = simulate(load_scenario("paper", settings)).measured["q"].values
+    from_start = 2.0 * np.arccos(np.clip(np.abs(q[:, 3:7] @ q[0, 3:7]), 0.0, 1.0))
+    assert np.max(from_start) > 3.0
+    assert order(*settings) == pytest.approx(4.0, abs=0.4)

@@ -26,7 +26,7 @@ from support.kernel_cases import (
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.aerodynamics.robot_in_air import warm_up
 from aerobat_pin.aerodynamics.strip_forces import strips_of
-from aerobat_pin.flight.attitude_hold import AttitudeHold, hold_wrench, rotation_vector
+from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.memory import split_forces, unknown_forces
 from aerobat_pin.flight.plant.plant import Plant
@@ -90,13 +90,36 @@ def test_the_rotation_vector_is_exact_near_half_a_turn(below: float) -> None:
         np.testing.assert_allclose(found, angle * axis, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("axis", [*np.eye(3), np.array([0.48, -0.6, 0.64])])
+def test_the_holds_attitude_error_passes_half_a_turn_without_a_jump(axis: np.ndarray) -> None:
+    """The rotation vector up to 90 deg, to the last bit; then ever less, with slope and curvature 0 at 180 deg."""
+    h, found, vector = 1e-3, np.empty(3), np.empty(3)
+
+    def error(angle: float) -> np.ndarray:
+        attitude_error(pin.exp3(angle * axis), found)
+        return found.copy()
+
+    for angle in (0.0, 1e-9, 0.3, 1.5, 1.57):
+        rotation_vector(pin.exp3(angle * axis), vector)
+        np.testing.assert_array_equal(error(angle), vector)
+    np.testing.assert_allclose(error(1.75 * np.pi), -0.25 * np.pi * axis, rtol=1e-12)
+    for angle in (0.5 * np.pi, np.pi, 1.5 * np.pi):
+        before, here, after = (error(angle + step) @ axis for step in (-h, 0.0, h))
+        slope = 1.0 if angle != np.pi else 0.0
+        assert (after - before) / (2.0 * h) == pytest.approx(slope, abs=1e-4)
+        assert (after - 2.0 * here + before) / h**2 == pytest.approx(0.0, abs=0.03)
+    sizes = [np.linalg.norm(error(angle)) for angle in np.linspace(1.9, np.pi, 50)]
+    assert np.all(np.diff(sizes) < 0.0)
+    assert sizes[-1] < 1e-12
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_hold_pushes_as_its_twin(seed: int) -> None:
-    """Inside the limits and outside, per axis."""
+    """Inside the limits and outside, per axis; errors of the attitude up to half a turn."""
     rng = np.random.default_rng(seed)
     gains = [rng.uniform(0.1, 1.0, 3) for _ in range(3)]
     hold = AttitudeHold(pin.exp3(rng.uniform(-1, 1, 3)), *rng.uniform(-1, 1, 2), *gains, *rng.uniform(0.1, 1.0, 6))
-    rotation, (position, linear, angular) = pin.exp3(rng.uniform(-1, 1, 3)), rng.uniform(-2.0, 2.0, (3, 3))
+    rotation, (position, linear, angular) = pin.exp3(rng.uniform(-2, 2, 3)), rng.uniform(-2.0, 2.0, (3, 3))
     twist = np.concatenate([linear, 0.3 * angular])
     packed, wrench = AttitudeHold(*(np.asarray(value) for value in hold)), np.empty(6)
     hold_wrench(packed, np.append(rotation.ravel(order="F"), position), twist, np.empty((3, 3)), wrench)
@@ -272,7 +295,7 @@ def test_what_a_plant_is_made_of_lies_in_its_memory_by_name(case: str) -> None:
         for found, expected in zip(fields.hold, plant.hold, strict=True):
             np.testing.assert_array_equal(found, expected)
     assert robot.air.density == plant.scenario.air.density
-    np.testing.assert_array_equal(robot.air.strips.link, plant.air.link)
+    np.testing.assert_array_equal(robot.air.pieces.link, plant.air.pieces.link)
     np.testing.assert_array_equal(robot.air.downwash, plant.air.line.downwash)
     data = plant.data
     results = (
@@ -293,7 +316,7 @@ def test_the_fields_of_a_plant_fill_its_memory_and_do_not_overlap(case: str) -> 
     plant = built("aerobat", case)
     robot = plant.in_air
     own = [*plant.fields[1:]], [field for name, field in robot.fields._asdict().items() if name not in ("air", "found")]
-    for memory, parts, head in ((plant.memory, own[0], 6), (robot.memory, own[1], 11)):
+    for memory, parts, head in ((plant.memory, own[0], 7), (robot.memory, own[1], 11)):
         spans = sorted((leaf.ctypes.data, leaf.nbytes) for leaf in leaves(parts) if leaf.size)
         assert spans[0][0] == memory.ctypes.data + 8 * head
         assert all(start + size == after for (start, size), (after, _) in itertools.pairwise(spans))

@@ -4,20 +4,26 @@ Positions, angular velocities, T and U of the five bodies are written with numpy
 for the left wing as printed and for the right wing mirrored. The equations of motion M_d a_d = h_d + u then come from
 that Lagrangian by Euler-Lagrange, without Pinocchio. Derivatives are exact to rounding: T is quadratic in the rates,
 so differences of it give the momentum without error, and the complex step differentiates by the coordinates.
+
+A crank that a motor turns makes seven coordinates of them: p_B, phi and t1, of which the linkage makes the four angles.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import JOINTS, Aerobat, load_aerobat
+from aerobat_pin.scenario.scenario import load_scenario
 
 EXACT = 1e-12
 G = 9.81
+ROTOR = 5e-5  # [kg m2]
 L3 = np.array([0.0, 0.0525, 0.0])  # elbow to the distal COM, in the distal frame [m]
 LINKS = ("base_link", "left_proximal", "left_distal", "right_proximal", "right_distal")
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -33,6 +39,7 @@ def robot() -> Aerobat:
         {
             "proximal": {"com": list(l2 / 2.0), "inertia": [3.2715e-7, 3.6326e-6, 3.9489e-6, 0.0, 0.0, 0.0]},
             "distal": {"com": list(L3), "inertia": [4.1145e-6, 8.64045e-6, 1.27045e-5, 0.0, 0.0, 0.0]},
+            "wing": {"force_point": list(L3)},
         },
     )
 
@@ -115,15 +122,37 @@ def lagrangian_parts(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.nd
     return paper_energy(robot, paper_bodies(robot, x[:3], R_B, x_dot[:3], omega_B, x[6:], x_dot[6:]))
 
 
-def euler_lagrange(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.ndarray, x_ddot: np.ndarray) -> np.ndarray:
-    """Return d/dt (dL/dx') - dL/dx (10,) at phi = 0."""
-    h = 1e-30
+def crank_parts(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.ndarray) -> tuple[complex, complex]:
+    """Return T and U in coordinates x = (p_B, phi, t1); a complex step by t1 is carried through the closed linkage.
+
+    The rotor's energy is part of T.
+    """
+    t1, step = float(x[6].real), 1j * x[6].imag
+    closed = robot.linkage.solve(t1)
+    angle = np.array([closed.theta_s, closed.theta_e])
+    slope, bend = (np.array([getattr(closed, f"{d}{a}") for a in ("theta_s", "theta_e")]) for d in ("d", "d2"))
+    angles, rates = angle + slope * step, (slope + bend * step) * x_dot[6]
+    full = np.concatenate([x[:6], angles, angles]), np.concatenate([x_dot[:6], rates, rates])
+    T, U = lagrangian_parts(robot, R0, *full)
+    return T + 0.5 * ROTOR * x_dot[6] ** 2, U
+
+
+def euler_lagrange(
+    robot: Aerobat,
+    R0: np.ndarray,
+    x: np.ndarray,
+    x_dot: np.ndarray,
+    x_ddot: np.ndarray,
+    parts: Callable[..., tuple[complex, complex]] = lagrangian_parts,
+) -> np.ndarray:
+    """Return d/dt (dL/dx') - dL/dx at phi = 0, as many as coordinates, for L = T - U of `parts`."""
+    h, units = 1e-30, np.eye(len(x))
 
     def momentum(at: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        kinetic = [[lagrangian_parts(robot, R0, at, rate + s * e)[0] for s in (1.0, -1.0)] for e in np.eye(10)]
+        kinetic = [[parts(robot, R0, at, rate + s * e)[0] for s in (1.0, -1.0)] for e in units]
         return np.array([(plus - minus) / 2.0 for plus, minus in kinetic])
 
-    slope = [np.subtract(*lagrangian_parts(robot, R0, x + 1j * h * e, x_dot)).imag / h for e in np.eye(10)]
+    slope = [np.subtract(*parts(robot, R0, x + 1j * h * e, x_dot)).imag / h for e in units]
     return momentum(x, x_ddot) + momentum(x + 1j * h * x_dot, x_dot).imag / h - np.array(slope)
 
 
@@ -261,3 +290,42 @@ def test_the_tied_wings_of_the_paper_obey_the_projected_equations(robot: Aerobat
     nle8 = TIE.T @ pin.nonLinearEffects(robot.model, data, q, v)
     expected = M8 @ a[:8] + nle8
     np.testing.assert_allclose(left_side, expected, atol=EXACT * max(1.0, np.max(np.abs(expected))), rtol=0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_crank_that_a_motor_turns_obeys_euler_lagrange(robot: Aerobat, seed: int) -> None:
+    """Lagrange's seven equations of base and crank, with gravity, a force on a wing, motor torque and friction.
+
+    The plant's accelerations come from its compiled equations, practically without air; the force's virtual work from
+    the velocities written out here.
+    """
+    settings = ["crank.drive=motor", "crank.motor.friction=2e-4", "air.density=1e-30", "air.warm_up_cycles=0"]
+    force = "unknown_force=[{frame='left_force_point', signal='step', direction=[0.36, -0.48, 0.8], axes='world'}]"
+    plant = Plant(robot, load_scenario("tumble", ["robot={}", *settings, force]))
+    rng = np.random.default_rng([2, seed])
+    t1, speed, torque = rng.uniform(-9.0, 9.0), rng.uniform(10.0, 40.0), rng.uniform(-0.1, 0.1)
+    closed = robot.linkage.solve(t1, speed)
+    q, v = random_state(robot, seed)
+    q = robot.configuration(q[:7], closed.theta_s, closed.theta_e)
+    v = robot.velocity(v[:6], closed.theta_s_dot, closed.theta_e_dot)
+    joints, held = np.zeros((3, 2)), np.array([[[0.0]], [[0.1]]])
+    joints[0], joints[1] = q[7:9], v[6:8]
+    state = np.concatenate([v[:6], np.zeros(plant.air.state_size), [t1, speed, torque, 0.0]])
+    rates = np.empty_like(state)
+    plant.evaluate(q, v, joints, np.zeros((2, 3)), held, state, rates)
+
+    R, _, _, x_ddot, _ = chart(q, v, np.concatenate([rates[:6], np.zeros(4)]))
+    x, x_dot = np.append(q[:3], [0.0, 0.0, 0.0, t1]), np.append(R @ v[:3], [*v[3:6], speed])
+    left_side = euler_lagrange(robot, R, x, x_dot, np.append(x_ddot[:6], rates[-3]), crank_parts)
+
+    def velocity(rates: np.ndarray) -> np.ndarray:
+        """Return the velocity of the distal COM, where the force acts."""
+        turning = np.array([closed.dtheta_s, closed.dtheta_e] * 2) * rates[6]
+        return paper_bodies(robot, q[:3], R, rates[:3], rates[3:6], q[7:], turning).p_dot[2]
+
+    work = np.array([velocity(unit) @ [0.036, -0.048, 0.08] for unit in np.eye(7)])
+    work[6] += torque - 2e-4 * speed
+    np.testing.assert_allclose(left_side, work, rtol=0.0, atol=1e-10 * np.max(np.abs(work)))
+    assert abs(left_side[6] - work[6]) < 1e-10 * abs(torque)
+    other = euler_lagrange(robot, R, x, x_dot, np.append(x_ddot[:6], rates[-3] + 1.0), crank_parts)
+    assert abs(other[6] - work[6]) > ROTOR

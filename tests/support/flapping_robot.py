@@ -62,10 +62,14 @@ def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
     motion, stride = prescribed(), STEPS // steps
     air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
     twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])
-    found = strips_of(fly_strips(air.memory, twists, 1.0 / FREQUENCY / steps, steps))
-    rotation, place = (each[:: 2 * stride][:, air.link] for each in (motion.rotation, motion.place))
-    local = np.stack([found.force_x, 0.0 * found.force_x, found.force_z], axis=-1)
-    force = np.einsum("tnij,tnj->ti", rotation, local)
-    aft = air.mid_chord - np.sign(found.lead)[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
-    position = place + np.einsum("tnij,tnj->tni", rotation, aft)
+    found = strips_of(fly_strips(air.memory, twists, 1.0 / FREQUENCY / steps, steps)[0])
+    strip, link, x, y, z, share, _ = air.pieces
+    rotation, place = (each[:: 2 * stride][:, link] for each in (motion.rotation, motion.place))
+    local = np.stack([found.force_x, 0.0 * found.force_x, found.force_z], axis=-1)[:, strip]
+    force = np.einsum("tnij,tnj,n->ti", rotation, local, share)
+    aft = -np.sign(found.lead)[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
+    edges = place + np.einsum("tnij,tnj->tni", rotation, np.column_stack([x, y, z]) + aft[:, strip])
+    position = np.zeros_like(aft)
+    for piece, i in enumerate(strip):
+        position[:, i] += share[piece] * edges[:, piece]
     return force, Wake(motion.time[:: 2 * stride], position, found.circulation, Wind())

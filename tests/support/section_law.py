@@ -2,25 +2,48 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, air_in, air_loads_in, air_memory, strips_of
+from aerobat_pin.aerodynamics import (
+    STRIP_ROWS,
+    LiftingLine,
+    Pieces,
+    Stroke,
+    air_in,
+    air_loads_in,
+    air_memory,
+    strips_of,
+)
 from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.robot import LINKS
-from support import references
 
 HALVES = [1, 3]  # the links that carry a wing's left and right half
-RECTANGLE = Stroke(4.0, frequency=5.0, flap=np.radians(30.0))  # the lattice's
+CYCLES, STEPS = 5, 200  # flown, of which the last is looked at; steps of a cycle
 ENDLESS = 1e9  # [m], a span that leaves no downwash
 
 
-def memory_of(line: LiftingLine) -> Array:
-    """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body."""
-    middle = np.column_stack([line.mid_chord, line.y, np.zeros(line.strips)])
-    return air_memory(line, np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp), middle)
+class Loads(NamedTuple):
+    """Force (n, 3) [N] and moment (n, 3) [N m] about the root, in a flight's axes, at instants (n,) of a cycle."""
+
+    force: Array
+    moment: Array
 
 
-def fly_strips(air: Array, twists: Array, step: float, last: int) -> Array:
+def memory_of(line: LiftingLine, **options: float) -> Array:
+    """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body.
+
+    The options are those of `air_memory`.
+    """
+    strips = np.arange(line.strips)
+    link = np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp)
+    damping = 0.5 * line.semichord * line.added_mass * line.width
+    pieces = Pieces(strips, link, line.mid_chord, line.y, 0.0 * line.y, np.ones(line.strips), damping)
+    return air_memory(line, pieces, **options)
+
+
+def fly_strips(air: Array, twists: Array, step: float, last: int) -> tuple[Array, Array]:
     """Fly the strips from air at rest with the classical Runge-Kutta method.
 
     Args:
@@ -30,24 +53,50 @@ def fly_strips(air: Array, twists: Array, step: float, last: int) -> Array:
         last: how many steps to report.
 
     Returns:
-        Loads (last, 9, N) at the beginnings of the last steps.
+        Strip loads (last, 9, N) and link wrenches (last, 5, 6) at the beginnings of the last steps.
     """
-    count = len(fields_of(air_in, air).downwash)
-    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3 * count), np.empty((last, STRIP_ROWS, count))
-    state, steps = np.zeros(3 * count), len(twists) // 2
-    scratch = np.empty((STRIP_ROWS, count))
+    count, steps = len(fields_of(air_in, air).downwash), len(twists) // 2
+    loads, wrenches = np.empty((last + 1, STRIP_ROWS, count)), np.empty((last + 1, len(LINKS), 6))
+    state, rates = np.zeros(3 * count), np.empty(3 * count)
 
-    def slope(k: int, here: Array, found: Array = scratch) -> Array:
-        air_loads_in(air, twists[k], here, wrenches, rates, found)
+    def slope(k: int, here: Array, row: int = last) -> Array:  # the row after the last one is scratch
+        air_loads_in(air, twists[k], here, wrenches[row], rates, loads[row])
         return rates.copy()
 
     for k in range(steps):
-        first = slope(2 * k, state, loads[k - steps + last] if k >= steps - last else scratch)
+        row = k - steps + last
+        first = slope(2 * k, state, row if row >= 0 else last)
         second = slope(2 * k + 1, state + 0.5 * step * first)
         third = slope(2 * k + 1, state + 0.5 * step * second)
         fourth = slope(2 * k + 2, state + step * third)
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-    return loads
+    return loads[:last], wrenches[:last]
+
+
+def fly_on_links(line: LiftingLine, stroke: Stroke, cycles: int = CYCLES) -> Loads:
+    """Fly a stroke through the robot's kernel: loads over its last cycle, at `STEPS` even instants.
+
+    The added mass of a half is its matrix G, times the rate of (v_z, omega_x, omega_y), which Fourier's series gives.
+    """
+    now = [stroke(k / (2 * STEPS * stroke.frequency)) for k in range(2 * STEPS)]
+    twist = np.array([each.twist for each in now])
+    twists = np.zeros((2 * STEPS * cycles + 1, len(LINKS), 6))
+    twists[:, HALVES] = np.concatenate([np.tile(twist, (cycles, 1, 1)), twist[:1]])
+    _, wrenches = fly_strips(memory_of(line), twists, 1.0 / STEPS / stroke.frequency, STEPS)
+    omega = 2j * np.pi * stroke.frequency * np.arange(STEPS + 1)
+    rate = np.fft.irfft(omega[:, None, None] * np.fft.rfft(twist[..., 2:5], axis=0), axis=0)
+    rotation, origin = (np.array([getattr(each, name) for each in now[::2]]) for name in ("rotation", "origin"))
+    force, moment = np.zeros((2, STEPS, 3))
+    for i, half in enumerate((line.y > -1e-9 * line.span, line.y < -1e-9 * line.span)):
+        rows = np.column_stack([np.ones(line.strips), line.y, -line.mid_chord])[half]
+        G = np.einsum("n,ni,nj->ij", (line.added_mass * line.width)[half], rows, rows)
+        G[2, 2] += ((line.added_mass * line.width * line.semichord**2) / 8.0)[half].sum()
+        wrench = wrenches[:, HALVES[i]].copy()
+        wrench[:, 2:5] -= rate[::2, i] @ G
+        push, turn = (np.einsum("tij,tj->ti", rotation[:, i], part) for part in np.split(wrench, 2, axis=1))
+        force += push
+        moment += turn + np.cross(origin[:, i], push)
+    return Loads(force, moment)
 
 
 def plate(incidence: float) -> tuple[float, float]:
@@ -73,26 +122,3 @@ def plate_drag(incidence: Array | float) -> Array:
     """Return the closed form of that drag: s c (1 - c^3 (3 - c^2) / 2), the cube of a small incidence; c >= 0."""
     s, c = np.sin(incidence), np.cos(incidence)
     return np.asarray(s * c * (1.0 - c**3 * (3.0 - c**2) / 2.0))
-
-
-def rectangle_loads() -> tuple[references.FlapLoads, Array]:
-    """Fly the lattice's rectangle through the robot's kernel: its loads, and lift and thrust (200, 2) over a flap [N].
-
-    Normal force and suction of the strips, and the added mass as `fly` has it.
-    """
-    line, last = LiftingLine(0.40, 0.10), 200
-    half = np.where(line.y > 0.0, 0, 1)
-    motion = [RECTANGLE(t) for t in np.linspace(0.0, 1.0, 2001)]
-    twists = np.zeros((len(motion), len(LINKS), 6))
-    twists[:, HALVES] = [now.twist for now in motion]
-    found, force = strips_of(fly_strips(memory_of(line), twists, 1e-3, last)), np.empty((last, 2))
-    for k, now in enumerate(motion[-2 * last - 1 : -1 : 2]):
-        _, _, az, bx, by, _ = now.twist_rate[half].T
-        reaction = -line.width * line.added_mass * (az + bx * line.y - by * line.mid_chord)
-        normal = found.force_z[k] + reaction
-        thrust, _, lift = sum(
-            now.rotation[i] @ [found.force_x[k, half == i].sum(), 0.0, normal[half == i].sum()] for i in range(2)
-        )
-        force[k] = lift, thrust
-    lift, thrust = force.T
-    return references.FlapLoads(np.sqrt(np.mean(lift**2)), np.abs(lift).max(), thrust.mean()), force

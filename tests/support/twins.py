@@ -35,11 +35,13 @@ Vector = np.ndarray
 def hold_wrench(hold: AttitudeHold, position: Vector, rotation: Vector, twist: Vector) -> Vector:
     """Return the hold's wrench (6,) in body axes.
 
-    torque, body axes: sat(kp log3(R^T R_ref) - kd omega); force, world axes: x sat(kx (vx_ref - vx)), y 0,
-    z lift + sat(kz (z_ref - z) - dz vz).
+    torque, body axes: sat(kp f log3(R^T R_ref) - kd omega), f the smooth step of degree five from 1 at 90 deg of error
+    to 0 at 180; force, world axes: x sat(kx (vx_ref - vx)), y 0, z lift + sat(kz (z_ref - z) - dz vz).
     """
     velocity = rotation @ twist[:3]
     error = pin.log3(rotation.T @ hold.rotation)
+    s = np.clip(2.0 - np.linalg.norm(error) / (np.pi / 2.0), 0.0, 1.0)
+    error *= np.polyval([6.0, -15.0, 10.0, 0.0, 0.0, 0.0], s)
     torque = hold.attitude_stiffness * error - hold.attitude_damping * twist[3:]
     thrust = hold.speed_gain * (hold.forward_speed - velocity[0])
     rise = hold.height_stiffness * (hold.height - position[2]) - hold.height_damping * velocity[2]
@@ -107,7 +109,7 @@ def plant_rates(
     wind = plant.wind(np.array([time]))[0]
     against = twists.copy()
     against[:, :3] -= [data.oMf[frame].rotation.T @ wind[0] for frame in frames]
-    wrenches, air_rate, loads = air_loads(plant.air, robot.wing.morphology, against, air)
+    wrenches, air_rate, loads = air_loads(plant.air, robot.wing.morphology, against, air, plant.scenario.air.added_mass)
     aerodynamic = at_joints(model, data, wrenches)
     thrusters = np.zeros(model.nv)
     if plant.hold is not None:
@@ -124,7 +126,8 @@ def plant_rates(
     motor = np.concatenate([np.zeros(6), (H @ acceleration + h - total)[6:]])
     dragged = -(M_air @ acceleration + bias_air)
     power, air_power = np.array(motor[6:] @ v[6:]), np.array(np.sum(wrenches * twists) + dragged @ v)
-    parts = (aerodynamic, dragged, thrusters, motor, unknown, noisy, clean, wrenches, power, air_power)
+    powers = power, air_power, np.array(thrusters @ v), np.array(unknown @ v)
+    parts = (aerodynamic, dragged, thrusters, motor, unknown, noisy, clean, wrenches, *powers, *np.zeros(4))
     return acceleration[:6], air_rate, Forces(*parts), loads
 
 
@@ -151,6 +154,7 @@ def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
     flown, joints = np.array(states), motion[::2]
     return Flown(
         crank_angle=closed.crank_angle[::2],
+        crank_rate=closed.crank_velocity[::2],
         q=robot.configuration(np.array(placements), joints[:, 0, 0], joints[:, 0, 1]),
         v=robot.velocity(flown[:, :6], joints[:, 1, 0], joints[:, 1, 1]),
         air=flown[:, 6:],

@@ -1,123 +1,125 @@
-"""A motor with a rate controller on the crank, integrated before the flight is simulated.
+"""A motor with a rate controller on the crank, which turns as the forces on body and wings let it.
 
-    I(t1) t1'' = torque - load(t1) - I'(t1) t1'^2 / 2               I = rotor + wings
+    T = diag(1, g')         v = T (v_b, t1')          a = T (a_b, t1'') + (0, g'' t1'^2)         theta = g(t1)
+
+    (T^T H T + rotor) (a_b, t1'') = T^T (F - h - H (0, g'' t1'^2)) + (0, torque - friction t1')
+
     lag torque' = sat(order) - torque
     order = kp miss + ki z        z' = miss - (order - sat(order)) / kp        miss = rate - t1'
 
-`miss` is the error of the crank rate and `order` the commanded torque. z is the integral of the rate error, reduced
-while the torque is at its limit so that it does not wind up.
+g is the linkage: shoulder and elbow of both wings as functions of the crank angle t1. H, h and F are inertia, bias and
+generalised force of the plant with free joints (see `aerobat_pin.flight.plant.plant`); their projection by T is
+d'Alembert's principle. So air, body motion, gravity and unknown forces act back on the crank. H is symmetric with added
+mass too, and so is the projected matrix.
 
-The model includes the rotor, the wings' inertia with the body at rest, and a load that depends on the crank angle
-alone. It omits the forces that act on the wings in flight (air, body motion, gravity, unknown forces), friction, and
-the fall of the torque limit with speed. The crank's motion is therefore known before the flight. The motor torque in
-the flight log does include the forces in flight: it is the torque that this crank motion requires, not the torque of
-this motor model.
+`miss` is the error of the crank rate and `order` the commanded torque. z is the integral of the rate error, reduced
+while the torque is at its limit so that it does not wind up. All constants are as seen at the crank: with a gear that
+turns the motor G times per turn of the crank, inertia and friction of the motor count G^2 times, its torque G times.
+The bars of the linkage have no mass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerobat_pin.errors import CrankError
-from aerobat_pin.flight.crank.drives import CrankMotion
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.flight.crank.drives import ConstantRate
+from aerobat_pin.numerics import Array, Integers, kernel
 
-ACCURACY = 1.0e-9  # relative tolerance of the integration
-STATE_SCALE = np.array([1.0, 10.0, 0.1, 1.0])  # typical angle [rad], rate [rad/s], torque [N m], integral [rad]
+CRANK_SIZE = 4  # entries of the crank's state: angle [rad], rate [rad/s], motor torque [N m], integral z [rad]
 
 
-def no_load(crank_angle: Array) -> Array:
-    """Return zero load torque."""
-    return np.zeros_like(crank_angle)
-
-
-def no_wings(crank_angle: Array) -> tuple[Array, Array]:
-    """Return zero inertia and zero derivative."""
-    return np.zeros_like(crank_angle), np.zeros_like(crank_angle)
-
-
-@guarded(rotor_inertia="positive", torque_limit="positive", lag="positive", gain="positive")
-@dataclass(frozen=True)
-class RateControlledMotor:
-    """A crank drive: a rate controller, a motor with torque limit and lag, and the inertia and load that it turns.
+class RateControlledMotor(NamedTuple):
+    """A motor that turns the crank, as numbers or as views of a kernel's memory.
 
     Attributes:
         start: crank angle at t = 0 [rad].
         rate: commanded crank rate [rad/s].
         start_rate: crank rate at t = 0, constant at all times before [rad/s].
-        rotor_inertia: rotor inertia as seen at the crank: the rotor's own times the gear ratio squared [kg m2].
-        torque_limit: largest motor torque at the crank [N m].
+        rotor_inertia: inertia of rotor and gear [kg m2].
+        torque_limit: largest motor torque [N m].
         lag: time constant of the torque [s].
         gain: proportional gain kp [N m s/rad].
         integral_gain: integral gain ki [N m/rad].
-        wings: function of the crank angle: the wings' inertia [kg m2] and its derivative by crank angle [kg m2/rad];
-            see `WingInertia`.
-        load: function of the crank angle: torque that resists turning forward [N m].
+        friction: torque that resists turning, per rate [N m s/rad].
     """
 
-    start: float
-    rate: float
-    start_rate: float
-    rotor_inertia: float
-    torque_limit: float
-    lag: float
-    gain: float
-    integral_gain: float
-    wings: Callable[[Array], tuple[Array, Array]] = no_wings
-    load: Callable[[Array], Array] = no_load
+    start: Any
+    rate: Any
+    start_rate: Any
+    rotor_inertia: Any
+    torque_limit: Any
+    lag: Any
+    gain: Any
+    integral_gain: Any
+    friction: Any
 
-    @guarded(time=("n",))
-    def __call__(self, time: Array) -> CrankMotion:
-        """Return the motion at times (n,) [s]. Raises the same errors as `states`."""
-        angle, rate, torque, _ = self.states(time)
-        return CrankMotion(angle, rate, np.where(time < 0.0, 0.0, self._acceleration(angle, rate, torque)))
+    @property
+    def before(self) -> ConstantRate:
+        """Drive of the crank before the flight."""
+        return ConstantRate(self.start, self.start_rate)
 
-    @guarded(time=("n",))
-    def torque(self, time: Array) -> Array:
-        """Return the motor's torque at the crank at times (n,) [N m]. Raises the same errors as `states`."""
-        return np.asarray(self.states(time)[2])
+    @property
+    def state(self) -> Array:
+        """State of the crank (4,) at t = 0: the motor is switched on then."""
+        return np.array([self.start, self.start_rate, 0.0, 0.0])
 
-    @guarded(time=("n",))
-    def states(self, time: Array) -> Array:
-        """Integrate from t = 0; return angle, rate, torque and integral z (4, n) at times (n,) [s].
 
-        Raises:
-            CrankError: the integration failed.
-        """
-        from scipy.integrate import solve_ivp  # takes a third of a second to import; other drives do without
+@kernel
+def add_crank(
+    motor: RateControlledMotor,
+    crank: Array,
+    closed: Array,
+    row_of: Integers,
+    angle_of: Integers,
+    H: Array,
+    h: Array,
+    aerodynamic: Array,
+    unknown: Array,
+    joints: Array,
+    A: Array,
+    b: Array,
+) -> None:
+    """Write the crank's row to the equations A x = b of base and crank; only the lower triangle of A is used.
 
-        begin = np.array([self.start, self.start_rate, 0.0, 0.0])
-        states = np.tile(begin[:, None], len(time))
-        states[0] += self.start_rate * np.minimum(time, 0.0)
-        flown = time > 0.0
-        if np.any(flown):
-            end = float(np.max(time))
-            solved = solve_ivp(
-                self._rates,
-                (0.0, end),
-                begin,
-                "DOP853",
-                dense_output=True,
-                rtol=ACCURACY,
-                atol=ACCURACY * STATE_SCALE,
-            )
-            if not solved.success or not np.all(np.isfinite(solved.y)):
-                raise CrankError(f"the crank's motion cannot be integrated to t = {end:g} s: {solved.message}")
-            states[:, flown] = solved.sol(time[flown])
-        return states
+    Args:
+        motor: the motor's constants.
+        crank: (4,) state of the crank.
+        closed: (3, 2) joint angles and their derivatives by crank angle, see `joints_at`.
+        row_of: (5,) row of each link's joint in v.
+        angle_of: (5,) joint angle that moves the link: 0 shoulder, 1 elbow.
+        H: (nv, nv) inertia.
+        h: (nv,) bias.
+        aerodynamic: (nv,) generalised force of the air; like the next one it has joint rows.
+        unknown: (nv,) generalised force of the unknown forces.
+        joints: (3, 2) angle, rate and acceleration of shoulder and elbow, the acceleration without that of the crank.
+        A: (7, 7) row 6 is written.
+        b: (7,) entry 6 is written.
+    """
+    for j in range(6):
+        A[6, j] = 0.0
+    A[6, 6] = motor.rotor_inertia[()]
+    b[6] = crank[2] - motor.friction[()] * crank[1]
+    for link in range(1, row_of.shape[0]):
+        row, slope = row_of[link], closed[1, angle_of[link]]
+        rest = aerodynamic[row] + unknown[row] - h[row]
+        for j in range(6):
+            A[6, j] += slope * H[row, j]
+        for other in range(1, row_of.shape[0]):
+            column, angle = row_of[other], angle_of[other]
+            A[6, 6] += slope * H[row, column] * closed[1, angle]
+            rest -= H[row, column] * joints[2, angle]
+        b[6] += slope * rest
 
-    def _rates(self, _: float, state: Array) -> Array:
-        angle, rate, torque, integral = state
-        miss = self.rate - rate
-        order = self.gain * miss + self.integral_gain * integral
-        limited = min(max(order, -self.torque_limit), self.torque_limit)
-        bled = (order - limited) / self.gain
-        acceleration = self._acceleration(angle, rate, torque)
-        return np.array([rate, float(acceleration), (limited - torque) / self.lag, miss - bled])
 
-    def _acceleration(self, angle: Array, rate: Array, torque: Array) -> Array:
-        inertia, slope = self.wings(angle)
-        return np.asarray((torque - self.load(angle) - 0.5 * slope * rate**2) / (self.rotor_inertia + inertia))
+@kernel
+def crank_rates(motor: RateControlledMotor, crank: Array, acceleration: float, rates: Array) -> None:
+    """Write the rates (4,) of the crank's state (4,) from its acceleration [rad/s2]."""
+    gain, limit = motor.gain[()], motor.torque_limit[()]
+    miss = motor.rate[()] - crank[1]
+    order = gain * miss + motor.integral_gain[()] * crank[3]
+    limited = min(max(order, -limit), limit)
+    rates[0], rates[1] = crank[1], acceleration
+    rates[2] = (limited - crank[2]) / motor.lag[()]
+    rates[3] = miss - (order - limited) / gain

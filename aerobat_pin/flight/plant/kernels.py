@@ -6,7 +6,9 @@ import numpy as np
 
 from aerobat_pin.aerodynamics import add_mass, air_loads, place_links
 from aerobat_pin.flight.attitude_hold import hold_wrench
+from aerobat_pin.flight.crank import CRANK_SIZE, add_crank, crank_rates
 from aerobat_pin.flight.plant.memory import PlantMemory, UnknownForces, plant_in
+from aerobat_pin.linkage import joints_at
 from aerobat_pin.numerics import (
     DEPARTURES,
     HALF_STEPS,
@@ -98,26 +100,38 @@ def equations_of_motion(
 
     Args:
         plant: the plant's memory; its `forces` and its robot's `loads` are written.
-        joints: (3, 2) angle, rate and acceleration of shoulder and elbow.
+        joints: (3, 2) angle, rate and acceleration of shoulder and elbow. If the crank is free, the acceleration is
+            written.
         wind: (2, 3) wind velocity and its rate of change, world axes.
         held: (2, f, intervals) mean noise and mean signal of each unknown force [N].
         k: index of the interval.
-        state: (6 + S,) base twist in body axes, then the aerodynamic state.
-        rate: (6 + S,) written: base acceleration, then the rate of the aerodynamic state.
+        state: base twist in body axes (6,), aerodynamic state, and the crank's state (4,) if the crank is free.
+        rate: as `state`, written: base acceleration, rate of the aerodynamic state, rate of the crank's state.
     """
     # Fields are unpacked first: every further block of compiled code that reads a field loads the whole named tuple.
     robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
     holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
+    drive, linkage, closed, whole = plant.motor, plant.linkage, plant.closed, plant.start.shape[0]
     tree, found, links, mass = robot.tree, robot.found, robot.links, robot.added_mass
     H, h, joint, row_of, angle_of = robot.H, robot.h, tree.joint, tree.row, tree.angle
     M, nle, liMi, v, wrenches = found.M, found.nle, found.liMi, found.v, links.wrenches
     aerodynamic, added, thrusters = forces.aerodynamic, forces.added_mass, forces.thrusters
     motor, pushed, link_wrench = forces.motor, forces.unknown, forces.link_wrench
     total_motor_power, total_air_power = forces.motor_power, forces.air_power
+    thruster_power, unknown_power = forces.thruster_power, forces.unknown_power
+    crank_torque, drive_torque = forces.crank_torque, forces.drive_torque
+    drive_power, friction_power = forces.drive_power, forces.friction_power
     nv, count, base = nle.shape[0], joint.shape[0], row_of[0]
     body, world, rotation = v[joint[0]], liMi[joint[0]], links.rotation
+    free = linkage.shape[0] > 0 and state.shape[0] == whole
+    end = whole - CRANK_SIZE if free else state.shape[0]
+    crank = state[end:]
+    if free:
+        joints_at(linkage, crank[0], closed)
+        for angle in range(2):
+            joints[2, angle] = closed[2, angle] * crank[1] * crank[1]
     place_links(tree, found, robot.gravity, wind, links)
-    air_loads(robot.air, links.twists, state[6:], wrenches, rate[6:], robot.loads)
+    air_loads(robot.air, links.twists, state[6:end], wrenches, rate[6:end], robot.loads)
     push(unknown, joints[0, 1], held, k, world, rotation, pushes, forces.force_W, forces.force_noise_free_W)
     climb(tree, liMi, pushes, pushed)
     air_power = 0.0
@@ -141,8 +155,15 @@ def equations_of_motion(
             A[i, j] = H[i, j]
         for link in range(1, count):
             b[i] -= H[i, row_of[link]] * joints[2, angle_of[link]]
-    solve_positive(A, b)
-    copy_values(b, rate[:6])
+    if free:
+        add_crank(drive, crank, closed, row_of, angle_of, H, h, aerodynamic, pushed, joints, A, b)
+        solve_positive(A, b)
+        crank_rates(drive, crank, b[6], rate[end:])
+        for angle in range(2):
+            joints[2, angle] += closed[1, angle] * b[6]
+    else:
+        solve_positive(A, b[:6])
+    copy_values(b[:6], rate[:6])
     motor_power = 0.0
     motor[:6] = 0.0
     for row in range(nv):
@@ -157,13 +178,24 @@ def equations_of_motion(
         added[row] = dragged
         if row > 5:
             motor[row] = inertial - aerodynamic[row] - thrusters[row] - pushed[row]
+    held_power, pushed_power = 0.0, 0.0
     for i in range(6):
         air_power += added[i] * body[i]
+        held_power += thrusters[i] * body[i]
+        pushed_power += pushed[i] * body[i]
     for link in range(1, count):
         row, speed = row_of[link], joints[1, angle_of[link]]
         motor_power += motor[row] * speed
         air_power += added[row] * speed
+        pushed_power += pushed[row] * speed
     total_motor_power[()], total_air_power[()] = motor_power, air_power
+    thruster_power[()], unknown_power[()] = held_power, pushed_power
+    if free:
+        torque = 0.0
+        for link in range(1, count):
+            torque += motor[row_of[link]] * closed[1, angle_of[link]]
+        crank_torque[()], drive_torque[()] = torque, crank[2]
+        drive_power[()], friction_power[()] = crank[2] * crank[1], drive.friction[()] * crank[1] * crank[1]
 
 
 @kernel
@@ -174,41 +206,64 @@ def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, sta
 
 @kernel
 def advance_stage(
-    memory: Array, motion: Array, wind: Array, held: Array, dt: float, k: int, stage: int, means: Array, loads: Array
+    memory: Array,
+    motion: Array,
+    wind: Array,
+    held: Array,
+    dt: float,
+    k: int,
+    stage: int,
+    parts: int,
+    means: Array,
+    loads: Array,
 ) -> None:
     """Evaluate one Runge-Kutta stage of step k, and write `state`, `tangent` and `v` for the next stage.
 
     Args:
         memory: the plant's memory, see `plant_in`.
-        motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step.
+        motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step. If the crank is
+            free, rows after the first are written.
         wind: (2 n + 1, 2, 3) wind velocity and its rate of change at every half step, world axes.
-        held: (2, f, n) mean noise and mean signal of each unknown force [N].
+        held: (2, f, n / parts) mean noise and mean signal of each unknown force over each interval [N].
         dt: time step [s].
         k: index of the step.
         stage: index of the stage, 0 to 3.
-        means: (n, size) forces averaged over each step; this stage's share is added to row k.
-        loads: (n, 9, N) strip loads at the start of each step; stage 0 writes row k.
+        parts: number of steps in an interval.
+        means: (n / parts, size) sums of the forces' means over the steps of each interval; this stage's share is added.
+        loads: (n / parts, 9, N) strip loads at the start of each interval; stage 0 of its first step writes them.
     """
     plant = plant_in(memory)
     tree, state, start, rates, twists = plant.robot.tree, plant.state, plant.start, plant.rates, plant.twists
     tangent, v, strips, row_of, angle_of = plant.tangent, plant.v, plant.robot.loads, tree.row, tree.angle
     forces = array_at(plant.forces.aerodynamic.ctypes.data, (means.shape[1],))
+    linkage, closed, second = plant.linkage, plant.closed, plant.second
     here = 2 * k + HALF_STEPS[stage]
-    equations_of_motion(plant, motion[here], wind[here], held, k, state, rates[stage])
-    add_stage(stage, forces, means[k])
-    if stage == 0:
+    interval = k // parts
+    equations_of_motion(plant, motion[here], wind[here], held, interval, state, rates[stage])
+    add_stage(stage, forces, means[interval])
+    if stage == 0 and k == interval * parts:
         for row in range(loads.shape[1]):
-            copy_values(strips[row], loads[k, row])
+            copy_values(strips[row], loads[interval, row])
     copy_values(state[:6], twists[stage])
     next_tangent(stage, dt, twists, tangent)
     next_state(stage, dt, rates, start, state)
     if stage == 3:
         copy_values(state, start)
-    # The closed linkage prescribes the joints: in their rows the tangent is the change of the joint angle.
+    # The crank angle gives the joint angles: in their rows the tangent is the change of the joint angle.
     begin, end = 2 * k + DEPARTURES[stage], 2 * k + (HALF_STEPS[stage + 1] if stage < 3 else 2)
+    departed = motion[begin, 0]
+    if linkage.shape[0] > 0:
+        crank = state[state.shape[0] - CRANK_SIZE :]
+        joints_at(linkage, crank[0], closed)
+        for angle in range(2):
+            motion[end, 0, angle], motion[end, 1, angle] = closed[0, angle], closed[1, angle] * crank[1]
+        if stage == 0:
+            copy_values(closed[0], second)
+        elif stage == 2:
+            departed = second
     copy_values(state[:6], v[row_of[0] : row_of[0] + 6])
     for link in range(1, row_of.shape[0]):
         row, angle = row_of[link], angle_of[link]
         v[row] = motion[end, 1, angle]
         tangent[:, row] = 0.0
-        tangent[1 if stage == 3 else 0, row] = motion[end, 0, angle] - motion[begin, 0, angle]
+        tangent[1 if stage == 3 else 0, row] = motion[end, 0, angle] - departed[angle]

@@ -1,4 +1,4 @@
-"""Memory layout of the plant's kernels: robot and air, unknown forces, attitude hold, integrator stages, results."""
+"""Memory layout of the plant's kernels: robot, air, unknown forces, hold, motor, integrator stages, results."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerodynamics import LINK_COUNT, RobotMemory, robot_in
 from aerobat_pin.flight.attitude_hold import AttitudeHold
+from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.numerics import Array, Integers, array_at, frame_id, merged, next_size, rewind, take, take_integers
 from aerobat_pin.robot import LINKS
@@ -38,8 +39,13 @@ class Forces(NamedTuple):
 
     `aerodynamic`, `added_mass`, `thrusters`, `motor` and `unknown` are generalised forces (nv,). `force_W` and
     `force_noise_free_W` (p, 3) [N] are the unknown forces at their points in world axes. `link_wrench` (5, 6) is the
-    aerodynamic wrench on each link without added mass, at the origin and in the axes of the link's frame. `motor_power`
-    () [W] is motor torque times joint rates. `air_power` () [W] is the power of the air on the robot, with added mass.
+    aerodynamic wrench on each link without added mass, at the origin and in the axes of the link's frame.
+
+    Powers () [W]: `motor_power` is motor torque times joint rates, `air_power` the power of the air on the robot with
+    added mass, `thruster_power` and `unknown_power` those of the attitude hold and the unknown forces. With a motor on
+    the crank: `crank_torque` () [N m] passes from the crank to the linkage, `drive_torque` () [N m] from the motor to
+    the crank; `drive_power` and `friction_power` are the powers of the latter and of friction, the second positive.
+    All four are 0 for other drives.
     """
 
     aerodynamic: Array
@@ -52,23 +58,37 @@ class Forces(NamedTuple):
     link_wrench: Array
     motor_power: Array
     air_power: Array
+    thruster_power: Array
+    unknown_power: Array
+    crank_torque: Array
+    drive_torque: Array
+    drive_power: Array
+    friction_power: Array
 
 
 class PlantMemory(NamedTuple):
     """Memory of the plant's kernels.
 
-    `holds` () is 1 if the attitude hold `hold` acts. Scratch arrays: `error_rotation` (3, 3) for the attitude hold,
-    `pushes` (5, 6) for the wrenches of the unknown forces on the links, `A` (6, 6) and `b` (6,) for the equations of
-    the base. Integrator: base `twists` (4, 6) and `rates` (4, 6 + S) at the stages, `start` (6 + S,) at the start of
-    the step, `state` (6 + S,), `v` (nv,) and `tangent` (2, nv) for the next stage, `forces` at the current stage.
+    `holds` () is 1 if the attitude hold `hold` acts. `linkage` (n, 4) are the series of the joint angles (see
+    `joint_series`) if a `motor` turns the crank; otherwise n is 0. S is the number of aerodynamic states, plus 4 for
+    the crank's state at the end if there is a motor.
+
+    Scratch arrays: `error_rotation` (3, 3) for the attitude hold, `pushes` (5, 6) for the wrenches of the unknown
+    forces on the links, `closed` (3, 2) for the linkage, `A` (7, 7) and `b` (7,) for the equations of base and crank.
+    Integrator: base `twists` (4, 6) and `rates` (4, 6 + S) at the stages, `start` (6 + S,) at the start of the step,
+    `state` (6 + S,), `v` (nv,) and `tangent` (2, nv) for the next stage, `second` (2,) joint angles at the second
+    stage, `forces` at the current stage.
     """
 
     robot: RobotMemory
     unknown: UnknownForces
     holds: Array
     hold: AttitudeHold
+    motor: RateControlledMotor
+    linkage: Array
     error_rotation: Array
     pushes: Array
+    closed: Array
     A: Array
     b: Array
     twists: Array
@@ -77,14 +97,15 @@ class PlantMemory(NamedTuple):
     state: Array
     tangent: Array
     v: Array
+    second: Array
     forces: Forces
 
 
 @merged
 def plant_in(memory: Array) -> PlantMemory:
-    """Lay out a plant's memory. Sizes: address of the robot's memory, nv, number of air states, forces and points."""
+    """Lay out a plant's memory. Sizes: address of the robot's memory, nv, S, harmonics, number of forces and points."""
     cursor = rewind(memory)
-    robot, nv, states = next_size(cursor), next_size(cursor), next_size(cursor) + 6
+    robot, nv, states, harmonics = next_size(cursor), next_size(cursor), next_size(cursor) + 6, next_size(cursor)
     f, p = next_size(cursor), next_size(cursor)
     return PlantMemory(
         robot=robot_in(array_at(robot, (1,))),
@@ -112,16 +133,30 @@ def plant_in(memory: Array) -> PlantMemory:
             height_damping=take(cursor, ()),
             lift_limit=take(cursor, ()),
         ),
+        motor=RateControlledMotor(
+            start=take(cursor, ()),
+            rate=take(cursor, ()),
+            start_rate=take(cursor, ()),
+            rotor_inertia=take(cursor, ()),
+            torque_limit=take(cursor, ()),
+            lag=take(cursor, ()),
+            gain=take(cursor, ()),
+            integral_gain=take(cursor, ()),
+            friction=take(cursor, ()),
+        ),
+        linkage=take(cursor, (harmonics, 4)),
         error_rotation=take(cursor, (3, 3)),
         pushes=take(cursor, (LINK_COUNT, 6)),
-        A=take(cursor, (6, 6)),
-        b=take(cursor, (6,)),
+        closed=take(cursor, (3, 2)),
+        A=take(cursor, (7, 7)),
+        b=take(cursor, (7,)),
         twists=take(cursor, (4, 6)),
         rates=take(cursor, (4, states)),
         start=take(cursor, (states,)),
         state=take(cursor, (states,)),
         tangent=take(cursor, (2, nv)),
         v=take(cursor, (nv,)),
+        second=take(cursor, (2,)),
         forces=Forces(
             aerodynamic=take(cursor, (nv,)),
             added_mass=take(cursor, (nv,)),
@@ -133,6 +168,12 @@ def plant_in(memory: Array) -> PlantMemory:
             link_wrench=take(cursor, (LINK_COUNT, 6)),
             motor_power=take(cursor, ()),
             air_power=take(cursor, ()),
+            thruster_power=take(cursor, ()),
+            unknown_power=take(cursor, ()),
+            crank_torque=take(cursor, ()),
+            drive_torque=take(cursor, ()),
+            drive_power=take(cursor, ()),
+            friction_power=take(cursor, ()),
         ),
     )
 

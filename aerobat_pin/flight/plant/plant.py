@@ -1,13 +1,14 @@
 """The plant: the robot in its scenario; its equations of motion are one compiled call after Pinocchio's M and nle.
 
 At each instant the air, the attitude hold and the unknown forces act on the links. Their wrenches are carried up the
-kinematic tree and give the generalised force F. The linkage prescribes the joint angles theta, so the equations of
-motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor torque u_m (see
-`prescribed_joints`):
+kinematic tree and give the generalised force F. The crank's drive and the linkage prescribe the joint angles theta, so
+the equations of motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor
+torque u_m (see `prescribed_joints`):
 
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
-H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`).
+H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns
+the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank.motor`), and theta'' follows.
 
 The kernel `advance_stage` is one stage of the integrator: it evaluates these equations, adds the forces to their means
 over the step, and prepares the next stage.
@@ -16,7 +17,7 @@ over the step, and prepares the next stage.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -27,11 +28,11 @@ from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, f
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
-from aerobat_pin.flight.crank import CrankDrive, checked_motion, crank_drive
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
 from aerobat_pin.flight.plant.kernels import advance_stage, evaluate
 from aerobat_pin.flight.plant.memory import Forces, plant_in, split_forces, unknown_forces
 from aerobat_pin.flight.point_forces import point_forces
-from aerobat_pin.linkage import Closure
+from aerobat_pin.linkage import Closure, joint_series
 from aerobat_pin.numerics import Array, fields_of, guarded, lie_step, new_memory, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
@@ -43,15 +44,21 @@ LIMITS = {
     "aerodynamic state": (1e3, "m or m2/s"),
     "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
 }
+START_ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
+MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
 
 
 @dataclass(frozen=True)
 class State:
-    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,)."""
+    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,), and the crank.
+
+    `crank` (4,) is the state of a crank that a motor turns: angle, rate, motor torque, integral; (0,) for other drives.
+    """
 
     placement: Array
     twist: Array
     air: Array
+    crank: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ class Flown:
     """A simulated flight of n equal intervals, as arrays: samples at the n + 1 edges, means over the n intervals.
 
     Attributes:
-        crank_angle: (n + 1,) absolute crank angle t1 [rad].
+        crank_angle, crank_rate: (n + 1,) absolute crank angle t1 [rad] and its rate [rad/s].
         q, v: configuration (n + 1, nq) and velocity (n + 1, nv).
         air: (n + 1, 3N) aerodynamic state.
         forces: means of all forces over the intervals.
@@ -67,6 +74,7 @@ class Flown:
     """
 
     crank_angle: Array
+    crank_rate: Array
     q: Array
     v: Array
     air: Array
@@ -80,8 +88,8 @@ class Plant:
     Args:
         robot: the robot.
         scenario: start, air, crank, attitude hold and unknown forces.
-        drive: crank drive that replaces the scenario's. It is also called with times before zero, while the
-            aerodynamic state is warmed up.
+        drive: crank drive or motor that replaces the scenario's. A drive is also called with times before zero, while
+            the aerodynamic state is warmed up.
 
     Raises:
         CrankError: the drive's angle, rate and acceleration do not agree.
@@ -89,11 +97,13 @@ class Plant:
     """
 
     @guarded()
-    def __init__(self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | None = None) -> None:
+    def __init__(
+        self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None
+    ) -> None:
         """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
-        self.drive = crank_drive(robot, scenario) if drive is None else drive
+        self.drive = crank_drive(scenario) if drive is None else drive
         self.forces = point_forces(model, scenario)
         self.points = tuple(dict.fromkeys(force.frame for force in self.forces))
         flight = scenario.flight
@@ -101,13 +111,21 @@ class Plant:
         self.hold = hold_about(scenario, rotation)
         self.in_air = RobotInAir(robot, robot_air(robot.wing, scenario.air))
         self.air, self.data = self.in_air.air, self.in_air.data
-        sizes = (model.nv, self.air.state_size, len(self.forces), len(self.points))
+        motor = self.drive if isinstance(self.drive, RateControlledMotor) else None
+        series = np.zeros((0, 4)) if motor is None else joint_series(robot.linkage)
+        self.crank_start = np.zeros(0) if motor is None else motor.state
+        states = self.air.state_size + len(self.crank_start)
+        sizes = (model.nv, states, len(series), len(self.forces), len(self.points))
         self.memory = new_memory(plant_in, self.in_air.memory.ctypes.data, *sizes)
         self.fields = fields_of(plant_in, self.memory)
         fill(self.fields.unknown, unknown_forces(model, self.forces, self.points))
         if self.hold is not None:
             fill(self.fields.hold, self.hold)
             self.fields.holds[...] = 1.0
+        if motor is not None:
+            fill(self.fields.motor, motor)
+            self.fields.linkage[...] = series
+        self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
         self.start = self._warmed_up(rotation)
 
     def __repr__(self) -> str:
@@ -125,14 +143,15 @@ class Plant:
 
     @guarded(time=("n",))
     def closure(self, time: Array) -> Closure:
-        """Close the linkage at the crank angles that the drive gives for times (n,) [s]."""
-        return self.robot.linkage.solve(*checked_motion(self.drive, time))
+        """Close the linkage at the crank angles that the drive gives for times (n,) [s]; with a motor, up to 0 s."""
+        drive = self.drive.before if isinstance(self.drive, RateControlledMotor) else self.drive
+        return self.robot.linkage.solve(*checked_motion(drive, time))
 
     @guarded()
     def rates(
         self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
     ) -> tuple[Array, Array, Forces]:
-        """Evaluate the equations of motion at one instant.
+        """Evaluate the equations of motion at one instant, with joints that accelerate as given.
 
         Args:
             q: (nq,) configuration.
@@ -165,11 +184,13 @@ class Plant:
         Args:
             q: (nq,) configuration.
             v: (nv,) velocity.
-            joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v.
+            joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v. With the
+                crank's state, the acceleration is written.
             wind: (2, 3) wind velocity and its rate of change, world axes.
             held: (2, f, 1) mean noise and mean signal of each unknown force [N].
-            state: (6 + 3N,) base twist in body axes, as in v, then the aerodynamic state.
-            rate: (6 + 3N,) written: base acceleration, then the rate of the aerodynamic state.
+            state: (6 + 3N,) base twist in body axes, as in v, then the aerodynamic state; for a motor's flight
+                (6 + 3N + 4,) with the state of its crank.
+            rate: as `state`, written: base acceleration, rate of the aerodynamic state, rate of the crank's state.
         """
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, v)
@@ -199,16 +220,23 @@ class Plant:
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
+        parts = self.substeps(dt)
+        intervals, count, dt = count, count * parts, dt / parts
         model, data, memory, fields = self.model, self.data, self.memory, self.fields
         halves = np.arange(2 * count + 1) * 0.5 * dt
-        closed = self.closure(halves)
-        motion, wind, size = joint_table(closed), self.wind(halves), BASE_SIZE + self.air.state_size
-        fields.start[:] = fields.state[:] = shaped(np.concatenate([start.twist, start.air]), (size,), "start")
+        wind, size, free = self.wind(halves), len(fields.start), len(self.crank_start) > 0
+        begin = np.concatenate([start.twist, start.air, start.crank])
+        fields.start[:] = fields.state[:] = shaped(begin, (size,), "start")
+        # A free crank's flight writes its own motion after the first row.
+        closed = (
+            self.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves))) if free else self.closure(halves)
+        )
+        motion = joint_table(closed)
         q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
         v[:] = self.robot.velocity(start.twist, *motion[0, 1])
-        means = np.zeros((count, sum(part.size for part in fields.forces)))
-        loads = np.zeros((count, STRIP_ROWS, self.air.line.strips))
-        placement, states = np.zeros((count + 1, 7)), np.zeros((count + 1, size))
+        means = np.zeros((intervals, sum(part.size for part in fields.forces)))
+        loads = np.zeros((intervals, STRIP_ROWS, self.air.line.strips))
+        placement, states = np.zeros((intervals + 1, 7)), np.zeros((intervals + 1, size))
         placement[0], states[0] = q[:7], fields.start
         crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
         tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
@@ -217,38 +245,49 @@ class Plant:
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
             nle(model, data, here, v)
-            advance_stage(memory, motion, wind, held, dt, k, number, means, loads)
+            advance_stage(memory, motion, wind, held, dt, k, number, parts, means, loads)
             return tangents
 
         for k in range(count):
             q = lie_step(evaluate_stage, retract, q)
-            placement[k + 1], states[k + 1] = q[:7], fields.start
+            at = k // parts + 1
+            placement[at], states[at] = q[:7], fields.start
             if k % every == 0:
                 if not np.all(np.abs(fields.start) <= hopeless):
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in (states[:, :3], states[:, 3:6], states[:, 6:])]
+        air = BASE_SIZE + self.air.state_size
+        parts_of_state = (states[:, :3], states[:, 3:6], states[:, 6:air])
+        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in parts_of_state]
         sizes.append(np.append(strips_of(loads).airspeed.max(axis=1, initial=0.0), 0.0))
         inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
         outside = ~np.all(inside, axis=0)
-        kept = int(np.argmax(outside)) if outside.any() else count + 1  # samples
-        joints = motion[: 2 * kept : 2]
+        kept = int(np.argmax(outside)) if outside.any() else intervals + 1  # samples
+        samples, whole = slice(None, 2 * parts * kept, 2 * parts), slice(max(kept - 1, 0))
+        joints, crank = motion[samples], (closed.crank_angle[samples], closed.crank_velocity[samples])
+        if free:
+            crank = (states[:kept, air], states[:kept, air + 1])
         flown = Flown(
-            crank_angle=closed.crank_angle[: 2 * kept : 2],
+            crank_angle=crank[0],
+            crank_rate=crank[1],
             q=self.robot.configuration(placement[:kept], joints[:, 0, 0], joints[:, 0, 1]),
             v=self.robot.velocity(states[:kept, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
-            air=states[:kept, BASE_SIZE:],
-            forces=split_forces(fields.forces, means[: max(kept - 1, 0)]),
-            loads=loads[: max(kept - 1, 0)],
+            air=states[:kept, BASE_SIZE:air],
+            forces=split_forces(fields.forces, means[whole] / parts),
+            loads=loads[whole],
         )
-        if kept <= count:
+        if kept <= intervals:
             name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
             value = dict(zip(LIMITS, sizes, strict=True))[name][kept]
-            before = max(kept - 1, 0)
-            message = _divergence(kept * dt, name, value, placement[before], states[before])
-            raise SimulationError(f"scenario {self.scenario.name}: {message}", kept * dt, flown if kept > 1 else None)
+            told = _divergence(kept * dt * parts, name, value, placement[whole.stop], states[whole.stop])
+            kept_flight = flown if kept > 1 else None
+            raise SimulationError(f"scenario {self.scenario.name}: {told}", kept * dt * parts, kept_flight)
         return flown
+
+    def substeps(self, dt: float) -> int:
+        """Return the number of integration steps in an interval [s]: more than one where the air would be unstable."""
+        return max(1, int(np.ceil(dt * self.fastest_mode / MODE_STEP_LIMIT - 1e-9)))
 
     @guarded(time=("n",))
     def wind(self, time: Array) -> Array:
@@ -266,14 +305,19 @@ class Plant:
         twist = np.concatenate([rotation.T @ np.array(flight.velocity), flight.angular_velocity])
         wind = rotation.T @ self.wind(np.zeros(1))[0, 0]
         rate = 2.0 * np.pi * self.scenario.crank.frequency
+        against = twist - np.concatenate([wind, np.zeros(3)])
+        if self.air.state_size:
+            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, START_ANGLES), rate))
+            airspeed = np.max(self.air.airspeed(self.in_air.flapping_twists(placement, against, turn)))
+            self.fastest_mode = float(airspeed) * self.air.line.fastest_mode
         if rate == 0.0 or air.warm_up_cycles == 0 or not self.air.state_size:
-            return State(placement, twist, np.zeros(self.air.state_size))
+            return State(placement, twist, np.zeros(self.air.state_size), self.crank_start)
         period = 2.0 * np.pi / rate
-        count = int(np.ceil(air.warm_up_cycles * period / self.scenario.simulation.dt))
+        step = self.scenario.simulation.dt
+        count = int(np.ceil(air.warm_up_cycles * period / step * self.substeps(step)))
         dt = air.warm_up_cycles * period / count
         motion = joint_table(self.closure((np.arange(2 * count + 1) * 0.5 - count) * dt))
-        against = twist - np.concatenate([wind, np.zeros(3)])
-        return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt))
+        return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt), self.crank_start)
 
 
 def _divergence(time: float, name: str, value: float, placement: Array, state: Array) -> str:
