@@ -23,7 +23,8 @@ COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11
 <technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
 <param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
 <input semantic="POSITION" source="#p"/></vertices><triangles count="1">
-<input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
+<input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n">
 <instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--html", "out.html"]
