@@ -249,7 +249,7 @@ class Doors:
     @cached_property
     def estimated(self) -> dict[str, dict[str, Any]]:
         """What is estimated from the good flight as a NetCDF file and as a table."""
-        self.log.save(self.folder / "good.nc")
+        FlightLog(self.log.measured).save(self.folder / "good.nc")
         write_csv(self.log, self.folder / "good.csv")
         return {suffix: _estimated(self.folder / f"good{suffix}") for suffix in (".nc", ".csv")}
 
