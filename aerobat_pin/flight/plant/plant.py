@@ -279,10 +279,9 @@ class Plant:
         )
         if kept <= intervals:
             name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
-            value = dict(zip(LIMITS, sizes, strict=True))[name][kept]
-            told = _divergence(kept * dt * parts, name, value, placement[whole.stop], states[whole.stop])
-            kept_flight = flown if kept > 1 else None
-            raise SimulationError(f"scenario {self.scenario.name}: {told}", kept * dt * parts, kept_flight)
+            value, when = dict(zip(LIMITS, sizes, strict=True))[name][kept], kept * dt * parts
+            told = _divergence(when, name, value, placement[whole.stop], states[whole.stop])
+            raise SimulationError(f"scenario {self.scenario.name}: {told}", when, flown if kept > 1 else None)
         return flown
 
     def substeps(self, dt: float) -> int:
