@@ -99,6 +99,15 @@ def jones(s: ArrayLike) -> Array:
     return np.asarray(1.0 - sum(psi * np.exp(-eps * x) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)))
 
 
+def indicial_rise(aspect_ratio: float, s: ArrayLike) -> Array:
+    """Return R. T. Jones's lift after a step over its final value, of an elliptic wing of aspect ratio 3 or 6.
+
+    NACA TR 681 (1940); s in semichords.
+    """
+    size, rate = {3.0: (0.283, 0.540), 6.0: (0.361, 0.381)}[aspect_ratio]
+    return np.asarray(1.0 - size * np.exp(-rate * np.asarray(s, float)))
+
+
 def theodorsen(k: ArrayLike) -> NDArray[np.complex128]:
     """Return Theodorsen's function C(k) (1935): harmonic lift over its quasi-steady value, for e^(i w t), k > 0."""
     return np.asarray(hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k)))
