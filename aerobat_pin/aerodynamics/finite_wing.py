@@ -10,7 +10,8 @@ The factor is local: 1 in the middle of a long wing, falling to 0 at its tips. I
 used for every motion. On an elliptic wing it is the same at every section, 1 / E (Lamb, Hydrodynamics, art. 373; the
 disc: 2 / pi); on rectangular wings its mean is the coefficient of Blevins (Formulas for natural frequency and mode
 shape, 1979, table 14-1). By reciprocity, local factors of a plunging wing also give the total force of any other motion
-along the normal exactly. The moment of inertia against flapping is 5 % too large at aspect ratio 4, 3 % at 6.
+along the normal exactly. Moments of inertia are not exact: against flapping 6 % too large at aspect ratio 4 and 3 % at
+6, against pitching about 8 and 6 % too small.
 """
 
 from __future__ import annotations

@@ -196,6 +196,43 @@ def test_twist_of_a_stroke_is_its_placement_differentiated() -> None:
             np.testing.assert_allclose(on_axis, [0.04 * np.cos(0.1), 0.0, 0.04 * np.sin(0.1)], atol=1e-12)
 
 
+def test_a_motion_of_ones_own_needs_no_accelerations() -> None:
+    """A plunge that nobody differentiated, by hand or otherwise: at instants as far apart as cycles, -m h'' to 1e-8."""
+    line = LiftingLine(0.4, 0.1, strips=8)
+
+    def heave(time: float) -> Halves:
+        speed = 0.1 * np.sin(40.0 * time) + 0.3 * np.sin(90.0 * time)
+        return Halves(np.stack([np.eye(3)] * 2), np.tile([4.0, 0.0, speed, 0.0, 0.0, 0.0], (2, 1)))
+
+    time = np.array([0.0, 0.013, 0.2, 0.7])
+    with_it, without = (fly(line, heave, time, added_mass=factor) for factor in (1.0, 0.0))
+    acceleration = 4.0 * np.cos(40.0 * time) + 27.0 * np.cos(90.0 * time)
+    mass = line.added_mass @ line.width
+    np.testing.assert_allclose(with_it.force[:, 2] - without.force[:, 2], -mass * acceleration, rtol=1e-8)
+
+
+def test_forces_per_strip_and_the_moment_about_a_point_add_up() -> None:
+    """Of a swept wing that flaps and pitches: strips' forces to the whole; the moment about p to M - p x F.
+
+    About the root, the halves' wrenches at their own origins give the same moment.
+    """
+    line = LiftingLine(0.4, 0.1, quarter_chord=lambda y: -0.2 * np.abs(y), strips=8)
+    stroke = Stroke(4.0, 0.1, 5.0, flap=0.5, pitch=0.2, pitch_axis=0.03, pitch_phase=1.2)
+    time, point = np.linspace(0.0, 0.2, 21), np.array([0.1, -0.2, 0.3])
+    root, away = fly(line, stroke, time), fly(line, stroke, time, about=point)
+    np.testing.assert_allclose(root.strip_force.sum(axis=1), root.force, atol=1e-12)
+    np.testing.assert_allclose(away.moment, root.moment - np.cross(point, root.force), atol=1e-12)
+    for k, t in enumerate(time):
+        now = stroke(t)
+        parts = [
+            now.rotation[i] @ root.wrench[k, i, 3:] + np.cross(now.origin[i], now.rotation[i] @ root.wrench[k, i, :3])
+            for i in range(2)
+        ]
+        np.testing.assert_allclose(sum(parts), root.moment[k], atol=1e-12)
+    lift = np.cross([[0.0, y, 0.0] for y in line.y], root.strip_force[5])  # rolling: nothing, by symmetry
+    assert abs(lift[:, 0].sum()) < 1e-9
+
+
 def spinning(time: float) -> Halves:
     """Turn and roll about a station of the right half, which stands still while all others move."""
     del time

@@ -32,6 +32,54 @@ class FlapLoads(NamedTuple):
 LATTICE_FLAP = FlapLoads(lift_rms=0.3526, lift_max=0.529, thrust_mean=0.0636)
 
 
+class LatticeCase(NamedTuple):
+    """A motion of the same wing by the same solver, over its third cycle; amplitude sin(2 pi 5 t), angles in degrees.
+
+    `lift` [N] is the mean and the complex amplitudes of the first three harmonics (real: a cosine), `moment` [N m] the
+    mean and the first harmonic of the nose-up moment about the leading edge of the root, `thrust` [N] its mean.
+    """
+
+    motion: dict[str, float]
+    lift: tuple[complex, ...]
+    thrust: float
+    moment: tuple[complex, ...]
+
+
+# 8 x 12 uniform panels a side, NACA 0002, prescribed wake, 64 steps a cycle, as docs/scripts/lifting_line/
+# vortex_lattice.py runs them. The solver's loads lag by 1.18 of its time steps, which `lattice` takes away.
+LATTICE_LAG = 1.18 / 64  # [cycles]
+LATTICE_CASES = {
+    "flap 30 deg": LatticeCase(
+        {"flap": 30.0}, (0.0, -0.49239 - 0.07234j, 0.0, -0.02763 - 0.01516j), 0.063621, (0.0, 0.010437 + 0.007090j)
+    ),
+    "flap 30 deg, incidence 5 deg": LatticeCase(
+        {"flap": 30.0, "incidence": 5.0},
+        (0.12764, -0.49619 - 0.07237j, 0.02761 + 0.00836j, -0.02773 - 0.01490j),
+        0.060213,
+        (-0.002608, 0.010516 + 0.007418j),
+    ),
+    "flap 5 deg": LatticeCase(
+        {"flap": 5.0}, (0.0, -0.08046 - 0.01107j, 0.0, -0.00013 - 0.00007j), 0.001721, (0.0, 0.001714 + 0.000794j)
+    ),
+    "plunge 10 mm": LatticeCase(
+        {"plunge": 0.010}, (0.0, -0.10220 - 0.01160j, 0.0, -0.00004 - 0.00002j), 0.002395, (0.0, 0.002229 + 0.000911j)
+    ),
+    "pitch 5 deg": LatticeCase(  # about the quarter chord
+        {"pitch": 5.0}, (0.0, 0.06439 - 0.11579j, 0.0, 0.00004 - 0.00012j), -0.001803, (0.0, -0.003214 + 0.002386j)
+    ),
+}
+
+
+def lattice(name: str) -> LatticeCase:
+    """Return a case without the solver's own lag."""
+    case = LATTICE_CASES[name]
+    lift, moment = (
+        tuple(value * np.exp(2j * np.pi * n * LATTICE_LAG) for n, value in enumerate(values))
+        for values in (case.lift, case.moment)
+    )
+    return case._replace(lift=lift, moment=moment)
+
+
 def wagner(s: float) -> float:
     """Return Wagner's function (1925): lift after a step, over its final value.
 
@@ -49,6 +97,15 @@ def jones(s: ArrayLike) -> Array:
     """Return R. T. Jones's fit (1938) of Wagner's function."""
     x = np.asarray(s, float)
     return np.asarray(1.0 - sum(psi * np.exp(-eps * x) for psi, eps in zip(JONES_PSI, JONES_EPS, strict=True)))
+
+
+def indicial_rise(aspect_ratio: float, s: ArrayLike) -> Array:
+    """Return R. T. Jones's lift after a step over its final value, of an elliptic wing of aspect ratio 3 or 6.
+
+    NACA TR 681 (1940); s in semichords.
+    """
+    size, rate = {3.0: (0.283, 0.540), 6.0: (0.361, 0.381)}[aspect_ratio]
+    return np.asarray(1.0 - size * np.exp(-rate * np.asarray(s, float)))
 
 
 def theodorsen(k: ArrayLike) -> NDArray[np.complex128]:
@@ -89,6 +146,42 @@ def plunge(amplitude: float, frequency: float, airspeed: float, chord: float, ai
     quasi_steady = 2.0 * np.pi * air_density * airspeed * semichord * speed
     thrust = np.pi * air_density * semichord * (abs(lag) * speed) ** 2
     return Plunge(quasi_steady * abs(lag), quasi_steady * abs(lag + 0.5j * k), float(thrust), abs(lag) ** 2 / lag.real)
+
+
+class Pitch(NamedTuple):
+    """A pitching section, per span: amplitudes of lift [N/m] and nose-up moment about the axis [N], mean thrust [N/m]."""
+
+    lift: complex
+    moment: complex
+    thrust: float
+
+
+def pitch(k: float, axis: float, amplitude: float, airspeed: float, semichord: float, lag: complex) -> Pitch:
+    """Return lift and moment after Theodorsen (NACA TR 496, 1935), thrust after Garrick (TR 567, 1936), in 1.225 kg/m3.
+
+    With a the axis, in semichords behind mid-chord, Q = U th + b (1/2 - a) th', and th = amplitude e^(i w t):
+
+        L = pi rho b^2 (U th' - b a th'') + 2 pi rho U b C Q
+        M = -pi rho b^2 (b (1/2 - a) U th' + b^2 (1/8 + a^2) th'') + 2 pi rho U b^2 (a + 1/2) C Q
+        T = pi rho b / 2 (2 C Q - b th')^2 - th L
+
+    Args:
+        k: reduced frequency.
+        axis: a [semichords].
+        amplitude: of the angle, nose up [rad].
+        airspeed: U [m/s].
+        semichord: b [m].
+        lag: C(k).
+    """
+    rho, U, b, a = 1.225, airspeed, semichord, axis
+    s = 1j * k * U / b
+    rate, second = s * amplitude, s**2 * amplitude
+    Q = U * amplitude + b * (0.5 - a) * rate
+    lift = np.pi * rho * b**2 * (U * rate - b * a * second) + 2.0 * np.pi * rho * U * b * lag * Q
+    moment = -np.pi * rho * b**2 * (b * (0.5 - a) * U * rate + b**2 * (0.125 + a**2) * second)
+    moment += 2.0 * np.pi * rho * U * b**2 * (a + 0.5) * lag * Q
+    suction = np.pi * rho * b / 4.0 * abs(2.0 * lag * Q - b * rate) ** 2
+    return Pitch(complex(lift), complex(moment), float(suction - 0.5 * (amplitude * lift).real))
 
 
 def elliptic(aspect_ratio: float, incidence: float) -> tuple[float, float]:

@@ -6,9 +6,10 @@ import numpy as np
 from ladder import OURS, THEORY, Rung
 from matplotlib.figure import Figure
 from support import references
-from support.section_law import RECTANGLE, plate, plate_drag, rectangle_loads
+from support.lattice_cases import stroke_of, wing
+from support.section_law import STEPS, fly_on_links, plate, plate_drag
 
-from aerobat_pin.aerodynamics import LiftingLine, fly
+from aerobat_pin.aerodynamics import fly
 from aerobat_pin.visualization import style
 
 MARKED = (20.0, 30.0, 39.0)  # [deg]
@@ -26,10 +27,12 @@ def law() -> Rung:
     steady.set_ylabel("drag / (rho V Gamma) [-]")
     steady.set_ylim(-0.03, 0.6)
     steady.legend(loc="upper left")
-    lattice, (ours, force) = references.LATTICE_FLAP, rectangle_loads()
-    alone = fly(LiftingLine(0.40, 0.10), RECTANGLE, np.linspace(0.0, 1.0, 1001)).force[-201:-1]
-    phase = np.arange(200) / 200.0
-    pull.plot(phase, force[:, 1], color=style.ESTIMATES[0], label="on the robot")
+    lattice, stroke, phase = references.LATTICE_FLAP, stroke_of("flap 30 deg"), np.arange(STEPS) / STEPS
+    force, _ = fly_on_links(wing(), stroke)
+    alone = fly(wing(), stroke, [0.0, *(4.0 + phase) / stroke.frequency]).force[1:]
+    lift = force[:, 2]
+    ours = references.FlapLoads(np.sqrt(np.mean(lift**2)), np.abs(lift).max(), force[:, 0].mean())
+    pull.plot(phase, force[:, 0], color=style.ESTIMATES[0], label="on the robot")
     pull.plot(phase, alone[:, 0], "--", color=style.ESTIMATES[1], label="line alone")
     pull.axhline(lattice.thrust_mean, color=style.TRUTH, linestyle=":", label="lattice, mean")
     pull.set_xlabel("time [cycles]")

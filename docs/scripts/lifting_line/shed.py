@@ -58,6 +58,6 @@ def shed() -> Rung:
         "The sheet's vertical impulse grows by rho Gamma times the area that the trailing edges sweep in a second. This rate should be the mean "
         f"lift, and for the rectangle of above at 5 deg of incidence it is: {', '.join(shares)} of flapping. For the robot's strips it is "
         f"{pairs[0][0]:.0f} of {pairs[0][1]:.0f} mN, {100.0 * pairs[0][0] / pairs[0][1]:.0f} %, and with 160 strips {pairs[1][0]:.0f} of {pairs[1][1]:.0f} mN, {100.0 * pairs[1][0] / pairs[1][1]:.0f} %. "
-        "At the robot's angles the strips' law is not that of a vortex sheet, and with 16 strips the joints cost what the study of their number says."
+        "At the robot's angles the strips' law is not that of a vortex sheet."
     )
     return Rung("shed", "What a steady flapper leaves behind", figure, caption)

@@ -69,7 +69,7 @@ def grid() -> Rung:
         f"{aerobat[16]:.2f} %; the worst of these with 12 to 40 strips is {max(e[n] for e in (flap, aerobat) for n in STRIPS[1:]):.2f} %. "
         f"The elliptic wing, exact to {power_of_ten(max(exact.values()) / 100.0)} with any number, is not drawn. Odd numbers of strips have a "
         f"station in the kink that flapping makes at the root: with 17 the error is {found['rectangle, flapping, odd'][17]:.2f} %.\n\n"
-        f"The robot, which flaps about its joints, loses more. The table has the lift of the strips over a flap, without added mass, against 160 strips, on a "
+        f"The robot flaps about its joints. The table has the lift of its strips over a flap, without added mass, against 160 strips, on a "
         f"prescribed motion: {ROBOT_AIRSPEED:g} m/s, {np.degrees(PITCH):.0f} deg nose up, {FREQUENCY:g} Hz.\n\n"
         f"{robot_table(robot)}"
     )
@@ -90,7 +90,7 @@ def robot_table(errors: Mapping[int, tuple[float, float] | None]) -> str:
     """Return these errors as a table, with holes where there are none."""
     mean, rms = (
         " | ".join(HOLE if pair is None else form.format(pair[i]) for pair in errors.values())
-        for i, form in enumerate(("{:+.1f}", "{:.1f}"))
+        for i, form in enumerate(("{:+.2f}", "{:.1f}"))
     )
     return (
         f"| strips | {' | '.join(map(str, errors))} |\n|{'---|' * (len(errors) + 1)}\n"
