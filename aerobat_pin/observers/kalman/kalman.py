@@ -16,6 +16,7 @@ from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
 from aerobat_pin.observers.kalman.innovation import innovation_of
+from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
@@ -203,9 +204,10 @@ class KalmanObserver(Observer):
         nv, filter_ = self._nv, kalman.filter
         blurred, spread = filter_.noise[:, None] * sample[-nv:], filter_.variance.copy()
         kalman.observer.newest[:] = 0
-        for start in (filter_.elapsed, filter_.intervals, filter_.disbelief, filter_.roots, filter_.slow):
+        for start in (filter_.elapsed, filter_.intervals, filter_.disbelief, filter_.slow):
             start[:] = 0.0
         filter_.sensed[:], filter_.differences[0] = filter_.noise, sample[2]
+        filter_.roots[:] = ROOT_MEAN * np.sqrt(DIFFERENCE_GAIN * filter_.noise)
         if self._by_gain:
             pulsation = RISE_PULSATION * float(self.gain)
             filter_.head_start[:] = HEAD_START / pulsation

@@ -145,12 +145,16 @@ def predict_covariance(
             square /= dt * dt
             filter_.doubt[i] = square + decay * (filter_.doubt[i] - square)
             P[i, i] += filter_.misfit[0] * filter_.misfit[0] * dt * filter_.doubt[i]
+    misfit = 0.0
     if not by_gain:
         doubt = MISFIT_TIME * dt * misfit_variance(filter_)
         for i in range(nv):
-            P[i, i] += doubt / (observer.weight[i] * observer.weight[i])
+            wrong = doubt / (observer.weight[i] * observer.weight[i])
+            P[i, i] += wrong
+            if filter_.hidden.shape[0] > 0:
+                misfit += filter_.hidden[i, i] * wrong
     if filter_.hidden.shape[0] > 0:
-        add_unknown_torques(before, after, filter_, P)
+        add_unknown_torques(before, after, misfit, filter_, P)
     for i in range(nv):
         unit = rows[i, nv + n :]
         copy_values(P[i], rows[i, :nv])

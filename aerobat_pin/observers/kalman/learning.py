@@ -13,6 +13,8 @@ MISFIT_TIME = 0.01  # [s]: time over which an error of the model stays what it i
 DIFFERENCES = 6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
 DIFFERENCE_GAIN = np.sqrt(924.0)  # deviation of a sixth difference of white noise: sum of squared binomials
 ROOT_MEAN = 0.822179  # mean of the root of |x| for a standard normal x: 2^(1/4) Gamma(3/4) / sqrt(pi)
+STATED_COUNT = 2  # so many sixth differences count as much as what is stated about the sensors
+LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is known well enough to weigh the rows by it
 LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
 
 
@@ -21,10 +23,10 @@ def learn_noise(v: Array, dt: float, filter_: Filter) -> None:
     """Update the sensor noise from a sample's velocity (nv,): the smaller of what is stated and what the record shows.
 
     The running mean of the roots of the sixth differences is hardly moved by a blow, which a mean square would take for
-    noise. Until there are seven samples, the noise is as stated.
+    noise. The mean starts at what is stated, and moves away from it when there are seven samples.
     """
     step, known = filter_.differences, filter_.intervals[0] + 2.0 - DIFFERENCES  # number of sixth differences so far
-    share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / max(known, 1.0))
+    share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (max(known, 1.0) + STATED_COUNT))
     for i in range(v.shape[0]):
         latest = v[i]
         for order in range(DIFFERENCES):
@@ -88,4 +90,4 @@ def misfit_variance(filter_: Filter) -> float:
     than the others.
     """
     doubt = filter_.disbelief[0] + filter_.doubtful[1] * filter_.doubtful[1]
-    return max(doubt, filter_.doubtful[0] * filter_.doubtful[0]) if filter_.intervals[0] < DIFFERENCES else doubt
+    return max(doubt, filter_.doubtful[0] * filter_.doubtful[0]) if filter_.intervals[0] < LEARNING else doubt

@@ -7,7 +7,7 @@ from aerobat_pin.observers.kalman.memory import Filter
 from aerobat_pin.observers.rows import BASE_ROWS
 
 LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
-UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of the stated sensor noise
+UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
 @kernel
@@ -25,7 +25,7 @@ def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) 
     sensed[:, :] = 0.0
     add_product(sensed[:, :nv], blurred.T, blurred, 1.0)
     if filter_.hidden.shape[0] > 0:
-        add_unknown_torques(before, after, filter_, sensed)
+        add_unknown_torques(before, after, 0.0, filter_, sensed)
     for a in range(c):
         start, end = before[3 + a], after[3 + a]
         for i in range(nv):
@@ -48,11 +48,12 @@ def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) 
 
 
 @kernel
-def add_unknown_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
+def add_unknown_torques(before: Array, after: Array, misfit: float, filter_: Filter, P: Array) -> None:
     """Add the covariance of unknown torques to P (nv, nv).
 
     The torques act along the generalised forces onto which `hidden` projects. If the joints' power is known, only
-    torques that do not change this power are added.
+    torques that do not change this power are added. `misfit` is the sum of the variances that errors of the model give to
+    these generalised forces.
     """
     hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
     nv, size, speed = noise.shape[0], 0.0, 0.0
@@ -60,7 +61,7 @@ def add_unknown_torques(before: Array, after: Array, filter_: Filter, P: Array) 
         for i in range(nv):
             for j in range(nv):
                 size += noise[k] * noise[k] * after[3 + c + k, i] * hidden[i, j] * after[3 + c + k, j]
-    size *= UNKNOWN_TORQUE
+    size = UNKNOWN_TORQUE * (size + misfit)
     for i in range(nv):
         for j in range(nv):
             P[i, j] += size * hidden[i, j]
