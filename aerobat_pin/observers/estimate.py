@@ -151,7 +151,10 @@ class Estimate:
                     self.residual[None], ("observer", "interval", "v_axis"), "N, N m", "estimated generalised force"
                 ),
                 "redundancy": variable(
-                    self.redundancy.series[None], ("observer", "interval"), "N", "what no force explains, per redundant row"
+                    self.redundancy.series[None],
+                    ("observer", "interval"),
+                    "N",
+                    "what no force explains, per redundant row",
                 ),
                 "nis": variable(
                     nis[None], ("observer", "interval"), "1", "normalised innovation squared, per row, of a filter"

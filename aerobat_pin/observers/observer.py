@@ -31,6 +31,7 @@ from aerobat_pin.numerics import (
 )
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.gains import modes
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
@@ -85,7 +86,7 @@ class Observer:
         self.believed = BelievedRows(model, rows)
         count, nv = len(self.applications.components), int(model.nv)
         self.gain = np.array(gain, float)
-        self._gains, self._basis = _modes(self.gain, count if self.project_first else nv)
+        self._gains, self._basis = modes(self.gain, count if self.project_first else nv)
         self._sizes = ObserverSizes(
             nv=nv,
             joints=int(model.njoints),
@@ -301,25 +302,6 @@ class Observer:
         if np.isnan(self._time):
             raise ObserverError("reset(q, v) must come before the first update")
         raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
-
-
-def _modes(gain: Array, size: int) -> tuple[Array, Array]:
-    """Split a gain into gains (size,) and the orthonormal basis (size, size) in which they act.
-
-    The basis is empty unless the gain is a matrix. Raises ObserverError if the gain does not fit or is not positive.
-    """
-    if gain.shape not in ((), (size,), (size, size)):
-        raise ObserverError(
-            f"gain of shape {gain.shape}: one number, {size} numbers or a matrix of {size} x {size} were expected"
-        )
-    gains, basis = gain, np.zeros((0, 0))
-    if gain.ndim == 2 and np.all(np.isfinite(gain)):
-        if not np.allclose(gain, gain.T, rtol=1e-9, atol=0.0):
-            raise ObserverError("gain matrix: a symmetric one was expected")
-        gains, basis = np.linalg.eigh(gain)
-    if not (np.all(np.isfinite(gains)) and np.all(gains > 0.0)):
-        raise ObserverError(f"gain = {gain}: a finite positive gain in 1/s was expected")
-    return np.array(np.broadcast_to(gains, (size,))), basis
 
 
 def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:

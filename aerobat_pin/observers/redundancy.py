@@ -8,10 +8,10 @@ on the forces:
 
 with phi the generalised residual of an interval and L the weighted rows in use, moments over a lever arm of 50 mm.
 
-Noise of the velocity sensors appears in r as its derivative, which is large between samples and small over a wing beat.
-The verdict therefore compares r behind two low-passes of 10 ms with what sensors of the noise that the fifth differences
-of r show would leave there. An error of the belief that looks like a force at the given points is invisible: a wrong mass
-at the very point at which a force is sought, for example.
+Noise of the velocity sensors appears in r as its derivative: large between samples, small over a wing beat. The verdict
+therefore looks at r behind two low-passes of 10 ms, and takes off what the sensors leave there; the fifth differences
+of r show how much that is. An error of the belief that looks like a force at the given points is invisible: a wrong
+mass at the very point at which a force is sought, for example.
 """
 
 from __future__ import annotations
@@ -73,9 +73,8 @@ class Redundancy:
         if self.verdict == "consistent":
             return f"belief: consistent within {_millinewtons(self.allowed)} a row; {unseen}"
         least = _millinewtons(SHARE_OF_ERROR * self.belief)
-        return (
-            f"belief off by about {_millinewtons(self.belief)} a row: forces below {least} are not to be trusted; {unseen}"
-        )
+        size = f"belief off by about {_millinewtons(self.belief)} a row"
+        return f"{size}: forces below {least} are not to be trusted; {unseen}"
 
     def __repr__(self) -> str:
         """Show the verdict in words."""

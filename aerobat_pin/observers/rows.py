@@ -43,7 +43,7 @@ class Tie:
 
 def moving_weight(model: pin.Model) -> float:
     """Return the weight [N] of everything that moves: the physical scale of forces on a robot, gravity or not."""
-    return STANDARD_GRAVITY * sum(inertia.mass for inertia in model.inertias.tolist()[1:])
+    return STANDARD_GRAVITY * float(sum(inertia.mass for inertia in model.inertias.tolist()[1:]))
 
 
 def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:

@@ -108,7 +108,7 @@ def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
 def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanObserver]) -> None:
-    """Over 60 draws the squared error in standard deviations is chi-square for every component, and never more early on.
+    """Over 60 draws the squared error in standard deviations is chi-square for every component, never more early on.
 
     While the filter learns the sensors' noise from the record, it claims less than it knows. Told a third of the
     sensors' noise, or nothing of the doubt about the air, it is not; what no force explains repairs a part only.
@@ -141,8 +141,12 @@ def test_what_base_rows_cannot_tell_is_zero_with_an_infinite_deviation(settings:
     (time, q, v, tau, _), _ = resting_flight(1)
     q[:] = ROBOT.q0
     for kind in (KalmanObserver, SmootherObserver):
-        blind, seeing = (kind(ROBOT.model, FORCE_POINTS, rows=rows, **settings).run(time, q, v, tau) for rows in ("base", "all"))
+        blind, seeing = (
+            kind(ROBOT.model, FORCE_POINTS, rows=rows, **settings).run(time, q, v, tau) for rows in ("base", "all")
+        )
         np.testing.assert_allclose(blind.force[:, 0, 1], blind.force[:, 1, 1], atol=1e-6 * np.abs(blind.force).max())
+        assert blind.standard_deviation is not None
+        assert seeing.standard_deviation is not None
         deviation = blind.standard_deviation.reshape(-1, 2, 3)
         assert np.all(np.isinf(deviation[:, :, 1]))
         assert deviation[-1, :, [0, 2]].max() < 0.5

@@ -119,8 +119,10 @@ class KalmanTwin:
             F, ahead, P_ahead, x, P, basis, unseen = step
             if smooth and later is not None:
                 after, P_after, next_F, next_ahead, next_P_ahead = later
-                C = P @ next_F.T @ np.linalg.pinv(next_P_ahead, 1e-15, hermitian=True) if unseen.size else (
-                    np.linalg.solve(next_P_ahead, next_F @ P).T
+                C = (
+                    P @ next_F.T @ np.linalg.pinv(next_P_ahead, 1e-15, hermitian=True)
+                    if unseen.size
+                    else (np.linalg.solve(next_P_ahead, next_F @ P).T)
                 )
                 x, P = x + C @ (after - next_ahead), P + C @ (P_after - next_P_ahead) @ C.T
             later = x, P, F, ahead, P_ahead
@@ -135,7 +137,7 @@ class KalmanTwin:
         return np.array(found), np.array(sure)
 
     def explain(self, before: Vector, after: Vector, u: Vector, dt: float) -> tuple[Vector, Vector]:
-        """Return the weighted rows (nv,) that no force explains, padded, and the patterns (c, k) that leave no trace."""
+        """Return the weighted rows (nv,) that no force explains, and the patterns (c, k) that leave no trace."""
         mean, nv = 0.5 * (before + after), self.model.nv
         phi = (after[0] - before[0]) / dt - mean[1] - u
         _, sizes, patterns = np.linalg.svd(believed(self.model, self.rows, after[2]) @ after[3:].T)

@@ -144,13 +144,14 @@ class KalmanObserver(Observer):
         first = _positive("prior", PRIOR * weight if prior is None else prior)
         filter_.doubtful[:] = first, LEAST_MISFIT * weight
         self._prior = np.tile(np.square(first * scale), blocks)
-        if isinstance(force_walk, str) and force_walk != "gain":
-            raise ObserverError(f"force_walk = {force_walk!r}: a number in N/sqrt(s) or 'gain' was expected")
-        if not self._by_gain:
+        if isinstance(force_walk, str):
+            if force_walk != "gain":
+                raise ObserverError(f"force_walk = {force_walk!r}: a number in N/sqrt(s) or 'gain' was expected")
+        else:
             walk = np.array(WALK * weight if force_walk is None else force_walk, float)
             if walk.shape not in ((), scale.shape) or not (np.all(np.isfinite(walk)) and np.all(walk > 0.0)):
                 raise ObserverError(
-                    f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
+                    f"force_walk = {force_walk!r}: one finite positive number or {len(scale)} were expected"
                 )
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
         self._width = nv + 2 * len(scale) + nv + 1 + nv

@@ -10,7 +10,9 @@ from aerobat_pin.observers.kalman.memory import Filter, Step
 MEMORY_TIME = 0.2  # [s]: time over which sensor noise and misfit are averaged: one wing beat at 5 Hz
 SLOW_TIME = 0.01  # [s]: two low-passes of this time keep most sensor noise out of the misfit
 MISFIT_TIME = 0.01  # [s]: time over which an error of the model stays what it is
-DIFFERENCES = 6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
+DIFFERENCES = (
+    6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
+)
 DIFFERENCE_GAIN = np.sqrt(924.0)  # deviation of a sixth difference of white noise: sum of squared binomials
 ROOT_MEAN = 0.822179  # mean of the root of |x| for a standard normal x: 2^(1/4) Gamma(3/4) / sqrt(pi)
 STATED_COUNT = 2  # so many sixth differences count as much as what is stated about the sensors
@@ -89,5 +91,7 @@ def misfit_variance(filter_: Filter) -> float:
     Until the sensor noise is known, the model is thought to be wrong by as much as the forces: no row then counts more
     than the others.
     """
-    doubt = filter_.disbelief[0] + filter_.doubtful[1] * filter_.doubtful[1]
-    return max(doubt, filter_.doubtful[0] * filter_.doubtful[0]) if filter_.intervals[0] < LEARNING else doubt
+    doubt: float = filter_.disbelief[0] + filter_.doubtful[1] * filter_.doubtful[1]
+    if filter_.intervals[0] < LEARNING:
+        doubt = max(doubt, filter_.doubtful[0] * filter_.doubtful[0])
+    return doubt
