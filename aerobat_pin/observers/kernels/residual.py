@@ -202,7 +202,7 @@ def repeat_interval(samples: Array, out: Array, k: int) -> None:
 
 @kernel
 def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
-    """Apply `observe` to a record, writing out (m, 2 nv + c + 1); return the first interval that is not finite, or -1."""
+    """Apply `observe` to a record, writing out (m, 2 nv + c + 1); return the first bad interval, or -1."""
     observer = observer_in(memory)
     observer.filtered[:, :] = 0.0
     for k in range(u.shape[0]):
