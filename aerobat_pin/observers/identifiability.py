@@ -28,7 +28,7 @@ class Identifiability:
         singular_values: (c,) singular values of the weighted map, largest first.
         null_space: (c - rank, c) unit patterns of components that leave no trace; the last is the faintest.
         deviation: (c,) standard deviation [N or N m] of each component if every weighted row has white noise of 1 N;
-            infinite if the component belongs to a pattern that leaves no trace. Each component at its own worst instant.
+            infinite if the component belongs to a pattern that leaves no trace. Each at its own worst instant.
     """
 
     components: tuple[str, ...]

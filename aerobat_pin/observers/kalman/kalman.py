@@ -55,9 +55,9 @@ class KalmanObserver(Observer):
     Known forces and the mass can be wrong by unknown, slowly changing factors. The filter estimates these factors
     together with the forces. If the rows cannot distinguish a factor from a force, the standard deviations are large.
     Other errors of the model are white noise on every row, as large as what no force explains (see `redundancy`).
-    Patterns of forces that leave no trace in the rows are held at zero, with infinite standard deviations. The effect of sensor noise on C^T v is
-    neglected: what it adds to the momentum in one step is smaller than the noise of the momentum itself, by a factor
-    equal to the angle turned in that step.
+    Patterns of forces that leave no trace in the rows are held at zero, with infinite standard deviations. The effect
+    of sensor noise on C^T v is neglected: what it adds to the momentum in one step is smaller than the noise of the
+    momentum itself, by a factor equal to the angle turned in that step.
 
     Args:
         model: any model, free-flyer or fixed base.
@@ -76,7 +76,7 @@ class KalmanObserver(Observer):
         known_error: name of a known force -> standard deviation of the error of its factor: 0.2 for "right to 20 %".
         mass_error: the same for the mass; the inertias change in proportion.
         error_time: correlation time of these factors [s].
-        misfit: size of the errors of such factors that change fast [sqrt(s)]. Every row gets white noise of `misfit` times the
+        misfit: size of fast errors of the same forces [sqrt(s)]. Every row gets white noise of `misfit` times the
             running root mean square of the row's possible error, which is `known_error` and `mass_error` times the
             forces to which they apply.
         frequency: flapping frequency [Hz]. If given, each force is a0 + a1 cos + b1 sin at this frequency, and all

@@ -52,8 +52,8 @@ def add_unknown_torques(before: Array, after: Array, misfit: float, filter_: Fil
     """Add the covariance of unknown torques to P (nv, nv).
 
     The torques act along the generalised forces onto which `hidden` projects. If the joints' power is known, only
-    torques that do not change this power are added. `misfit` is the sum of the variances that errors of the model give to
-    these generalised forces.
+    torques that do not change this power are added. `misfit` is the sum of the variances that errors of the model give
+    to these generalised forces.
     """
     hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
     nv, size, speed = noise.shape[0], 0.0, 0.0
