@@ -9,7 +9,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-python coverage docs bench clean
+.PHONY: demo test test-python coverage docs bench evidence clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -40,6 +40,10 @@ coverage: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
+
+# Counts that take too long for the tests; each script ends with an error if a figure is not reached.
+evidence: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python benchmarks/mismatch.py
 
 docs: $(VENV)/.installed-test
 	@for script in $(SCRIPTS); do \
