@@ -2,8 +2,8 @@
 
 Each line is one belief on one flight with exact or noisy sensors: the smallest R2 of a filter minus that of
 `force_level` on any axis, wing and seed; what is made up where nothing pushes; and the verdict of the redundancy. Exits
-with 1 if a filter is more than 0.1 below `force_level`, if an error of 8 mN a redundant row is not flagged, or if an exact
-belief is. Run by `make evidence`; some minutes.
+with 1 if a filter is more than 0.1 below `force_level`, if an error of 8 mN a redundant row is not flagged, or if an
+exact belief is. Run by `make evidence`; some minutes.
 """
 
 from __future__ import annotations
