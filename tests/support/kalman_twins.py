@@ -143,9 +143,15 @@ class KalmanTwin:
         _, sizes, patterns = np.linalg.svd(believed(self.model, self.rows, after[2]) @ after[3:].T)
         known = int(np.sum(sizes > 1e-5 * np.linalg.norm(sizes)))
         W = believed(self.model, self.rows, mean[2])
-        J = patterns[:known] @ mean[3:]
-        left = W @ (phi - J.T @ project(J, W, phi))
-        return np.pad(left, (0, nv - len(left))), patterns[known:].T
+        J, unseen = mean[3:], patterns[known:].T
+        if not unseen.size:
+            force = project(J, W, phi)
+        else:  # J is the mean of both ends: unseen patterns leave a small trace in it, which must not be magnified
+            A, kept = J @ W.T @ W @ J.T, np.eye(len(J)) - unseen @ unseen.T
+            held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
+            force = np.linalg.solve(held, kept @ J @ W.T @ W @ phi)
+        left = W @ (phi - J.T @ force)
+        return np.pad(left, (0, nv - len(left))), unseen
 
     def unknown_torques(self, M: Vector, misfit: Vector) -> Vector:
         """Return the covariance (nv, nv) of the impulse of any torque at the joints behind a free base."""

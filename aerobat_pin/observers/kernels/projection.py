@@ -9,7 +9,7 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
 DAMPING = 1.0e-12  # added to the diagonal, as a share of the trace of J W J^T
-SUSPECT = 1.0e-6  # share of the trace: a smaller pivot means that some pattern of components may leave no trace
+SUSPECT = 1.0e-4  # share of the trace: a smaller pivot means that some pattern of components may leave no trace
 UNSEEN_EIGENVALUE = 1.0e-10  # share of the trace: a smaller eigenvalue belongs to a pattern that leaves no trace
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
