@@ -47,7 +47,7 @@ def test_a_blow_is_found_under_a_wrong_belief() -> None:
 
 @pytest.mark.parametrize("name", OBSERVERS)
 def test_without_torque_and_force_nothing_is_made_up_and_the_unseen_is_said(name: str) -> None:
-    """Below 10 mN at every sample and every fifth; the pair along the line between the points has no finite deviation."""
+    """Below 10 mN at every sample and every fifth; the deviation of the pair along the line of points is infinite."""
     flight = seen("exact", "no force", torque="none")
     estimate = estimated(name, flight)
     assert made_up(estimate).max() < 0.010
