@@ -43,7 +43,7 @@ def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     """Estimate and standard deviation against dense Joseph-form Kalman and Rauch-Tung-Striebel, one stamp repeated."""
     model, frames = MODELS[name]
     if "rows" in CASES[case] and (name == "humanoid" or not believable(name, "base")):
-        pytest.skip("a fixed base has no base rows; unknown torques at 29 joints leave six digits, here and there")
+        pytest.skip("a fixed base has no base rows; unknown torques at 28 joints leave six digits, here and there")
     time, q, v, tau, known = record(model)
     size = float(pin.computeTotalMass(model))  # so that the walk is neither slow nor fast beside the sensors
     settings = {"force_walk": 40.0 * size, "prior": 10.0 * size, **CASES[case]}
