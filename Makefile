@@ -49,9 +49,10 @@ bench: $(VENV)/.installed
 reliability: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/bad_inputs.py $(ARGS)
 
-# Counts that take an hour: pages with a date.
+# Counts that take an hour: pages with a date; each script ends with an error if a figure is not reached.
 evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/broken_runs.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/mismatch.py
 
 docs: $(VENV)/.installed-test
 	@for script in $(SCRIPTS); do \

@@ -76,9 +76,10 @@ def _passes_self_check(belief: Scenario) -> bool:
 
 
 def _print_inputs(scores: Scores) -> None:
-    """Print the source of each input of the observers, and the root mean square of each estimated component."""
+    """Print the source of each input of the observers, and size and deviation of each estimated component."""
     for name, source in scores.inputs.items():
         typer.echo(f"{name:<14} {source}")
     for name, found in scores.observers.items():
         for component in found.components:
-            typer.echo(f"{name:<14} {component.name:<24} rms {1e3 * component.rms:9.2f} m{component.unit}")
+            size = f"rms {1e3 * component.rms:9.2f} m{component.unit}"
+            typer.echo(f"{name:<14} {component.name:<24} {size}, deviation {component.certainty}")

@@ -10,6 +10,15 @@ import numpy as np
 
 from aerobat_pin.estimation.contradictions import Contradiction
 from aerobat_pin.estimation.flight_summary import FlightSummary
+from aerobat_pin.estimation.trust import (
+    BeliefScore,
+    ComponentSize,
+    InnovationScore,
+    belief_score,
+    component_sizes,
+    innovation_score,
+    warnings_about,
+)
 from aerobat_pin.estimation.truth import true_force
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array, guarded
@@ -18,7 +27,7 @@ from aerobat_pin.observers import Estimate
 FORCE_AXES = ("Fx", "Fy", "Fz")
 NO_SIGNAL = 1.0e-3  # [N]: if the true force has a smaller standard deviation, R2 is meaningless
 LONGEST_LAG = 0.05  # [s]: the longest lag that the search can find
-TABLE_HEADER = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag")
+TABLE_HEADER = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag", "deviation")
 
 
 def _quantity(unit: str, meaning: str) -> dict[str, str]:
@@ -44,15 +53,6 @@ class AxisScore:
 
 
 @dataclass(frozen=True)
-class ComponentSize:
-    """Name of an estimated force component, its root mean square `rms` over the flight, and the unit (N or N m)."""
-
-    name: str
-    rms: float
-    unit: str
-
-
-@dataclass(frozen=True)
 class ObserverScores:
     """Scores of one observer: an entry of `observers` in `metrics.json`.
 
@@ -66,6 +66,11 @@ class ObserverScores:
             of several, the one with the smallest singular value. Its shape is (n, 3) if the components are n forces in
             world axes, else (c,). None at full rank.
         unseen: a line of text about each combination of components that cannot be estimated.
+        redundancy: what no force explains, and what this says about the belief.
+        deviation: point -> root mean square of the standard deviation of its three forces, None where it is infinite;
+            None if the observer states none.
+        innovation: how well a filter predicts the samples; None for other observers.
+        warnings: a line of text about each property of this observer that spoils the estimate.
     """
 
     points: Mapping[str, Mapping[str, AxisScore]]
@@ -75,6 +80,10 @@ class ObserverScores:
     condition: float | None
     null_direction: list[Any] | None
     unseen: list[str]
+    redundancy: BeliefScore
+    deviation: Mapping[str, list[float | None]] | None
+    innovation: InnovationScore | None
+    warnings: list[str]
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
@@ -90,7 +99,12 @@ class ObserverScores:
             for name, axes in entry.items()
             if name not in rest
         }
-        return cls(points, **{**rest, "components": tuple(ComponentSize(**size) for size in rest["components"])})
+        made = {
+            "components": tuple(ComponentSize(**size) for size in rest["components"]),
+            "redundancy": BeliefScore(**rest["redundancy"]),
+            "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
+        }
+        return cls(points, **{**rest, **made})
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,7 +119,7 @@ class Scores:
         inputs: input of the observers -> its source, such as `measured`.
         note: a line about the flight.
         observers: name -> scores of the observer.
-        warnings: contradictions between the channels of the log; `metrics.json` contains their texts.
+        contradictions: those between the channels of the log.
         flight: summary of the flight; None for a recorded flight.
     """
 
@@ -116,7 +130,7 @@ class Scores:
     inputs: Mapping[str, str]
     note: str
     observers: Mapping[str, ObserverScores]
-    warnings: tuple[Contradiction, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
     flight: FlightSummary | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -124,9 +138,29 @@ class Scores:
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
         values |= {"versions": dict(self.versions), "inputs": dict(self.inputs)}
         values["observers"] = {name: found.to_json() for name, found in self.observers.items()}
-        values["warnings"] = [warning.text for warning in self.warnings]
+        values["warnings"] = self.warnings
+        del values["contradictions"]
         flight = values.pop("flight")
         return values if flight is None else {**values, "flight": flight.to_json()}
+
+    @property
+    def verdicts(self) -> dict[str, list[str]]:
+        """What the redundancy says about the belief: line of text -> observers that say it."""
+        lines: dict[str, list[str]] = {}
+        for name, found in self.observers.items():
+            lines.setdefault(found.redundancy.words, []).append(name)
+        return lines
+
+    @property
+    def warnings(self) -> list[str]:
+        """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
+        lines = [contradiction.text for contradiction in self.contradictions]
+        lines += [
+            f"{', '.join(names)}: {words}"
+            for words, names in self.verdicts.items()
+            if self.observers[names[0]].redundancy.verdict == "inconsistent"
+        ]
+        return lines + [f"{name}: {line}" for name, found in self.observers.items() for line in found.warnings]
 
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows of the table, with the columns of `TABLE_HEADER`; none if the true forces are unknown."""
@@ -147,24 +181,33 @@ class Scores:
 
     def __repr__(self) -> str:
         """Return title, warnings and table as text; forces that cannot be estimated precede an observer's rows."""
-        lines = [self.title, *(f"warning: {warning.text}" for warning in self.warnings)]
+        lines = [self.title, *(f"warning: {contradiction.text}" for contradiction in self.contradictions)]
         if any(found.points for found in self.observers.values()):
             lines.append(_line(TABLE_HEADER))
         for name, found in self.observers.items():
             lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
             lines += [_line(row) for row in _table_rows(name, found)]
+            if found.innovation is not None:
+                lines.append(
+                    f"{name}: innovations {found.innovation.nis:.2g} of their variance (1 if exact), correlation of "
+                    f"neighbours {found.innovation.whiteness:.2f} (0 if exact)"
+                )
+            lines += [f"{name}: {line}" for line in found.warnings]
+        for words, names in self.verdicts.items():
+            lines.append(words if len(self.verdicts) == 1 else f"{', '.join(names)}: {words}")
         return "\n".join(lines)
 
 
 def _table_rows(observer: str, found: ObserverScores) -> Iterator[tuple[str, ...]]:
+    certainties = iter(size.certainty for size in found.components)
     for point, axes in found.points.items():
         for axis, score in axes.items():
-            yield (observer, point, axis, *score.texts())
+            yield (observer, point, axis, *score.texts(), next(certainties))
 
 
 def _line(cells: tuple[str, ...]) -> str:
-    name, point, axis, r2, noise_free, error, lag = cells
-    return f"{name:<12} {point:<12} {axis:<4} {r2:>9} {noise_free:>14} {error:>10} {lag:>9}"
+    name, point, axis, r2, noise_free, error, lag, sure = cells
+    return f"{name:<12} {point:<12} {axis:<4} {r2:>9} {noise_free:>14} {error:>10} {lag:>9} {sure:>10}"
 
 
 @guarded()
@@ -180,15 +223,23 @@ def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
                 axis: axis_score(estimate.force[:, i, k], truth[:, k], noise_free[:, k], dt)
                 for k, axis in enumerate(FORCE_AXES)
             }
-    sizes = np.sqrt(np.mean(estimate.components**2, axis=0)).tolist()
+    components = component_sizes(estimate)
+    by_point = None
+    if estimate.standard_deviation is not None and estimate.are_world_forces:
+        sure = [size.deviation for size in components]
+        by_point = {point_label(frame): sure[3 * i : 3 * i + 3] for i, frame in enumerate(estimate.frames)}
     return ObserverScores(
         points=points,
-        components=tuple(map(ComponentSize, found.components, sizes, estimate.units)),
+        components=components,
         gain=estimate.gain.tolist(),
         rank=found.rank,
         condition=found.condition if np.isfinite(found.condition) else None,
         null_direction=None if found.null_direction is None else found.null_direction.tolist(),
         unseen=found.describe(),
+        redundancy=belief_score(estimate.redundancy),
+        deviation=by_point,
+        innovation=innovation_score(estimate),
+        warnings=warnings_about(estimate),
     )
 
 

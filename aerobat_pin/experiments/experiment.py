@@ -151,7 +151,7 @@ def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, p
         inputs=inputs.source,
         note=note,
         observers={name: observer_scores(estimate, log) for name, estimate in estimates.items()},
-        warnings=tuple(contradictions(log, believed)),
+        contradictions=tuple(contradictions(log, believed)),
     )
     return Experiment(belief, believed, log, estimates, scores)
 

@@ -18,7 +18,8 @@ from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample
 from aerobat_pin.observers.kalman.smoother import SmootherObserver
 from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import Rows, Tie, tie_joints
+from aerobat_pin.observers.redundancy import Redundancy
+from aerobat_pin.observers.rows import Rows, Tie, moving_weight, tie_joints
 from aerobat_pin.observers.super_twisting import SuperTwistingObserver
 
 OBSERVERS: dict[str, type[Observer]] = {
@@ -52,6 +53,7 @@ __all__ = [
     "Observer",
     "PointOfAction",
     "Prediction",
+    "Redundancy",
     "Rows",
     "Sample",
     "SecondOrderObserver",
@@ -66,6 +68,7 @@ __all__ = [
     "gain_for_lag",
     "locate",
     "locate_series",
+    "moving_weight",
     "predict",
     "tie_joints",
 ]

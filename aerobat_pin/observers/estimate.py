@@ -12,19 +12,21 @@ import numpy as np
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.identifiability import Identifiability
+from aerobat_pin.observers.kalman.innovation import Innovation
+from aerobat_pin.observers.redundancy import Redundancy
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 
 class Sample:
-    """The estimate for one interval: the unknown components and the generalised residual."""
+    """The estimate for one interval: the unknown components, the generalised residual, and what no force explains."""
 
-    __slots__ = ("_nv", "_values")
+    __slots__ = ("_count", "_nv", "_values")
 
-    def __init__(self, values: Array, nv: int) -> None:
-        """Store the values (nv + c,): the residual (nv), then the components (c)."""
-        self._values, self._nv = values, nv
+    def __init__(self, values: Array, nv: int, count: int) -> None:
+        """Store the values: the residual (nv), the components (count), what no force explains (nv), one pivot."""
+        self._values, self._nv, self._count = values, nv, count
 
     @property
     def force(self) -> Array:
@@ -34,12 +36,18 @@ class Sample:
     @property
     def components(self) -> Array:
         """All components (c,) in the order of the applications."""
-        return self._values[self._nv :]
+        return self._values[self._nv : self._nv + self._count]
 
     @property
     def residual(self) -> Array:
         """Generalised residual (nv,)."""
         return self._values[: self._nv]
+
+    @property
+    def unexplained(self) -> Array:
+        """Weighted rows [N] that no force explains (nv,), padded with zeros; see `aerobat_pin.observers.redundancy`."""
+        start = self._nv + self._count
+        return self._values[start : start + self._nv]
 
     def __repr__(self) -> str:
         """Show the components."""
@@ -60,7 +68,10 @@ class Estimate:
         units: (c,) unit of each component, `N` or `N m`.
         residual: (m, nv) estimated generalised force.
         identifiability: which components can be determined from the rows used.
-        standard_deviation: (m, c) standard deviations of the components, if the observer computes them, else None.
+        redundancy: what no force explains, and what this says about the belief.
+        standard_deviation: (m, c) standard deviations of the components, if the observer computes them, else None;
+            infinite for a component of a pattern that leaves no trace.
+        innovation: how well a Kalman filter predicts the samples, else None.
     """
 
     observer: str
@@ -72,7 +83,9 @@ class Estimate:
     units: tuple[str, ...]
     residual: Array
     identifiability: Identifiability
+    redundancy: Redundancy
     standard_deviation: Array | None = None
+    innovation: Innovation | None = None
 
     @property
     def are_world_forces(self) -> bool:
@@ -127,6 +140,7 @@ class Estimate:
             (1, len(self.components), *(len(coords[d]) for d in dims[2:])),
         )
         sure = np.full_like(self.components, np.nan) if self.standard_deviation is None else self.standard_deviation
+        nis = np.full(len(self.components), np.nan) if self.innovation is None else self.innovation.nis
         mean, sure_of = f"estimated {meaning}, mean over the interval", f"of the estimated {meaning}"
         return xr.Dataset(
             {
@@ -137,6 +151,15 @@ class Estimate:
                 "residual": variable(
                     self.residual[None], ("observer", "interval", "v_axis"), "N, N m", "estimated generalised force"
                 ),
+                "redundancy": variable(
+                    self.redundancy.series[None],
+                    ("observer", "interval"),
+                    "N",
+                    "what no force explains, per redundant row",
+                ),
+                "nis": variable(
+                    nis[None], ("observer", "interval"), "1", "normalised innovation squared, per row, of a filter"
+                ),
             },
             coords=coords,
         )
@@ -146,7 +169,7 @@ class Estimate:
         lines = (
             f"  {label:<24} {mean:>9} {least:>9} to {most:>9} {unit}" for label, mean, least, most, unit in self._rows()
         )
-        return "\n".join([self._title(), *lines])
+        return "\n".join([self._title(), *lines, f"  {self.redundancy.describe()}"])
 
     def _repr_html_(self) -> str:
         """Show the content of `__repr__` as a table."""

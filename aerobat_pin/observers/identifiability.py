@@ -9,7 +9,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers.applications import Applications
-from aerobat_pin.observers.rows import BelievedRows
+from aerobat_pin.observers.rows import UNSEEN_SHARE, BelievedRows
 
 RANK_TOLERANCE = 1.0e-6  # share of the largest singular value, below which a singular value counts as zero
 
@@ -28,7 +28,7 @@ class Identifiability:
         singular_values: (c,) singular values of the weighted map, largest first.
         null_space: (c - rank, c) unit patterns of components that leave no trace; the last is the faintest.
         deviation: (c,) standard deviation [N or N m] of each component if every weighted row has white noise of 1 N;
-            infinite if the component belongs to a pattern that leaves no trace.
+            infinite if the component belongs to a pattern that leaves no trace. Each at its own worst instant.
     """
 
     components: tuple[str, ...]
@@ -63,21 +63,31 @@ class Identifiability:
 
 
 def judge(
-    applications: Applications, jacobians: Array, velocities: Array, believed: BelievedRows, samples: int = 64
+    applications: Applications,
+    jacobians: Array,
+    velocities: Array,
+    believed: BelievedRows,
+    pivots: Array | None = None,
+    worst: int = 64,
 ) -> Identifiability:
-    """Return the identifiability at the worst of up to `samples` instants, evenly spread over a run.
+    """Return the identifiability at the worst instant of a run.
 
     Args:
         applications: where the unknown forces act.
         jacobians: (m, c, nv) Jacobians of the components.
         velocities: (m, nv) velocities; their joint part is the direction of the power row.
         believed: rows of the generalised residual that the observer uses.
-        samples: largest number of instants to examine.
+        pivots: (m - 1,) smallest pivot of the equations of each interval, over their trace. The smallest ones say which
+            instants are worst. When omitted, every instant is examined.
+        worst: how many of the worst instants to examine closely, if `pivots` are given.
     """
     count = len(applications.components)
     if not count:
         return Identifiability((), 0, np.zeros(0), np.zeros((0, 0)), np.zeros(0))
-    at = np.unique(np.linspace(0, len(jacobians) - 1, samples).astype(int))
+    at = np.arange(len(jacobians))
+    if pivots is not None and len(pivots) > worst:
+        last = np.sort(np.argpartition(pivots, worst)[:worst])
+        at = np.unique([last, last + 1])  # both ends of these intervals
     scale = applications.scale
     maps = [believed.map(velocities[i]) for i in (at if believed.name == "base+power" else at[:1])]
     chosen = scale[:, None] * (jacobians[at] @ np.stack(maps))
@@ -86,9 +96,12 @@ def judge(
     _, values, vectors = np.linalg.svd(chosen[worst].T, full_matrices=True)
     values = np.concatenate([values, np.zeros(count - len(values))])
     rank = int(np.sum(values > RANK_TOLERANCE * values[0]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        seen = np.sqrt(np.sum((vectors[:rank] / values[:rank, None]) ** 2, axis=0))
-    hidden = np.any(np.abs(vectors[rank:]) > 1e-3, axis=0)
+    if rank == count:
+        seen = np.sqrt(np.max(np.diagonal(np.linalg.inv(chosen @ np.swapaxes(chosen, 1, 2)), axis1=1, axis2=2), axis=0))
+    else:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = np.sqrt(np.sum((vectors[:rank] / values[:rank, None]) ** 2, axis=0))
+    hidden = np.any(np.abs(vectors[rank:]) > UNSEEN_SHARE, axis=0)
     return Identifiability(
         components=applications.components,
         rank=rank,

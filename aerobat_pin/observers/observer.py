@@ -33,11 +33,13 @@ from aerobat_pin.numerics import (
 )
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.gains import modes
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
-from aerobat_pin.observers.rows import BelievedRows, Rows, Tie
+from aerobat_pin.observers.redundancy import redundancy_of
+from aerobat_pin.observers.rows import BelievedRows, Rows, Tie, moving_weight
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
@@ -91,18 +93,19 @@ class Observer:
             components=count,
             filtered=len(self._gains),
             basis=len(self._basis),
-            metric=len(self.believed.metric),
+            tied=self.believed.tied.shape[1],
             project_first=int(self.project_first),
             rows=self.believed.number,
             filter=self.kind,
             directions=len(self._directions),
+            believed=self.believed.count,
         )
-        self._width, self._nv = nv + count, nv
+        self._width, self._nv = nv + count + nv + 1, nv
         self._memory = new_memory(observer_in, *self._sizes)
         self._fill(fields_of(observer_in, self._memory))
         self._update: Any = kernels.update_observer
         self._time = float("nan")
-        self._latest = Sample(np.zeros(self._width), nv)
+        self._latest = self._sample(np.zeros(self._width))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a new observer that is not yet reset: views of Pinocchio's results cannot be pickled."""
@@ -127,7 +130,7 @@ class Observer:
         memory.directions[:] = np.reshape(self._directions, (-1, 2))
         memory.slope[:] = self.slope
         memory.gain[:], memory.basis[:] = self._gains, self._basis
-        memory.weight[:], memory.metric[:] = self.believed.weight, self.believed.metric
+        memory.weight[:], memory.tied[:] = self.believed.weight, self.believed.tied
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
     @guarded()
@@ -230,9 +233,14 @@ class Observer:
             self._refuse_time(time[at + 1])
         return self._estimate(time, *self._run(time, q, v, u, known or {}))
 
+    @property
+    def _rest(self) -> int:
+        """First column of a result after residual and components: what `fit_forces` writes."""
+        return self._nv + len(self.applications.components)
+
     def _sample(self, out: Array) -> Sample:
         """Return one result as a `Sample`."""
-        return Sample(out, self._nv)
+        return Sample(out, self._nv, len(self.applications.components))
 
     def _start(self, v: Array) -> None:
         """Start the filter at the sample for which Pinocchio has just computed M, C and g."""
@@ -241,7 +249,7 @@ class Observer:
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         """Filter a checked record; return the results (m, width) and the samples in the form that kernels need."""
         memory = self._memory.copy()  # so that a running stream is not disturbed
-        samples = np.empty((len(time), 3 + self._width - self._nv, self._nv))
+        samples = np.empty((len(time), 3 + len(self.applications.components), self._nv))
         fields_of(observer_in, memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
         self._each_sample(kernels.record_sample, memory, q, v)
         out = np.empty((len(u), self._width))
@@ -259,17 +267,22 @@ class Observer:
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
         """Return the results of a record as an `Estimate`."""
-        end = self._nv + len(self.applications.components)
+        nv, count = self._nv, len(self.applications.components)
+        rest = out[:, self._rest : self._rest + nv + 1]  # what no force explains, and the smallest pivot
+        known = judge(self.applications, samples[:, 3 : 3 + count], samples[:, 2], self.believed, rest[:, nv])
         return Estimate(
             observer=self.name,
             gain=self.gain.copy(),
             rows=self.believed.name,
             frames=self.applications.frames,
             time=time,
-            components=out[:, self._nv : end],
+            components=out[:, nv : nv + count],
             units=self.applications.units,
-            residual=out[:, : self._nv],
-            identifiability=judge(self.applications, samples[:, 3 : 3 + end - self._nv], samples[:, 2], self.believed),
+            residual=out[:, :nv],
+            identifiability=known,
+            redundancy=redundancy_of(
+                time, rest[:, :nv], self.believed.count, known.rank, moving_weight(self.model), self.applications.frames
+            ),
         )
 
     def _refuse_huge(self, bad: int, time: Array) -> None:

@@ -16,6 +16,7 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded, shown
 
 MOMENT_ARM = 0.05  # [m]
+UNSEEN_SHARE = 1.0e-3  # part of a component in an unseen unit pattern from which it counts as unseen itself
 BASE_ROWS = 6  # rows of a free-flyer base
 TIED = 3  # integer by which the kernels identify tied rows
 Rows = Literal["all", "base", "base+power"]
@@ -38,6 +39,12 @@ class Tie:
 
     name: str
     map: Array
+
+
+def moving_weight(model: pin.Model) -> float:
+    """Return the weight [N] of everything that moves: the physical scale of forces on a robot, gravity or not."""
+    gravity = -float(pin.Model.gravity981[2])
+    return gravity * float(sum(inertia.mass for inertia in model.inertias.tolist()[1:]))
 
 
 @guarded()
@@ -71,8 +78,8 @@ class BelievedRows:
         name: `all`, `base`, `base+power`, or the name of a tie.
         number: the integer by which the kernels identify this choice of rows.
         weight: (nv,) weights of the rows, 1 for forces and 1/`MOMENT_ARM` for moments.
-        metric: (nv, nv) matrix W for tied rows: phi . W phi is the weighted sum of squares of the tied rows of phi.
-            Empty unless rows are tied.
+        count: how many rows there are.
+        tied: (nv, ns) matrix L for tied rows: L^T phi are their weighted sums. Empty unless rows are tied.
     """
 
     def __init__(self, model: pin.Model, rows: Rows | Tie) -> None:
@@ -82,7 +89,7 @@ class BelievedRows:
         self.weight: Array = np.full(nv, 1.0 / MOMENT_ARM)
         if floating:
             self.weight[:3] = 1.0
-        self.metric: Array = np.zeros((0, 0))
+        self.tied: Array = np.zeros((0, 0))
         self.rows = rows
         if isinstance(rows, Tie):
             if np.shape(rows.map)[:1] != (nv,) or not np.all(np.isfinite(rows.map)):
@@ -90,19 +97,19 @@ class BelievedRows:
             self.name, self.number = rows.name, TIED
             norms = np.maximum(np.linalg.norm(rows.map, axis=0), 1e-12)
             forces = np.abs(rows.map[:3]).sum(axis=0) > 0.0 if floating else np.zeros(len(norms), bool)
-            self._tied: Array = rows.map * np.where(forces, 1.0, 1.0 / MOMENT_ARM) / norms
-            self.metric = self._tied @ self._tied.T
+            self.tied = rows.map * np.where(forces, 1.0, 1.0 / MOMENT_ARM) / norms
         elif not isinstance(rows, str) or rows not in ROWS or (rows != "all" and not floating):
             raise ObserverError(
                 f"rows = {shown(rows)}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
             )
         else:
             self.name, self.number = rows, ROWS.index(rows)
+        self.count = self.map(np.zeros(nv)).shape[1]
 
     def map(self, velocity: Array) -> Array:
         """Return L (nv, k) such that L^T phi are the weighted rows in use; `velocity` (nv,) gives the power row."""
         if isinstance(self.rows, Tie):
-            return self._tied
+            return self.tied
         diagonal: Array = np.diag(self.weight)
         if self.rows == "all":
             return diagonal

@@ -218,12 +218,14 @@ class KalmanSection(Section):
     """What the observers `kalman` and `smoother` assume of sensors and models; see `aerobat_pin.observers.kalman`."""
 
     sensor_noise: tuple[Positive, Positive, Positive] = Field(
-        (0.02, 0.01, 0.05), description="deviation of a sample: velocity, gyro, joint rates [m/s, rad/s, rad/s]"
+        (0.02, 0.01, 0.05), description="largest deviation of a sample: velocity, gyro, joints [m/s, rad/s, rad/s]"
     )
-    force_walk: Positive | None = Field(
-        None, description="how much a force changes in a second; follows from the gain when left out [N/sqrt(s)]"
+    force_walk: Positive | Literal["gain"] | None = Field(
+        None,
+        description='how much a force changes in a second; left out: 2.2 weights; "gain": as observers.gain says '
+        "[N/sqrt(s)]",
     )
-    prior: Positive = Field(10.0, description="deviation of the forces at the start, with force_walk [N]")
+    prior: Positive | None = Field(None, description="deviation of the forces at the start; left out: 0.33 weights [N]")
     known_error: dict[str, Positive] = Field(
         default_factory=dict, description="deviations of known forces' factors, such as {aerodynamic = 0.2} [-]"
     )

@@ -132,7 +132,7 @@ def test_warnings_stand_in_terminal_report_and_metrics(
     assert "gyro against attitude" in report_html(experiment, {})
     write_results(experiment, tmp_path)
     assert json.loads((tmp_path / "metrics.json").read_text())["warnings"] == [
-        w.text for w in experiment.scores.warnings
+        w.text for w in experiment.scores.contradictions
     ]
 
 

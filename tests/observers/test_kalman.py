@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy.stats import chi2
 from support.kalman_twins import KalmanTwin
-from support.kernel_cases import MODELS, assert_equal, record
+from support.kernel_cases import MODELS, assert_equal, believable, record
 from support.observer_twins import point_jacobian
 
 from aerobat_pin.errors import ObserverError
@@ -26,6 +26,8 @@ CASES: dict[str, dict[str, Any]] = {
     "mass and two forces in doubt": {"known_error": {"other": 0.1, "air": 0.3}, "mass_error": 0.05},
     "harmonics": {"frequency": 40.0},
     "harmonics, all in doubt": {"frequency": 40.0, "known_error": {"air": 0.2}, "mass_error": 0.05},
+    "no torque": {"rows": "base"},
+    "no torque, harmonics, mass in doubt": {"rows": "base", "frequency": 40.0, "mass_error": 0.05},
 }
 
 
@@ -40,6 +42,8 @@ def sensors(model: pin.Model) -> np.ndarray:
 def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     """Estimate and standard deviation against dense Joseph-form Kalman and Rauch-Tung-Striebel, one stamp repeated."""
     model, frames = MODELS[name]
+    if "rows" in CASES[case] and (name == "humanoid" or not believable(name, "base")):
+        pytest.skip("a fixed base has no base rows; unknown torques at 28 joints leave six digits, here and there")
     time, q, v, tau, known = record(model)
     size = float(pin.computeTotalMass(model))  # so that the walk is neither slow nor fast beside the sensors
     settings = {"force_walk": 40.0 * size, "prior": 10.0 * size, **CASES[case]}
@@ -48,7 +52,8 @@ def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
         force, deviation = twin.run(time, q, v, tau, known, smooth=kind is SmootherObserver)
         estimate = kind(model, frames, sensor_noise=SENSORS, **settings).run(time, q, v, tau, known)
         assert_equal(estimate.components, force, 1e-9)
-        assert_equal(estimate.standard_deviation, deviation, 1e-9)
+        np.testing.assert_array_equal(np.isinf(estimate.standard_deviation), np.isinf(deviation))
+        assert_equal(*(np.where(np.isinf(one), 0.0, one) for one in (estimate.standard_deviation, deviation)), 1e-9)
         J = np.array([point_jacobian(model, frames, one) for one in q])
         J[len(tau) // 2 + 1] = J[len(tau) // 2]
         mean = 0.5 * (J[1:] + J[:-1])
@@ -103,9 +108,10 @@ def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
 def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanObserver]) -> None:
-    """Over 60 draws the squared error in standard deviations is chi-square, early and late, for every component.
+    """Over 60 draws the squared error in standard deviations is chi-square for every component, never more early on.
 
-    Told a third of the sensors' noise, or nothing of the doubt about the air, it is not.
+    While the filter learns the sensors' noise from the record, it claims less than it knows. Told a third of the
+    sensors' noise, or nothing of the doubt about the air, it is not; what no force explains repairs a part only.
     """
     settings = {"force_walk": WALK, "prior": PRIOR, "known_error": {"air": DOUBT}, "error_time": 1e9, "misfit": 1e-9}
     low, high = chi2.ppf([1e-4, 1.0 - 1e-4], RUNS)
@@ -120,36 +126,38 @@ def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanO
         for total, observer in zip(squares, observers, strict=True):
             estimate = observer.run(*flight)
             total += ((estimate.components - force) / estimate.standard_deviation)[[8, 50]] ** 2
-    assert np.all((squares[0] > low) & (squares[0] < high)), squares[0]
-    assert squares[1].max() > 2.0 * high
+    assert np.all(squares[0] < high), squares[0]
+    assert np.all(squares[0, 1] > low), squares[0]
+    assert squares[1].max() > high
     assert squares[2].max() > high
 
 
-def still(rows: Any, **settings: Any) -> np.ndarray:
-    """Return the standard deviations (60, 2, 3) of the filter with some rows on a robot that holds still."""
-    (time, q, v, tau, _), _ = resting_flight(1)
-    q[:] = ROBOT.q0
-    deviation = KalmanObserver(ROBOT.model, FORCE_POINTS, rows=rows, **settings).run(time, q, v, tau).standard_deviation
-    assert deviation is not None
-    return deviation.reshape(-1, 2, 3)
-
-
-def test_what_base_rows_cannot_tell_has_the_standard_deviation_of_not_knowing() -> None:
+@pytest.mark.parametrize("settings", [{}, {"force_walk": WALK, "prior": 10.0}, {"force_walk": "gain", "gain": 100.0}])
+def test_what_base_rows_cannot_tell_is_zero_with_an_infinite_deviation(settings: dict[str, Any]) -> None:
     """Equal and opposite forces along the line between the points, here y, leave no trace in the base.
 
-    Of the two y components the sum becomes known, the difference keeps its prior: sqrt(1/2) of it on each. What is seen
-    becomes known to a few tens of mN, and so does everything where the joint torques are believed.
+    What is seen becomes known to a few tens of mN, and so does everything where the joint torques are believed.
     """
-    blind, seeing = (still(rows, force_walk=WALK, prior=10.0)[-1] for rows in ("base", "all"))
-    assert np.all(blind[:, 1] > 0.999 * 10.0 * np.sqrt(0.5))
-    assert blind[:, [0, 2]].max() < 0.5
-    assert seeing.max() < 0.5
+    (time, q, v, tau, _), _ = resting_flight(1)
+    q[:] = ROBOT.q0
+    for kind in (KalmanObserver, SmootherObserver):
+        blind, seeing = (
+            kind(ROBOT.model, FORCE_POINTS, rows=rows, **settings).run(time, q, v, tau) for rows in ("base", "all")
+        )
+        np.testing.assert_allclose(blind.force[:, 0, 1], blind.force[:, 1, 1], atol=1e-6 * np.abs(blind.force).max())
+        assert blind.standard_deviation is not None
+        assert seeing.standard_deviation is not None
+        deviation = blind.standard_deviation.reshape(-1, 2, 3)
+        assert np.all(np.isinf(deviation[:, :, 1]))
+        assert deviation[-1, :, [0, 2]].max() < 0.5
+        assert seeing.standard_deviation[-1].max() < 0.5
 
 
 def test_a_gain_means_the_same_wherever_the_wings_are() -> None:
     """The walk follows the configuration: kept from the start, Fx of a flapping robot was 10 mN wrong without noise."""
+    settings = [f'observers.{name}.force_walk="gain"' for name in ("kalman", "smoother")]
     names = 'observers.names=["force_level", "kalman", "smoother"]'
-    found = run(load_scenario("paper", ["simulation.duration=0.5", "observers.gain=2000", names])).estimates
+    found = run(load_scenario("paper", ["simulation.duration=0.5", "observers.gain=2000", names, *settings])).estimates
     for name in ("kalman", "smoother"):
         wrong = np.sqrt(np.mean((found[name].force - found["force_level"].force) ** 2, axis=(0, 1)))
         assert np.all(wrong < 0.003), name
@@ -166,13 +174,6 @@ def test_a_covariance_stays_symmetric() -> None:
     P = observer._kalman.filter.P
     np.testing.assert_array_equal(P, P.T)
     assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > 0.0
-
-
-def test_an_unseen_pattern_grows_ever_less_certain() -> None:
-    """A walk that nothing corrects grows with the square root of time, by `force_walk` or by the one of the gain."""
-    for settings in ({"force_walk": 20.0, "prior": 0.1}, {"gain": 100.0}):
-        side = still("base", **settings)[:, 0, 1]
-        assert side[55] > 1.3 * side[20]
 
 
 @pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
@@ -219,6 +220,7 @@ def test_settings_that_make_no_sense_are_refused() -> None:
     model, frames = MODELS["aerobat"]
     for settings, words in (
         ({"gain": np.ones(6)}, "takes one number"),
+        ({"force_walk": "fast"}, "force_walk = 'fast': a number in N/sqrt"),
         ({"force_walk": 0.0}, "force_walk = 0.0: one finite positive number or 6"),
         ({"force_walk": np.ones(5)}, "force_walk"),
         ({"sensor_noise": (0.1, 0.1)}, "three numbers"),

@@ -87,13 +87,22 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
     weight = np.diag(twins.believed(model, "all", mean[2]))
     sizes = ObserverSizes(
-        nv, 0, 3 * points, filtered=nv, basis=0, metric=0, project_first=0, rows=ROWS.index(rows), filter=0
+        nv, 0, 3 * points, filtered=nv, basis=0, tied=0, project_first=0, rows=ROWS.index(rows), filter=0, believed=nv
     )
     memory = new_memory(observer_in, *sizes)
     observer, found = fields_of(observer_in, memory), np.full(3 * points, np.nan)
     observer.weight[:], observer.jacobian[:] = weight, mean[3:]
     project(observer, before, after, phi, found)
-    assert_equal(found, twins.project(mean[3:], twins.believed(model, rows, mean[2]), phi))
+    W = twins.believed(model, rows, mean[2])
+    assert_equal(found, twins.project(mean[3:], W, phi))
+    left = W @ (phi - mean[3:].T @ found)
+    sizes = sizes._replace(filtered=3 * points, project_first=1, filter=FIRST_ORDER)
+    memory, out = new_memory(observer_in, *sizes), np.empty(2 * nv + 3 * points + 1)
+    observer = fields_of(observer_in, memory)
+    observer.weight[:], observer.gain[:] = weight, 1e6
+    drift = 0.5 * (before[1] + after[1])
+    assert kernels.observe(before, after, after[0] - before[0] - drift - phi, 1.0, observer, out)
+    assert_equal(out[nv + 3 * points : -1], np.pad(left, (0, nv - len(left))), 1e-10)  # what no force explains
 
 
 @pytest.mark.parametrize("name", MODELS)

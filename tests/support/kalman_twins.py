@@ -1,4 +1,8 @@
-"""Textbook Kalman filter and Rauch-Tung-Striebel smoother in dense numpy, for the Kalman observers' kernels."""
+"""Textbook Kalman filter and Rauch-Tung-Striebel smoother in dense numpy, for the Kalman observers' kernels.
+
+What these observers learn from the record is computed here from lists of all samples so far: sensor noise from sixth
+differences, misfit from what no force explains, and patterns of forces that leave no trace from singular values.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from support.observer_twins import remembered
+from support.observer_twins import believed, project, remembered
 
 Vector = NDArray[np.float64]
 
 
 @dataclass
 class KalmanTwin:
-    """x = (p, z): z <- A z + w, p <- p + dt (u + drift) + dt G^T z, with G the forces' Jacobian and the errors' rows.
+    """x = (p, z): z <- A (z + w), p <- p + dt (u + drift) + dt G^T z, with G the forces' Jacobian and the errors' rows.
 
     Attributes mean what the observer's keywords do; `sensors` (nv,) are standard deviations.
     """
@@ -31,6 +35,7 @@ class KalmanTwin:
     error_time: float = 1.0
     misfit: float = 0.01
     frequency: float | None = None
+    rows: str = "all"
 
     def run(
         self, time: Vector, q: Vector, v: Vector, tau: Vector, known: Mapping[str, Vector], smooth: bool
@@ -41,66 +46,126 @@ class KalmanTwin:
         blocks = 1 if self.frequency is None else 3
         h, nz = blocks * c, blocks * c + len(spread)
         samples = [remembered(self.model, self.frames, *one) for one in zip(q, v, strict=True)]
-        covariances = []
-        for one in q:
-            B = pin.crba(self.model, self.model.createData(), one) * self.sensors
-            covariances.append(B @ B.T)
+        inertias = [pin.crba(self.model, self.model.createData(), one).copy() for one in q]
+        weight = 9.81 * pin.computeTotalMass(self.model)
+        weights = np.diag(believed(self.model, "all", v[0]))
         x = np.concatenate([samples[0][0], np.zeros(nz)])
         P = np.zeros((nv + nz, nv + nz))
-        P[:nv, :nv] = covariances[0]
+        P[:nv, :nv] = inertias[0] @ np.diag(self.sensors**2) @ inertias[0]
         P[nv:, nv:] = np.diag([*np.full(h, self.prior**2), *np.square(spread)])
         H, doubt, first = np.eye(nv, nv + nz), np.zeros(nv), True
+        speeds, rests, misfit, count = [v[0]], [np.zeros((2, nv))], 0.0, 0
+        roots = 0.822179 * np.sqrt(np.sqrt(924.0) * self.sensors)
         track: list[tuple[Vector, ...] | None] = []
         for k, torque in enumerate(tau):
             dt = time[k + 1] - time[k]
             if dt == 0.0:
-                samples[k + 1] = samples[k]
+                samples[k + 1], inertias[k + 1] = samples[k], inertias[k]
                 track.append(None)
                 continue
             mean = 0.5 * (samples[k] + samples[k + 1])
             angle = 2.0 * np.pi * (self.frequency or 0.0) * (0.5 * (time[k] + time[k + 1]) - time[0])
             basis = np.kron([1.0, np.cos(angle), np.sin(angle)][:blocks], np.eye(c))
             u = torque + sum((values[k] for values in known.values()), np.zeros(nv))
+            speeds.append(samples[k + 1][2])
+            count += 1
+            repaired = u + sum(
+                (x[nv + h + i] * known[name][k] for i, name in enumerate(self.known_error)), np.zeros(nv)
+            )
+            if self.mass_error:
+                repaired = repaired + x[-1] * u
+            rest, unseen = self.explain(samples[k], samples[k + 1], repaired, dt)
+            rests.append(low_passed(rests[-1], rest, dt))
+            recent = 1.0 - np.exp(-dt / 0.2)
+            redundant = max(len(believed(self.model, self.rows, v[0])) - c + unseen.shape[1], 1)
+            misfit += max(recent, 1.0 / count) * (np.sum(rests[-1][1] ** 2) / redundant - misfit)
+            sensors = self.sensors
+            if count >= 6:
+                root = np.sqrt(np.abs(np.diff(speeds[-7:], 6, axis=0)[0]))
+                roots += max(recent, 1.0 / (count - 3)) * (root - roots)
+                sensors = np.clip(roots**2 / (0.822179**2 * np.sqrt(924.0)), 1e-3 * self.sensors, self.sensors)
+            disbelief = misfit + (0.004 * weight) ** 2
+            if count <= 12:
+                disbelief = max(disbelief, self.prior**2)
             a = np.exp(-dt / self.error_time)
             A = np.diag([*np.ones(h), *np.full(len(spread), a)])
+            seen = np.eye(nz)
+            seen[:h, :h] -= np.kron(np.eye(blocks), unseen @ unseen.T)
+            A = seen @ A
             W = np.diag([*np.full(h, self.force_walk**2 * dt), *((1.0 - a * a) * np.square(spread))])
             G = np.zeros((nz, nv))
             G[:h] = basis.T @ mean[3:]
             for i, name in enumerate(self.known_error):
                 G[h + i] = known[name][k]
             if self.mass_error:
-                G[-1] = u + G[:h].T @ x[nv : nv + h]
+                G[-1] = u + G[:h].T @ (seen @ x[nv:])[:h]
             F = np.block([[np.eye(nv), dt * G.T @ A], [np.zeros((nz, nv)), A]])
-            noise = np.vstack([dt * G.T, np.eye(nz)])
+            noise = np.vstack([dt * G.T, np.eye(nz)]) @ seen
             square = np.sum((np.array(spread)[:, None] * G[h:]) ** 2, axis=0) if spread else np.zeros(nv)
             doubt = square if first else square + a * (doubt - square)
             first = False
             Q = noise @ W @ noise.T
-            Q[:nv, :nv] += np.diag(self.misfit**2 * dt * doubt)
+            Q[:nv, :nv] += np.diag(self.misfit**2 * dt * doubt + 0.01 * dt * disbelief / weights**2)
+            if self.rows != "all":
+                Q[:nv, :nv] += self.unknown_torques(inertias[k + 1], 0.01 * dt * disbelief / weights**2)
             ahead = F @ x + np.concatenate([dt * (u + mean[1]), np.zeros(nz)])
             P_ahead = F @ P @ F.T + Q
-            R = covariances[k + 1]
+            R = inertias[k + 1] @ np.diag(sensors**2) @ inertias[k + 1]
             K = np.linalg.solve(H @ P_ahead @ H.T + R, H @ P_ahead).T
             x = ahead + K @ (samples[k + 1][0] - H @ ahead)
             P = (np.eye(nv + nz) - K @ H) @ P_ahead @ (np.eye(nv + nz) - K @ H).T + K @ R @ K.T  # Joseph
-            track.append((F, ahead, P_ahead, x, P, basis))
+            track.append((F, ahead, P_ahead, x, P, basis, unseen))
         found, sure, later = [], [], None
         for step in reversed(track) if smooth else track:
             if step is None:
                 found.append(None)
                 sure.append(None)
                 continue
-            F, ahead, P_ahead, x, P, basis = step
+            F, ahead, P_ahead, x, P, basis, unseen = step
             if smooth and later is not None:
                 after, P_after, next_F, next_ahead, next_P_ahead = later
-                C = np.linalg.solve(next_P_ahead, next_F @ P).T
+                C = (
+                    P @ next_F.T @ np.linalg.pinv(next_P_ahead, 1e-15, hermitian=True)
+                    if unseen.size
+                    else (np.linalg.solve(next_P_ahead, next_F @ P).T)
+                )
                 x, P = x + C @ (after - next_ahead), P + C @ (P_after - next_P_ahead) @ C.T
             later = x, P, F, ahead, P_ahead
             found.append(basis @ x[nv : nv + h])
-            sure.append(np.sqrt(np.diag(basis @ P[nv : nv + h, nv : nv + h] @ basis.T)))
+            deviation = np.sqrt(np.diag(basis @ P[nv : nv + h, nv : nv + h] @ basis.T))
+            sure.append(np.where(np.any(np.abs(unseen) > 1e-3, axis=1), np.inf, deviation))
         if smooth:
             found, sure = found[::-1], sure[::-1]
         for k, one in enumerate(found):
             if one is None:
                 found[k], sure[k] = found[k - 1], sure[k - 1]
         return np.array(found), np.array(sure)
+
+    def explain(self, before: Vector, after: Vector, u: Vector, dt: float) -> tuple[Vector, Vector]:
+        """Return the weighted rows (nv,) that no force explains, and the patterns (c, k) that leave no trace."""
+        mean, nv = 0.5 * (before + after), self.model.nv
+        phi = (after[0] - before[0]) / dt - mean[1] - u
+        _, sizes, patterns = np.linalg.svd(believed(self.model, self.rows, after[2]) @ after[3:].T)
+        known = int(np.sum(sizes > 1e-5 * np.linalg.norm(sizes)))
+        W = believed(self.model, self.rows, mean[2])
+        J, unseen = mean[3:], patterns[known:].T
+        if not unseen.size:
+            force = project(J, W, phi)
+        else:  # J is the mean of both ends: unseen patterns leave a small trace in it, which must not be magnified
+            A, kept = J @ W.T @ W @ J.T, np.eye(len(J)) - unseen @ unseen.T
+            held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
+            force = np.linalg.solve(held, kept @ J @ W.T @ W @ phi)
+        left = W @ (phi - J.T @ force)
+        return np.pad(left, (0, nv - len(left))), unseen
+
+    def unknown_torques(self, M: Vector, misfit: Vector) -> Vector:
+        """Return the covariance (nv, nv) of the impulse of any torque at the joints behind a free base."""
+        hidden = np.diag(np.arange(self.model.nv) >= 6).astype(float)
+        return 1e8 * np.trace((M @ np.diag(self.sensors**2) @ M + np.diag(misfit)) @ hidden) * hidden
+
+
+def low_passed(state: Vector, value: Vector, dt: float) -> Vector:
+    """Return the state (2, nv) of two low-passes of 15 ms in a row after an interval."""
+    share = 1.0 - np.exp(-dt / 0.015)
+    first = state[0] + share * (value - state[0])
+    return np.array([first, state[1] + share * (first - state[1])])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -14,12 +15,17 @@ from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarde
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.kalman import kernels
+from aerobat_pin.observers.kalman.innovation import innovation_of
+from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
+from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import BASE_ROWS, Rows, Tie
+from aerobat_pin.observers.rows import BASE_ROWS, Rows, Tie, moving_weight
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
 RISE_PULSATION = 1.75  # w / K: a second-order Butterworth filter of pulsation w [rad/s] rises to 1 - 1/e in 1.753 / w
+WALK, PRIOR = 2.2, 0.33  # of a robot's weight [1/sqrt(s), 1]: how much a force changes in 1 s, and its size at first
+LEAST_MISFIT = 0.004  # of a robot's weight: no model is better than that
 HEAD_START = 2.5  # [1 / pulsation] of random walk before the first interval, so that a step at the start rises as later
 
 
@@ -29,14 +35,16 @@ class KalmanSample(Sample):
     __slots__ = ()
 
     @property
-    def components(self) -> Array:
-        """All components (c,) in the order of the applications."""
-        return self._values[self._nv : (self._nv + len(self._values)) // 2]
+    def standard_deviation(self) -> Array:
+        """Standard deviations (c,) of the components; infinite for those of a pattern that leaves no trace."""
+        start = self._nv + self._count
+        return self._values[start : start + self._count]
 
     @property
-    def standard_deviation(self) -> Array:
-        """Standard deviations (c,) of the components."""
-        return self._values[(self._nv + len(self._values)) // 2 :]
+    def unexplained(self) -> Array:
+        """As in `Sample`."""
+        start = self._nv + 2 * self._count
+        return self._values[start : start + self._nv]
 
 
 class KalmanObserver(Observer):
@@ -46,26 +54,29 @@ class KalmanObserver(Observer):
 
     Known forces and the mass can be wrong by unknown, slowly changing factors. The filter estimates these factors
     together with the forces. If the rows cannot distinguish a factor from a force, the standard deviations are large.
-    Errors that are not explained by such factors are modelled as white noise. The effect of sensor noise on C^T v is
-    neglected: what it adds to the momentum in one step is smaller than the noise of the momentum itself, by a factor
-    equal to the angle turned in that step.
+    Other errors of the model are white noise on every row, as large as what no force explains (see `redundancy`).
+    Patterns of forces that leave no trace in the rows are held at zero, with infinite standard deviations. The effect
+    of sensor noise on C^T v is neglected: what it adds to the momentum in one step is smaller than the noise of the
+    momentum itself, by a factor equal to the angle turned in that step.
 
     Args:
         model: any model, free-flyer or fixed base.
         applications: where unknown forces act, as in `Observer`; at least one.
-        gain: K [1/s], one number. It sets the random walk of the forces if `force_walk` is not given: the filter then
-            follows every pattern of forces like a second-order Butterworth filter that rises to 63 % in 1/K. This walk
-            is computed anew in every interval, and only the ratios of the sensors' noise levels matter.
+        gain: K [1/s], one number; used only if `force_walk` is `"gain"`.
         rows: which rows to use; in the other rows any torque is considered possible.
         sensor_noise: standard deviations per sample of linear velocity [m/s], gyro [rad/s] and joint rates [rad/s].
-            On a fixed base the last one applies to all velocities.
+            On a fixed base the last one applies to all velocities. If the record shows less noise, that is believed.
         force_walk: standard deviation of the change of a force in one second [N/sqrt(s)], one number or one per
-            component. One number is multiplied by a lever arm of 50 mm for moments.
-        prior: standard deviation [N] of the forces at the start; used only with `force_walk`.
+            component; when omitted, 2.2 times the robot's weight (on a fixed base: of all that moves). One number is
+            multiplied by a lever arm of 50 mm for moments. With `"gain"` the filter follows every pattern of forces
+            like a second-order Butterworth filter that rises to 63 % in 1/K, if the model is exact: this walk is
+            computed anew in every interval, only the ratios of the stated sensor noise matter, and the record does not
+            change them.
+        prior: standard deviation [N] of the forces at the start; when omitted, a third of the robot's weight.
         known_error: name of a known force -> standard deviation of the error of its factor: 0.2 for "right to 20 %".
         mass_error: the same for the mass; the inertias change in proportion.
         error_time: correlation time of these factors [s].
-        misfit: size of the errors that no factor explains [sqrt(s)]. Every row gets white noise of `misfit` times the
+        misfit: size of fast errors of the same forces [sqrt(s)]. Every row gets white noise of `misfit` times the
             running root mean square of the row's possible error, which is `known_error` and `mass_error` times the
             forces to which they apply.
         frequency: flapping frequency [Hz]. If given, each force is a0 + a1 cos + b1 sin at this frequency, and all
@@ -98,8 +109,8 @@ class KalmanObserver(Observer):
         rows: Rows | Tie = "all",
         *,
         sensor_noise: Sequence[float] = SENSOR_NOISE,
-        force_walk: ArrayLike | None = None,
-        prior: float = 10.0,
+        force_walk: ArrayLike | Literal["gain"] | None = None,
+        prior: float | None = None,
         known_error: Mapping[str, float] | None = None,
         mass_error: float = 0.0,
         error_time: float = 1.0,
@@ -140,16 +151,21 @@ class KalmanObserver(Observer):
         filter_.variance[self._walks :] = np.square(errors)
         filter_.rate[self._walks :] = 1.0 / _positive("error_time", error_time)
         filter_.misfit[:] = _positive("misfit", misfit)
-        self._prior: Array | None = None
-        if force_walk is not None:
-            walk = np.array(force_walk, float)
+        self._by_gain, weight = isinstance(force_walk, str), moving_weight(model)
+        first = _positive("prior", PRIOR * weight if prior is None else prior)
+        filter_.doubtful[:] = first, LEAST_MISFIT * weight
+        self._prior = np.tile(np.square(first * scale), blocks)
+        if isinstance(force_walk, str):
+            if force_walk != "gain":
+                raise ObserverError(f"force_walk = {force_walk!r}: a number in N/sqrt(s) or 'gain' was expected")
+        else:
+            walk = np.array(WALK * weight if force_walk is None else force_walk, float)
             if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST_REAL)):
                 raise ObserverError(
-                    f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
+                    f"force_walk = {force_walk!r}: one finite positive number or {len(scale)} were expected"
                 )
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
-            self._prior = np.tile(np.square(_positive("prior", prior) * scale), blocks)
-        self._width = nv + 2 * len(scale)
+        self._width = nv + 2 * len(scale) + nv + 1 + nv
         self._update = kernels.update_filter
 
     def update(
@@ -190,11 +206,11 @@ class KalmanObserver(Observer):
         """Return the projector (nv, nv) onto generalised forces that do not change the rows in use; (0, 0) if none."""
         shown = self.believed.map(np.zeros(self._nv))
         basis, sizes, _ = np.linalg.svd(shown)
-        hidden = basis[:, int(np.sum(sizes > kernels.LEAST_INFORMATION * sizes[0])) :]
+        hidden = basis[:, int(np.sum(sizes > LEAST_INFORMATION * sizes[0])) :]
         return hidden @ hidden.T if hidden.shape[1] else np.zeros((0, 0))
 
     def _sample(self, out: Array) -> Sample:
-        return KalmanSample(out, self._nv)
+        return KalmanSample(out, self._nv, len(self.applications.components))
 
     def _start(self, v: Array) -> None:
         kernels.start_filter(self._memory, v)
@@ -203,10 +219,13 @@ class KalmanObserver(Observer):
     def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
         """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
         nv, filter_ = self._nv, kalman.filter
-        blurred, spread = sample[-nv:], filter_.variance.copy()
+        blurred, spread = filter_.noise[:, None] * sample[-nv:], filter_.variance.copy()
         kalman.observer.newest[:] = 0
-        filter_.elapsed[:] = 0.0
-        if self._prior is None:
+        for start in (filter_.elapsed, filter_.intervals, filter_.disbelief, filter_.slow):
+            start[:] = 0.0
+        filter_.sensed[:], filter_.differences[0] = filter_.noise, sample[2]
+        filter_.roots[:] = ROOT_MEAN * np.sqrt(DIFFERENCE_GAIN * filter_.noise)
+        if self._by_gain:
             pulsation = RISE_PULSATION * float(self.gain)
             filter_.head_start[:] = HEAD_START / pulsation
             filter_.walk_gain[:] = pulsation**4
@@ -240,8 +259,16 @@ class KalmanObserver(Observer):
         return out, samples
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
-        estimate = super()._estimate(time, out, samples)
-        return replace(estimate, standard_deviation=out[:, -len(self.applications.components) :])
+        estimate, start, count = super()._estimate(time, out, samples), self._rest, len(self.applications.components)
+        return replace(
+            estimate,
+            standard_deviation=out[:, start - count : start],
+            innovation=innovation_of(out[:, -self._nv :], self.believed.count),
+        )
+
+    @property
+    def _rest(self) -> int:
+        return self._nv + 2 * len(self.applications.components)
 
 
 def _positive(name: str, value: float) -> float:

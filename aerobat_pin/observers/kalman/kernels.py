@@ -6,8 +6,11 @@ is
 
     z <- a z + noise,   p <- p + dt (u + mean(C^T v - g)) + dt G^T z,   then p is measured: M v, covariance B B^T
 
-where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. The update uses the
-Cholesky factor of the innovation's covariance S = L L^T, with T = L^-1 P_p and P <- P - T^T T.
+where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. Patterns of forces that
+leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken from the record itself
+(see `learning`): s is what the sixth differences of the velocities show, at most what is stated; and the rows get white
+noise as large as what no force explains. The update uses the Cholesky factor of the innovation's covariance S = L L^T,
+with T = L^-1 P_p and P <- P - T^T T.
 """
 
 from __future__ import annotations
@@ -15,31 +18,39 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inner, kernel, mirror
+from aerobat_pin.observers.kalman.learning import (
+    MISFIT_TIME,
+    drop_unseen,
+    drop_unseen_forces,
+    learn_misfit,
+    learn_noise,
+    misfit_variance,
+)
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
+from aerobat_pin.observers.kalman.process_noise import add_unknown_torques, set_walk_by_gain
 from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (
     TOO_LARGE,
     dynamics_of,
     is_configuration,
+    mean_residual,
     next_in_record,
     repeat_interval,
     write_sample,
 )
-from aerobat_pin.observers.rows import BASE_ROWS
-
-LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
-UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of the sensor noise
+from aerobat_pin.observers.rows import UNSEEN_SHARE
 
 
 @inner
-def write_noisy_sample(observer: ObserverMemory, noise: Array, v: Array, sample: Array) -> None:
-    """Write a sample: the rows (3 + c, nv) that `write_sample` writes, then B^T (nv, nv)."""
+def write_noisy_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
+    """Write a sample: the rows (3 + c, nv) that `write_sample` writes, then M (nv, nv)."""
     M, nv = dynamics_of(observer).M, v.shape[0]
     top = sample.shape[0] - nv
     write_sample(observer, v, sample[:top])
     for k in range(nv):
         for i in range(nv):
-            sample[top + k, i] = noise[k] * M[i, k]
+            sample[top + k, i] = M[i, k]
 
 
 @kernel
@@ -74,6 +85,8 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
             shear[h + a, i] = dt * errors[a, i]
     for a in range(nz):
         step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
+    if step.blind[0] > 0.0:
+        drop_unseen_forces(step, filter_, z)
     if filter_.mass_in_doubt > 0:  # an error of the mass scales known and estimated forces
         for i in range(nv):
             shear[nz - 1, i] = dt * u[i]
@@ -93,11 +106,16 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
 
 
 @kernel
-def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, step: Step) -> None:
+def predict_covariance(
+    before: Array, after: Array, dt: float, observer: ObserverMemory, filter_: Filter, step: Step
+) -> None:
     """Advance the covariance P over the interval by noise, shear, misfit, unknown torques; then fill `step.rows`."""
     P, shear, rows, by_gain = filter_.P, step.shear, step.rows, filter_.walk_gain[0] > 0.0
     nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
-    nv = n - nz
+    nv, blurred = n - nz, filter_.blurred
+    for k in range(nv):
+        for i in range(nv):
+            blurred[k, i] = filter_.sensed[k] * after[3 + c + k, i]
     if by_gain:
         set_walk_by_gain(before, after, filter_, rows)
     grown = dt * (dt if by_gain else 1.0) + dt * filter_.head_start[0]
@@ -115,6 +133,8 @@ def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, 
             row = P[first + a, first:]
             for b in range(c):
                 row[b] += grown * filter_.walk[a, b]
+    if step.blind[0] > 0.0:
+        drop_unseen(step, filter_, nv)
     add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
     add_product(P, P[:, nv:], shear, 1.0)
     if nz > step.z.shape[0]:
@@ -126,8 +146,16 @@ def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, 
             square /= dt * dt
             filter_.doubt[i] = square + decay * (filter_.doubt[i] - square)
             P[i, i] += filter_.misfit[0] * filter_.misfit[0] * dt * filter_.doubt[i]
+    misfit = 0.0
+    if not by_gain:
+        doubt = MISFIT_TIME * dt * misfit_variance(filter_)
+        for i in range(nv):
+            wrong = doubt / (observer.weight[i] * observer.weight[i])
+            P[i, i] += wrong
+            if filter_.hidden.shape[0] > 0:
+                misfit += filter_.hidden[i, i] * wrong
     if filter_.hidden.shape[0] > 0:
-        add_unknown_torques(before, after, filter_, P)
+        add_unknown_torques(before, after, misfit, filter_, P)
     for i in range(nv):
         unit = rows[i, nv + n :]
         copy_values(P[i], rows[i, :nv])
@@ -135,72 +163,7 @@ def predict_covariance(before: Array, after: Array, dt: float, filter_: Filter, 
         for j in range(unit.shape[0]):
             unit[j] = 0.0
         unit[i], unit[n] = 1.0, step.e[i]
-    blurred = after[3 + c :]
     add_product(rows[:, :nv], blurred.T, blurred, 1.0)
-
-
-@kernel
-def set_walk_by_gain(before: Array, after: Array, filter_: Filter, rows: Array) -> None:
-    """Set the random walk from the gain, in proportion to (J R^-1 J^T)^-1.
-
-    R is the covariance of the momentum noise of one sample, so (J R^-1 J^T)^-1 is the covariance with which one sample
-    determines the components' impulses. With this walk, every pattern of forces rises equally fast in every
-    configuration. The share `LEAST_INFORMATION` of the total information is added to each pattern, which keeps the
-    inverse finite. `rows` (nv, ...) is scratch.
-    """
-    c, information, scale = filter_.walk.shape[0], filter_.information, filter_.scale
-    nv, blurred = rows.shape[0], after[3 + c :]
-    sensed = rows[:, : nv + c]
-    sensed[:, :] = 0.0
-    add_product(sensed[:, :nv], blurred.T, blurred, 1.0)
-    if filter_.hidden.shape[0] > 0:
-        add_unknown_torques(before, after, filter_, sensed)
-    for a in range(c):
-        start, end = before[3 + a], after[3 + a]
-        for i in range(nv):
-            sensed[i, nv + a] = 0.5 * scale[a] * (start[i] + end[i])
-    factorise(sensed)
-    information[:, :] = 0.0
-    add_product(information[:, :c], sensed[:, nv:].T, sensed[:, nv:], 1.0)
-    total = 0.0
-    for a in range(c):
-        total += information[a, a]
-    for a in range(c):
-        information[a, a] += LEAST_INFORMATION * total
-        information[a, c + a] = 1.0
-    factorise(information)
-    filter_.walk[:, :] = 0.0
-    add_product(filter_.walk, information[:, c:].T, information[:, c:], filter_.walk_gain[0])
-    for a in range(c):
-        for b in range(c):
-            filter_.walk[a, b] *= scale[a] * scale[b]
-
-
-@kernel
-def add_unknown_torques(before: Array, after: Array, filter_: Filter, P: Array) -> None:
-    """Add the covariance of unknown torques to P (nv, nv).
-
-    The torques act along the generalised forces onto which `hidden` projects. If the joints' power is known, only
-    torques that do not change this power are added.
-    """
-    hidden, noise, c = filter_.hidden, filter_.noise, filter_.walk.shape[0]
-    nv, size, speed = noise.shape[0], 0.0, 0.0
-    for k in range(nv):
-        for i in range(nv):
-            for j in range(nv):
-                size += after[3 + c + k, i] * hidden[i, j] * after[3 + c + k, j]
-    size *= UNKNOWN_TORQUE
-    for i in range(nv):
-        for j in range(nv):
-            P[i, j] += size * hidden[i, j]
-    if filter_.power_known > 0:
-        for i in range(BASE_ROWS, nv):
-            mean = 0.5 * (before[2, i] + after[2, i])
-            speed += mean * mean + 0.5 * noise[i] * noise[i]
-        for i in range(BASE_ROWS, nv):
-            along = 0.25 * size * (before[2, i] + after[2, i]) / speed
-            for j in range(BASE_ROWS, nv):
-                P[i, j] -= along * (before[2, j] + after[2, j])
 
 
 @kernel
@@ -216,7 +179,10 @@ def correct(x: Array, P: Array, step: Step) -> None:
 
 @kernel
 def report(step: Step, dt: float, out: Array) -> None:
-    """Write residual, components and standard deviations (nv + 2 c,) from the coefficients and their covariance."""
+    """Write residual, components and standard deviations (nv + 2 c,) from the coefficients and their covariance.
+
+    A component that is part of an unseen pattern has an infinite standard deviation.
+    """
     nv, blocks = step.rows.shape[0], step.basis.shape[0]
     c = step.z.shape[0] // blocks
     for i in range(nv):
@@ -229,12 +195,16 @@ def report(step: Step, dt: float, out: Array) -> None:
                 variance += step.basis[block] * step.basis[other] * step.Z[block * c + a, nv + other * c + a]
         out[nv + a] = force
         out[nv + c + a] = np.sqrt(max(variance, 0.0))
+        if step.blind[0] > 0.0 and step.unseen[a, a] > UNSEEN_SHARE * UNSEEN_SHARE:
+            out[nv + c + a] = np.inf
         for i in range(nv):
             out[i] += step.shear[a, i] / dt * force
 
 
 @kernel
-def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
+def filter_interval(
+    before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, filter_: Filter, step: Step, out: Array
+) -> bool:
     """Advance the filter over one interval. If the innovation is NaN or huge, change no estimate and return False.
 
     Args:
@@ -242,14 +212,33 @@ def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: F
         after: (3 + c + nv, nv) sample at the end.
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
+        observer: memory of the observer; scratch, and what `fit_forces` writes.
         filter_: the filter; changes.
         step: written.
+        out: (nv + 2 c + nv + 1 + nv,) only the last columns are written: what `fit_forces` writes, then L^-1 e.
     """
-    x, P, nv = filter_.x, filter_.P, u.shape[0]
-    n = x.shape[0]
+    x, P, nv, c = filter_.x, filter_.P, u.shape[0], step.unseen.shape[0]
+    n, rest = x.shape[0], out[u.shape[0] + 2 * c :]
+    if not mean_residual(before, after, u, dt, observer, filter_.phi):
+        return False
+    for a in range(filter_.errors.shape[0]):  # what uncertain factors explain is no misfit
+        factor = x[nv + step.z.shape[0] + a]
+        for i in range(nv):
+            filter_.phi[i] -= factor * filter_.errors[a, i]
+    if filter_.mass_in_doubt > 0:
+        for i in range(nv):
+            filter_.phi[i] -= x[n - 1] * u[i]
+    fit_forces(observer, before, after, filter_.phi, rest)
+    step.blind[0] = observer.blind[0]
+    if observer.blind[0] > 0:
+        for a in range(c):
+            copy_values(observer.unseen[a], step.unseen[a])
     if not predict_momentum(before, after, u, dt, filter_, step):
         return False
-    predict_covariance(before, after, dt, filter_, step)
+    if not filter_.walk_gain[0] > 0.0:
+        learn_noise(after[2], dt, filter_)
+        learn_misfit(rest[:nv], observer.sizes.believed - c + observer.blind[0], dt, filter_)
+    predict_covariance(before, after, dt, observer, filter_, step)
     for i in range(nv):
         x[i] = after[0, i] - step.e[i]
     for a in range(n - nv):
@@ -258,7 +247,9 @@ def filter_interval(before: Array, after: Array, u: Array, dt: float, filter_: F
     for a in range(step.z.shape[0]):
         step.z[a] = x[nv + a]
         copy_values(P[nv + a], step.Z[a])
+    copy_values(step.rows[:, nv + 2 * n], rest[nv + 1 :])
     filter_.elapsed[0] += dt
+    filter_.intervals[0] += 1.0
     return True
 
 
@@ -274,8 +265,8 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
     if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE or not is_configuration(kalman.observer, q):
         return False
     before, after = filter_.samples[newest], filter_.samples[1 - newest]
-    write_noisy_sample(kalman.observer, filter_.noise, v, after)
-    if not filter_interval(before, after, u, dt, filter_, step):
+    write_noisy_sample(kalman.observer, v, after)
+    if not filter_interval(before, after, u, dt, kalman.observer, filter_, step, out):
         return False
     report(step, dt, out)
     kalman.observer.newest[0] = 1 - newest
@@ -286,7 +277,7 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
 def start_filter(memory: Array, v: Array) -> None:
     """Write the first sample of a stream."""
     kalman = kalman_in(memory)
-    write_noisy_sample(kalman.observer, kalman.filter.noise, v, kalman.filter.samples[0])
+    write_noisy_sample(kalman.observer, v, kalman.filter.samples[0])
 
 
 @kernel
@@ -294,7 +285,7 @@ def record_noisy_sample(memory: Array) -> None:
     """Write the next sample (3 + c + nv, nv) of a record, for which Pinocchio has just computed M, C and g."""
     kalman = kalman_in(memory)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
-    write_noisy_sample(kalman.observer, kalman.filter.noise, v, sample)
+    write_noisy_sample(kalman.observer, v, sample)
 
 
 @kernel
@@ -308,7 +299,7 @@ def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Arr
         errors: (ne, m, nv) the known forces that have an uncertain factor.
         memory: memory of the filter, started at the first sample.
         steps: (m, step size) written if a smoother follows, which then writes `out`; otherwise (0, step size).
-        out: (m, nv + 2 c) written if `steps` has no rows.
+        out: (m, nv + 2 c + nv + 1 + nv) written; the first nv + 2 c columns only if `steps` has no rows.
     """
     kalman, smoothed = kalman_in(memory), steps.shape[0] > 0
     filter_ = kalman.filter
@@ -320,7 +311,7 @@ def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Arr
         for a in range(errors.shape[0]):
             copy_values(errors[a, k], filter_.errors[a])
         step = step_in(steps[k], kalman.step) if smoothed else kalman.step
-        if not filter_interval(samples[k], samples[k + 1], u[k], dt, filter_, step):
+        if not filter_interval(samples[k], samples[k + 1], u[k], dt, kalman.observer, filter_, step, out[k]):
             return k
         if not smoothed:
             report(step, dt, out[k])

@@ -21,6 +21,8 @@ class Step(NamedTuple):
     basis: Array  # weight of each block of c coefficients in the forces
     z: Array  # coefficients of the forces in x after the update
     Z: Array  # rows of P for these coefficients after the update
+    blind: Array  # number of patterns of forces that left no trace
+    unseen: Array  # projector onto these patterns; valid if `blind` is not zero
 
 
 class Filter(NamedTuple):
@@ -33,7 +35,14 @@ class Filter(NamedTuple):
     pulsation: Array  # pulsation of the harmonics [rad/s], 0 for none
     misfit: Array  # the setting `misfit` of `KalmanObserver` [sqrt(s)]
     elapsed: Array  # time since the start [s]
-    noise: Array  # standard deviations of the sensor noise
+    intervals: Array  # number of intervals since the start
+    doubtful: Array  # standard deviation of the forces at the start, and the least misfit of the model [N]
+    disbelief: Array  # running mean square of what no force explains, per redundant row [N^2]
+    noise: Array  # standard deviations of the sensor noise as stated
+    sensed: Array  # the same as the record shows it, at most as stated
+    roots: Array  # running mean of the roots of the sixth differences of the velocities
+    differences: Array  # velocity, first, ..., fifth difference at the latest sample
+    slow: Array  # the weighted rows that no force explains, low-passed once and twice
     rate: Array  # decay rate of each coefficient [1/s], 0 for a random walk
     variance: Array  # stationary variance of coefficients that decay
     walk: Array  # covariance added to the components per second of random walk
@@ -44,7 +53,10 @@ class Filter(NamedTuple):
     doubt: Array  # running mean square of the possible errors of known forces and mass, for each row
     x: Array  # estimate of the state
     P: Array  # covariance of the estimate
-    samples: Array  # the two latest samples as in `kernels.residual`, each followed by B^T
+    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M
+    blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
+    phi: Array  # scratch, like the field below
+    seen: Array
 
 
 class KalmanMemory(NamedTuple):
@@ -68,6 +80,8 @@ def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step
         basis=take(cursor, (blocks,)),
         z=take(cursor, (h,)),
         Z=take(cursor, (h, n)),
+        blind=take(cursor, (1,)),
+        unseen=take(cursor, (c, c)),
     )
 
 
@@ -106,7 +120,14 @@ def kalman_in(memory: Array) -> KalmanMemory:
             pulsation=take(cursor, (1,)),
             misfit=take(cursor, (1,)),
             elapsed=take(cursor, (1,)),
+            intervals=take(cursor, (1,)),
+            doubtful=take(cursor, (2,)),
+            disbelief=take(cursor, (1,)),
             noise=take(cursor, (nv,)),
+            sensed=take(cursor, (nv,)),
+            roots=take(cursor, (nv,)),
+            differences=take(cursor, (6, nv)),
+            slow=take(cursor, (2, nv)),
             rate=take(cursor, (nz,)),
             variance=take(cursor, (nz,)),
             walk=take(cursor, (c, c)),
@@ -118,6 +139,9 @@ def kalman_in(memory: Array) -> KalmanMemory:
             x=take(cursor, (nv + nz,)),
             P=take(cursor, (nv + nz, nv + nz)),
             samples=take(cursor, (2, 3 + c + nv, nv)),
+            blurred=take(cursor, (nv, nv)),
+            phi=take(cursor, (nv,)),
+            seen=take(cursor, (c, nv + nz)),
         ),
         step=step_fields(cursor, nv, nz, c, blocks),
     )

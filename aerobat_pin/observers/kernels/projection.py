@@ -9,7 +9,7 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
 DAMPING = 1.0e-12  # added to the diagonal, as a share of the trace of J W J^T
-SUSPECT = 1.0e-6  # share of the trace: a smaller pivot means that some pattern of components may leave no trace
+SUSPECT = 1.0e-4  # share of the trace: a smaller pivot means that some pattern of components may leave no trace
 UNSEEN_EIGENVALUE = 1.0e-10  # share of the trace: a smaller eigenvalue belongs to a pattern that leaves no trace
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
@@ -34,7 +34,7 @@ def normal_equations(
         for j in range(i + 1):
             A[i, j] = 0.0
     if rows == TIED:
-        tied_equations(observer.metric, J, generalized, A, b)
+        tied_equations(observer.tied, J, generalized, A, b)
     for k in range(nv if rows == ALL_ROWS else BASE_ROWS if rows < TIED else 0):
         squared = observer.weight[k] * observer.weight[k]
         for i in range(size):
@@ -65,21 +65,30 @@ def normal_equations(
 
 
 @inner
-def tied_equations(metric: Array, J: Array, generalized: Array, A: Array, b: Array) -> None:
-    """Add J W J^T (lower triangle) to A and J W phi to b, where W is the metric of tied rows."""
-    for i in range(J.shape[0]):
-        for k in range(J.shape[1]):
-            weighted = 0.0
-            for m in range(J.shape[1]):
-                weighted += J[i, m] * metric[m, k]
-            b[i] += weighted * generalized[k]
+def tied_equations(tied: Array, J: Array, generalized: Array, A: Array, b: Array) -> None:
+    """Add (J L)(J L)^T (lower triangle) to A and J L L^T phi to b, where L (nv, ns) are the weighted tied rows."""
+    for s in range(tied.shape[1]):
+        known = 0.0
+        for k in range(tied.shape[0]):
+            known += tied[k, s] * generalized[k]
+        for i in range(b.shape[0]):
+            row = 0.0
+            for k in range(tied.shape[0]):
+                row += J[i, k] * tied[k, s]
+            b[i] += row * known
             for j in range(i + 1):
-                A[i, j] += weighted * J[j, k]
+                other = 0.0
+                for k in range(tied.shape[0]):
+                    other += J[j, k] * tied[k, s]
+                A[i, j] += row * other
 
 
 @kernel
-def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> None:
+def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> float:
     """Write the components (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
+
+    Returns the smallest pivot of the equations as a share of their trace. The number of patterns that leave no trace is
+    written to `observer.blind`, and the projector onto them to `observer.unseen`.
 
     Args:
         observer: rows, weights, Jacobian, scratch.
@@ -88,8 +97,9 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
         generalized: (nv,) generalised force.
         force: (c,) components, written.
     """
+    observer.blind[0] = 0
     if force.shape[0] == 0:
-        return
+        return 1.0
     A, velocity = observer.equations, observer.velocity
     if observer.sizes.rows == POWER_ROW:
         for k in range(BASE_ROWS, velocity.shape[0]):
@@ -97,8 +107,49 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
     trace = normal_equations(observer, observer.jacobian, velocity, generalized, A, force)
     for i in range(force.shape[0]):
         A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # trace 0: no row depends on the forces, which become 0
-    if solve_positive(A, force) < SUSPECT * trace:
+    least = solve_positive(A, force)
+    if least < SUSPECT * trace:
         project_deficient(observer, after, generalized, force)
+    return least / trace if trace > 0.0 else 0.0
+
+
+@inner
+def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalized: Array, rest: Array) -> None:
+    """Split a generalised force into what forces can explain and what no force explains.
+
+    The components that fit best are written to `observer.fitted`. What remains of the weighted rows in use is
+
+        r = L^T (phi - J^T f)       L: the rows in use, moments over a lever arm of 50 mm (see `BelievedRows.map`)
+
+    Args:
+        observer: rows, weights, Jacobian; `fitted`, `unseen` and `blind` change.
+        before: (3 + c, nv) sample at the start of the interval.
+        after: (3 + c, nv) sample at the end of the interval.
+        generalized: (nv,) generalised force phi.
+        rest: (nv + 1,) written: r, padded with zeros, and the smallest pivot of the equations over their trace.
+    """
+    nv, rows, force = generalized.shape[0], observer.sizes.rows, observer.fitted
+    J, velocity = observer.jacobian, observer.velocity
+    rest[nv] = project(observer, before, after, generalized, force)
+    power, speed = 0.0, 0.0
+    for k in range(nv):
+        rest[k] = 0.0
+    if force.shape[0] == 0:
+        return
+    for k in range(nv):
+        left = generalized[k]
+        for i in range(force.shape[0]):
+            left -= J[i, k] * force[i]
+        if rows == TIED:
+            for s in range(observer.tied.shape[1]):
+                rest[s] += observer.tied[k, s] * left
+        elif rows == ALL_ROWS or k < BASE_ROWS:
+            rest[k] = observer.weight[k] * left
+        elif rows == POWER_ROW:
+            power += velocity[k] * left
+            speed += velocity[k] * velocity[k]
+    if speed > 0.0:
+        rest[BASE_ROWS] = observer.weight[nv - 1] * power / np.sqrt(speed)
 
 
 @inner
@@ -116,9 +167,14 @@ def project_deficient(observer: ObserverMemory, after: Array, generalized: Array
             seen[j, i] = seen[i, j]
     eigenvectors(seen, V)
     trace = normal_equations(observer, observer.jacobian, observer.velocity, generalized, A, force)
+    observer.unseen[:, :] = 0.0
     for k in range(size):
         if seen[k, k] > limit:
             continue
+        observer.blind[0] += 1
+        for i in range(size):
+            for j in range(size):
+                observer.unseen[i, j] += V[i, k] * V[j, k]
         part = 0.0
         for i in range(size):
             part += V[i, k] * force[i]

@@ -10,6 +10,7 @@ Jacobian of the c unknown components (see `applications`). From two samples, the
 Without measured joint torques the joint rows of phi contain no information, and f is fitted only to the six rows of
 the base. If one motor drives all joints and its power is measured, one more row can be used: v_j . phi_j. For tied
 coordinates, the sums of their rows are used. The kind of observer determines whether phi or f is filtered, and how.
+Every observer also writes what no force explains: the weighted rows of phi - J^T f.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
-from aerobat_pin.observers.kernels.projection import project
+from aerobat_pin.observers.kernels.projection import fit_forces, project
 
 TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
 FARTHEST = 1.0e6  # [m or rad]: largest coordinate of a configuration; further out, positions lose their digits
@@ -92,6 +93,22 @@ def in_world_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float,
     )
 
 
+@inner
+def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, residual: Array) -> bool:
+    """Write phi (nv,) and `observer.jacobian` of an interval; return False if phi is NaN or huge."""
+    if not dt < TOO_LARGE:
+        return False
+    for i in range(u.shape[0]):
+        residual[i] = (after[0, i] - before[0, i]) / dt - 0.5 * (before[1, i] + after[1, i]) - u[i]
+        if not abs(residual[i]) < TOO_LARGE:  # NaN too
+            return False
+    J = observer.jacobian
+    for row in range(J.shape[0]):
+        for i in range(u.shape[0]):
+            J[row, i] = 0.5 * (before[3 + row, i] + after[3 + row, i])
+    return True
+
+
 @kernel
 def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, out: Array) -> bool:
     """Compute the estimate for one interval; return False if the residual is NaN or huge.
@@ -102,22 +119,16 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
         observer: memory of the observer; the filter's state changes.
-        out: (nv + c,) written: generalised residual, then components.
+        out: (nv + c + nv + 1,) written: generalised residual, components, then what `fit_forces` writes.
     """
-    nv = u.shape[0]
-    residual, force = out[:nv], out[nv:]
-    if not dt < TOO_LARGE:
+    nv, end = u.shape[0], u.shape[0] + observer.sizes.components
+    residual, force = out[:nv], out[nv:end]
+    if not mean_residual(before, after, u, dt, observer, residual):
         return False
-    for i in range(nv):
-        residual[i] = (after[0, i] - before[0, i]) / dt - 0.5 * (before[1, i] + after[1, i]) - u[i]
-        if not abs(residual[i]) < TOO_LARGE:  # NaN too
-            return False
     J, project_first = observer.jacobian, observer.sizes.project_first > 0
-    for row in range(J.shape[0]):
-        for i in range(nv):
-            J[row, i] = 0.5 * (before[3 + row, i] + after[3 + row, i])
+    fit_forces(observer, before, after, residual, out[end:])
     if project_first:
-        project(observer, before, after, residual, force)
+        copy_values(observer.fitted, force)
     filtered = force if project_first else residual
     if observer.basis.shape[0] > 0:
         rotate(observer.basis, filtered, observer.value, False)
@@ -211,7 +222,7 @@ def repeat_interval(samples: Array, out: Array, k: int) -> None:
 
 @kernel
 def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
-    """Apply `observe` to a record, writing out (m, nv + c); return the first interval that is not finite, or -1."""
+    """Apply `observe` to a record, writing out (m, 2 nv + c + 1); return the first bad interval, or -1."""
     observer = observer_in(memory)
     observer.filtered[:, :] = 0.0
     for k in range(u.shape[0]):

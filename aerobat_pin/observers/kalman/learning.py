@@ -1,0 +1,97 @@
+"""What the Kalman filter learns from the record itself: noise of the sensors, misfit of the model, unseen patterns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, add_product, inner
+from aerobat_pin.observers.kalman.memory import Filter, Step
+
+MEMORY_TIME = 0.2  # [s]: time over which sensor noise and misfit are averaged: one wing beat at 5 Hz
+MISFIT_LAG = 0.015  # [s]: two low-passes of this time keep most sensor noise out of the misfit
+MISFIT_TIME = 0.01  # [s]: time over which an error of the model stays what it is
+DIFFERENCES = (
+    6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
+)
+DIFFERENCE_GAIN = np.sqrt(924.0)  # deviation of a sixth difference of white noise: sum of squared binomials
+ROOT_MEAN = 0.822179  # mean of the root of |x| for a standard normal x: 2^(1/4) Gamma(3/4) / sqrt(pi)
+STATED_COUNT = 2  # so many sixth differences count as much as what is stated about the sensors
+LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is known well enough to weigh the rows by it
+LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
+
+
+@inner
+def learn_noise(v: Array, dt: float, filter_: Filter) -> None:
+    """Update the sensor noise from a sample's velocity (nv,): the smaller of what is stated and what the record shows.
+
+    The running mean of the roots of the sixth differences is hardly moved by a blow, which a mean square would take for
+    noise. The mean starts at what is stated, and moves away from it when there are seven samples.
+    """
+    step, known = filter_.differences, filter_.intervals[0] + 2.0 - DIFFERENCES  # number of sixth differences so far
+    share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (max(known, 1.0) + STATED_COUNT))
+    for i in range(v.shape[0]):
+        latest = v[i]
+        for order in range(DIFFERENCES):
+            before = step[order, i]
+            step[order, i] = latest
+            latest -= before
+        if known > 0.0:
+            filter_.roots[i] += share * (np.sqrt(abs(latest)) - filter_.roots[i])
+            shown = filter_.roots[i] * filter_.roots[i] / (ROOT_MEAN * ROOT_MEAN * DIFFERENCE_GAIN)
+            filter_.sensed[i] = min(max(shown, LEAST_NOISE * filter_.noise[i]), filter_.noise[i])
+
+
+@inner
+def learn_misfit(rest: Array, redundant: int, dt: float, filter_: Filter) -> None:
+    """Update the running mean square of what no force explains from one interval's rows `rest` (nv,)."""
+    slow, share, size = filter_.slow, 1.0 - np.exp(-dt / MISFIT_LAG), 0.0
+    for i in range(rest.shape[0]):
+        slow[0, i] += share * (rest[i] - slow[0, i])
+        slow[1, i] += share * (slow[0, i] - slow[1, i])
+        size += slow[1, i] * slow[1, i]
+    size /= max(redundant, 1)
+    share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (filter_.intervals[0] + 1.0))
+    filter_.disbelief[0] += share * (size - filter_.disbelief[0])
+
+
+@inner
+def drop_unseen(step: Step, filter_: Filter, nv: int) -> None:
+    """Take out of the covariance P what leaves no trace: f <- (1 - N N^T) f for every block of c coefficients."""
+    P, c, n = filter_.P, step.unseen.shape[0], filter_.P.shape[0]
+    for first in range(nv, nv + step.z.shape[0], c):
+        filter_.seen[:, :] = 0.0
+        add_product(filter_.seen, step.unseen, P[first : first + c], -1.0)
+        for a in range(c):
+            for j in range(n):
+                P[first + a, j] += filter_.seen[a, j]
+        for i in range(n):
+            for a in range(c):
+                filter_.seen[a, 0] = P[i, first + a]
+            for a in range(c):
+                for b in range(c):
+                    P[i, first + a] -= step.unseen[a, b] * filter_.seen[b, 0]
+
+
+@inner
+def drop_unseen_forces(step: Step, filter_: Filter, z: Array) -> None:
+    """Take out of the coefficients z (nz,) what leaves no trace, as `drop_unseen` does for the covariance."""
+    c, kept = step.unseen.shape[0], filter_.seen
+    for first in range(0, step.z.shape[0], c):
+        for a in range(c):
+            kept[a, 0] = z[first + a]
+        for a in range(c):
+            for b in range(c):
+                z[first + a] -= step.unseen[a, b] * kept[b, 0]
+
+
+@inner
+def misfit_variance(filter_: Filter) -> float:
+    """Return the variance [N^2] that errors of the model give to every weighted row.
+
+    Until the sensor noise is known, the model is thought to be wrong by as much as the forces: no row then counts more
+    than the others.
+    """
+    doubt: float = filter_.disbelief[0] + filter_.doubtful[1] * filter_.doubtful[1]
+    if filter_.intervals[0] < LEARNING:
+        doubt = max(doubt, filter_.doubtful[0] * filter_.doubtful[0])
+    return doubt

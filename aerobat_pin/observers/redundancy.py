@@ -1,0 +1,126 @@
+"""What no force explains: a check of the belief (robot, air, sensors) that every record offers for free.
+
+There are often more rows than independent unknowns. Whatever the forces are, some combinations of the weighted rows are
+then zero if the belief is right. What they show instead needs no flight without forces to be seen, and hardly depends
+on the forces:
+
+    r = (I - A A^+) L^T phi,   A = L^T J^T       rms = sqrt(mean |r|^2 / (rows - rank))
+
+with phi the generalised residual of an interval and L the weighted rows in use, moments over a lever arm of 50 mm.
+
+Noise of the velocity sensors appears in r as its derivative: large between samples, small over a wing beat. The verdict
+therefore looks at r behind two low-passes of 10 ms, and takes off what the sensors leave there; the fifth differences
+of r show how much that is. An error of the belief that looks like a force at the given points is invisible: a wrong
+mass at the very point at which a force is sought, for example.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.signal import lfilter
+
+from aerobat_pin.numerics import Array
+
+SLOW_TIME = 0.01  # [s]: time constant of both low-passes; an error of the belief changes with the wing beat
+ALLOWED = 0.005  # of the robot's weight, per redundant row: what still counts as consistent
+SENSOR_MARGIN = 1.5  # the same in units of what the sensors explain: noise also enters the known forces
+SCATTER_GAIN = 0.6745 * np.sqrt(924.0)  # median |fifth difference| of a derivative of white noise, over its deviation
+SHARE_OF_ERROR = 2.5  # a force that is smaller than this times the belief's error can be made up by it
+
+Verdict = Literal["consistent", "inconsistent", "blind"]
+
+
+@dataclass(frozen=True, repr=False)
+class Redundancy:
+    """What no force explains, over a record; sizes in N per redundant row, moments over a lever arm of 50 mm.
+
+    Attributes:
+        series: (m,) size in each interval.
+        rms: root mean square of `series`.
+        rows: number of rows in use.
+        redundant: number of rows beyond the rank of the unknown components; 0 if the verdict is `blind`.
+        sensors: the part of the low-passed residual that noise of the velocity sensors explains.
+        belief: the rest of the low-passed residual: what the belief about robot and air must answer for.
+        allowed: largest `belief` that counts as consistent.
+        points: frames at which forces are sought.
+    """
+
+    series: Array
+    rms: float
+    rows: int
+    redundant: int
+    sensors: float
+    belief: float
+    allowed: float
+    points: tuple[str, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """`blind` without redundant rows, `inconsistent` if the belief is off by more than is allowed."""
+        if self.redundant < 1:
+            return "blind"
+        return "consistent" if self.belief <= self.allowed else "inconsistent"
+
+    def describe(self) -> str:
+        """Return the verdict in words, with what it cannot see."""
+        if self.verdict == "blind":
+            return f"belief: cannot be judged, as {self.rows} rows have no redundancy for the forces sought"
+        unseen = f"blind to errors that look like forces at {', '.join(self.points)}"
+        if self.verdict == "consistent":
+            return f"belief: consistent within {_millinewtons(self.allowed)} a row; {unseen}"
+        least = _millinewtons(SHARE_OF_ERROR * self.belief)
+        size = f"belief off by about {_millinewtons(self.belief)} a row"
+        return f"{size}: forces below {least} are not to be trusted; {unseen}"
+
+    def __repr__(self) -> str:
+        """Show the verdict in words."""
+        return f"Redundancy: {self.describe()}"
+
+
+def redundancy_of(
+    time: Array, unexplained: Array, rows: int, rank: int, weight: float, points: Sequence[str]
+) -> Redundancy:
+    """Judge what no force explains.
+
+    Args:
+        time: (m + 1,) sample times [s].
+        unexplained: (m, k) weighted rows that no force explains, padded with zeros.
+        rows: number of rows in use.
+        rank: number of independent components that the rows determine; 0 if no force is sought.
+        weight: weight of everything that moves [N].
+        points: frames at which forces are sought.
+    """
+    redundant = max(rows - rank, 0) if rank else 0
+    series = np.sqrt(np.sum(unexplained**2, axis=1) / max(redundant, 1))
+    steps = np.diff(time)
+    dt = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else SLOW_TIME
+    share = -np.expm1(-dt / SLOW_TIME)
+    slow = unexplained
+    for _ in range(2):
+        slow = lfilter([share], [1.0, share - 1.0], slow, axis=0)
+    sensors = 0.0
+    if len(unexplained) > 6:
+        scatter = np.median(np.abs(np.diff(unexplained, 5, axis=0)), axis=0) / SCATTER_GAIN
+        k = np.arange(int(30.0 * SLOW_TIME / dt) + 3)
+        response = share**2 * (k + 1) * (1.0 - share) ** k  # of both low-passes to one interval
+        sensors = float(np.linalg.norm(scatter) * np.linalg.norm(np.diff(response, prepend=0.0)))
+        sensors /= np.sqrt(max(redundant, 1))
+    seen = float(np.mean(slow**2) * slow.shape[1] / max(redundant, 1))
+    return Redundancy(
+        series=series,
+        rms=float(np.sqrt(np.mean(series**2))),
+        rows=rows,
+        redundant=redundant,
+        sensors=sensors,
+        belief=float(np.sqrt(max(seen - sensors**2, 0.0))),
+        allowed=float(np.hypot(ALLOWED * weight, SENSOR_MARGIN * sensors)),
+        points=tuple(points),
+    )
+
+
+def _millinewtons(force: float) -> str:
+    return f"{1e3 * force:.2g} mN" if force < 0.0095 else f"{1e3 * force:.0f} mN"
