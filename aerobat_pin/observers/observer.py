@@ -33,36 +33,35 @@ from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.gains import modes
 from aerobat_pin.observers.identifiability import judge
+from aerobat_pin.observers.joints import check_directions, serial_model
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
 from aerobat_pin.observers.redundancy import redundancy_of
-from aerobat_pin.observers.rows import BelievedRows, Rows, Tie, moving_weight
+from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
 
 DEFAULT_GAIN = 1000.0  # [1/s]
-# Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
-DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
-    ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
-)
 
 
 class Observer:
     """A momentum observer: estimates the unknown forces at given frames.
 
     Args:
-        model: any model, free-flyer or fixed base.
+        model: any model, free-flyer or fixed base, of joints that `joints` knows.
         applications: where unknown forces act: names of frames, at whose origins a force acts, or `Application`s for a
             wrench, a force along a line, or frame axes. Leave it empty to estimate only the generalised residual.
         gain: K [1/s]: one number, one number per filtered quantity, or a symmetric positive definite matrix.
         rows: which rows of the generalised residual to use when computing forces: `"all"`; `"base"` if no joint
-            torque is known; `"base+power"` if one motor drives all joints and only its power is known; or a `Tie`.
+            torque is known; `"base+power"` if one motor drives all joints and only its power is known; a `Tie`; or
+            `AllBut("rail")` to believe all rows but those named.
             With `"base+power"` only the power v . tau of `tau` must be right if the observer projects first.
             `momentum` filters the rows before it combines them, so part of an error in `tau` remains (2 % at 1000 1/s
             on a flapping wing).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: the model lacks these rows, or the gain has the wrong shape or is not finite and positive.
+        ObserverError: the model lacks these rows or has a joint that observers cannot use, or the gain has the wrong
+            shape or is not finite and positive.
     """
 
     name: ClassVar[str]
@@ -76,12 +75,13 @@ class Observer:
         model: pin.Model,
         applications: Sequence[str | Application] = (),
         gain: ArrayLike = DEFAULT_GAIN,
-        rows: Rows | Tie = "all",
+        rows: Rows = "all",
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         if self.project_first and not applications:
             raise ObserverError(f"observer {self.name} filters forces: one frame or more was expected")
-        self.model, self.data = model, model.createData()
+        self.model = model = serial_model(model)
+        self.data = model.createData()
         self.applications = Applications(model, applications)
         self.believed = BelievedRows(model, rows)
         count, nv = len(self.applications.components), int(model.nv)
@@ -138,7 +138,7 @@ class Observer:
             ShapeError: an array does not fit the model or is not finite, or a quaternion does not have length one.
         """
         q, v = checked(q, self.model.nq, "q"), checked(v, self.model.nv, "v")
-        self._check_directions(q[None])
+        check_directions(self.model, q[None])
         # Only streams need this kernel compiled. From here on, it accepts only arrays of doubles and raises otherwise.
         lock(self._update, self._memory.copy(), v, v, 1.0, np.zeros(self._width))
         _compute(self.model, self.data, q, v)
@@ -213,7 +213,7 @@ class Observer:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
         nq, nv = int(self.model.nq), int(self.model.nv)
         q, v = _record(q, count + 1, nq, "q"), _record(v, count + 1, nv, "v")
-        self._check_directions(q)
+        check_directions(self.model, q)
         u = _record(tau, count, nv, "tau")
         for name, force in (known or {}).items():
             u = u + _record(force, count, nv, name)
@@ -287,16 +287,6 @@ class Observer:
         for name, force in known.items():
             u = u + checked(force, self._nv, name)
         return checked(q, self.model.nq, "q"), checked(v, self._nv, "v"), u
-
-    def _check_directions(self, q: Array) -> None:
-        """Raise ShapeError if a quaternion or a (cosine, sine) pair in q (m, nq) does not have length one."""
-        for joint in self.model.joints:
-            size = DIRECTIONS.get(joint.shortname(), 0)
-            end = joint.idx_q + joint.nq
-            length = np.linalg.norm(q[:, end - size : end], axis=1)
-            if size and not np.all(np.abs(length - 1.0) < 1e-3):
-                row = int(np.argmax(np.abs(length - 1.0)))
-                raise ShapeError(f"q[{end - size}:{end}] of sample {row} has length {length[row]:.3g}: 1 was expected")
 
     def _refuse_time(self, time: float) -> None:
         if np.isnan(self._time):
