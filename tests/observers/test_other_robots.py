@@ -154,7 +154,7 @@ def test_the_residual_of_a_robot_needs_no_coriolis_matrix(name: str) -> None:
 @pytest.mark.parametrize("name", JOINTS)
 @pytest.mark.parametrize("base", [None, pin.JointModelFreeFlyer()], ids=["fixed", "free"])
 def test_the_residual_of_a_joint_needs_no_coriolis_matrix(name: str, base: pin.JointModel | None) -> None:
-    """Joints between the same two links, whose axes turn with their own angles, and others, in the middle of a chain."""
+    """In the middle of a chain: joints whose axes turn with their own angles, and others."""
     check_residual(chain(JOINTS[name], base))
 
 

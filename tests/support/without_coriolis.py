@@ -6,6 +6,9 @@ because M does, so C^T v - g = Mdot v - nle with Mdot v = dp/dh at q + h v, by c
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -31,7 +34,10 @@ AXES = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8])
 
 def mjcf_leg() -> tuple[pin.Model, str]:
     """Return a torso with a leg whose hip and ankle have several joints between the same two links, and its sole."""
-    return pin.buildModelFromMJCF(LEG), "sole"
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "leg.xml")
+        file.write_text(LEG)
+        return pin.buildModelFromMJCF(str(file)), "sole"
 
 
 def composite(*joints: pin.JointModel) -> pin.JointModelComposite:
@@ -47,7 +53,7 @@ JOINTS = {
     "Universal": pin.JointModelUniversal(*AXES),
     "one in a Composite": composite(pin.JointModelHelicalUnaligned(AXES[1], 0.3)),
     "Composite": composite(pin.JointModelPX(), pin.JointModelRY(), pin.JointModelSpherical()),
-    "Composites in a Composite": composite(composite(*2 * [pin.JointModelSphericalZYX()]), pin.JointModelPZ()),
+    "Composite of chains": composite(pin.JointModelSphericalZYX(), pin.JointModelUniversal(*AXES), pin.JointModelPZ()),
     "Planar": pin.JointModelPlanar(),
     "Helical": pin.JointModelHX(0.3),
     "Unbounded": pin.JointModelRUBY(),
