@@ -19,7 +19,7 @@ from aerobat_pin.observers.kalman.smoother import SmootherObserver
 from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.redundancy import Redundancy
-from aerobat_pin.observers.rows import Rows, Tie, moving_weight, tie_joints
+from aerobat_pin.observers.rows import AllBut, Rows, Tie, moving_weight, tie_joints
 from aerobat_pin.observers.super_twisting import SuperTwistingObserver
 
 OBSERVERS: dict[str, type[Observer]] = {
@@ -37,6 +37,7 @@ OBSERVERS: dict[str, type[Observer]] = {
 __all__ = [
     "DEFAULT_GAIN",
     "OBSERVERS",
+    "AllBut",
     "Application",
     "Bias",
     "Crossing",

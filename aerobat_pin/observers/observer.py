@@ -33,13 +33,13 @@ from aerobat_pin.numerics import (
 )
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
-from aerobat_pin.observers.gains import modes
 from aerobat_pin.observers.identifiability import judge
+from aerobat_pin.observers.joints import serial_model
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
 from aerobat_pin.observers.redundancy import redundancy_of
-from aerobat_pin.observers.rows import BelievedRows, Rows, Tie, moving_weight
+from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
@@ -49,19 +49,21 @@ class Observer:
     """A momentum observer: estimates the unknown forces at given frames.
 
     Args:
-        model: any model, free-flyer or fixed base.
+        model: any model, free-flyer or fixed base, of joints that `joints` knows.
         applications: where unknown forces act: names of frames, at whose origins a force acts, or `Application`s for a
             wrench, a force along a line, or frame axes. Leave it empty to estimate only the generalised residual.
         gain: K [1/s]: one number, one number per filtered quantity, or a symmetric positive definite matrix.
         rows: which rows of the generalised residual to use when computing forces: `"all"`; `"base"` if no joint
-            torque is known; `"base+power"` if one motor drives all joints and only its power is known; or a `Tie`.
+            torque is known; `"base+power"` if one motor drives all joints and only its power is known; a `Tie`; or
+            `AllBut("rail")` to believe all rows but those named.
             With `"base+power"` only the power v . tau of `tau` must be right if the observer projects first.
             `momentum` filters the rows before it combines them, so part of an error in `tau` remains (2 % at 1000 1/s
             on a flapping wing).
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: the model lacks these rows, or the gain has the wrong shape or is not finite and positive.
+        ObserverError: the model lacks these rows or has a joint that observers cannot use, or the gain has the wrong
+            shape or is not finite and positive.
     """
 
     name: ClassVar[str]
@@ -76,12 +78,13 @@ class Observer:
         model: pin.Model,
         applications: Sequence[str | Application] = (),
         gain: ArrayLike = DEFAULT_GAIN,
-        rows: Rows | Tie = "all",
+        rows: Rows = "all",
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         if self.project_first and len(applications) == 0:
             raise ObserverError(f"applications: observer {self.name} filters forces: one frame or more was expected")
-        self.model, self.data = model, model.createData()
+        self.model = model = serial_model(model)
+        self.data = model.createData()
         self.applications = Applications(model, applications)
         self.believed = BelievedRows(model, rows)
         count, nv, self._directions = len(self.applications.components), int(model.nv), directions_of(model)

@@ -1,7 +1,8 @@
 """The rows of the generalised residual that an observer uses, and their weights.
 
-Some rows are in N (translation of a free base) and all others in N m. To compare them, a moment is divided by the
-lever arm `MOMENT_ARM`. If joint torques are not measured, the joint rows contain no information and are not used.
+Some rows are in N (translation of a free base, sliding joints) and all others in N m. To compare them, a moment is
+divided by the lever arm `MOMENT_ARM`. If joint torques are not measured, the joint rows contain no information and are
+not used.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ import pinocchio as pin
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded, shown
+from aerobat_pin.observers.joints import has_free_base, row_names, serial_model
 
 MOMENT_ARM = 0.05  # [m]
 UNSEEN_SHARE = 1.0e-3  # part of a component in an unseen unit pattern from which it counts as unseen itself
 BASE_ROWS = 6  # rows of a free-flyer base
 TIED = 3  # integer by which the kernels identify tied rows
-Rows = Literal["all", "base", "base+power"]
 ROWS = ("all", "base", "base+power")  # a name's index is the integer by which the kernels identify it
 
 
@@ -41,6 +42,37 @@ class Tie:
     map: Array
 
 
+@dataclass(frozen=True, init=False)
+class AllBut:
+    """All rows but some: those whose known force is not to be believed, such as a rail's or an unsensed joint's.
+
+    Args:
+        names: names of joints (`rail`), of parts of joints with several rows (`ball.Mx`), `base`, or parts of the base
+            (`base.Fx`, in body axes). Any force is considered possible in these rows.
+    """
+
+    names: tuple[str, ...]
+
+    def __init__(self, *names: str) -> None:
+        """Keep the names."""
+        object.__setattr__(self, "names", names)
+
+    def kept(self, model: pin.Model) -> list[int]:
+        """Return the indices of the rows that are believed. Raises ObserverError for an unknown name or if none is."""
+        rows, dropped = list(row_names(model)), set()
+        for name in self.names:
+            named = {row for row in rows if row == name or row.startswith(f"{name}.")}
+            if not named:
+                raise ObserverError(f"rows: no joint or part '{name}' in this model; there are {', '.join(rows)}")
+            dropped |= named
+        if len(dropped) == len(rows):
+            raise ObserverError(f"rows: no row is left without {', '.join(self.names)}")
+        return [i for i, row in enumerate(rows) if row not in dropped]
+
+
+Rows = Literal["all", "base", "base+power"] | Tie | AllBut
+
+
 def moving_weight(model: pin.Model) -> float:
     """Return the weight [N] of everything that moves: the physical scale of forces on a robot, gravity or not."""
     gravity = -float(pin.Model.gravity981[2])
@@ -59,6 +91,7 @@ def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right"
     Raises:
         ObserverError: a joint is not in the model, or moves with more than one degree of freedom.
     """
+    model = serial_model(model)
     for joint in [*pairs, *pairs.values()]:
         if not model.existJointName(joint) or model.joints[model.getJointId(joint)].nv != 1:
             raise ObserverError(f"tie {name}: '{joint}' is not a joint of one degree of freedom of this model")
@@ -75,20 +108,19 @@ class BelievedRows:
     """The rows of the residual that an observer uses, in the form that kernels and identifiability need.
 
     Attributes:
-        name: `all`, `base`, `base+power`, or the name of a tie.
+        name: `all`, `base`, `base+power`, the name of a tie, or `all but` and names of rows.
         number: the integer by which the kernels identify this choice of rows.
         weight: (nv,) weights of the rows, 1 for forces and 1/`MOMENT_ARM` for moments.
         count: how many rows there are.
-        tied: (nv, ns) matrix L for tied rows: L^T phi are their weighted sums. Empty unless rows are tied.
+        tied: (nv, ns) matrix L for tied rows: L^T phi are their weighted sums, or the weighted rows that are left.
+            Empty unless rows are tied or left out.
     """
 
-    def __init__(self, model: pin.Model, rows: Rows | Tie) -> None:
+    def __init__(self, model: pin.Model, rows: Rows) -> None:
         """Check the rows and compute their weights. Raises ObserverError if the model does not have these rows."""
         nv = int(model.nv)
-        floating = bool(model.njoints > 1 and model.joints[1].nv == BASE_ROWS)
-        self.weight: Array = np.full(nv, 1.0 / MOMENT_ARM)
-        if floating:
-            self.weight[:3] = 1.0
+        forces = np.array([unit == "N" for unit in row_names(model).values()])
+        self.weight: Array = np.where(forces, 1.0, 1.0 / MOMENT_ARM)
         self.tied: Array = np.zeros((0, 0))
         self.rows = rows
         if isinstance(rows, Tie):
@@ -96,11 +128,13 @@ class BelievedRows:
                 raise ObserverError(f"tie {rows.name}: a finite map of {nv} rows was expected")
             self.name, self.number = rows.name, TIED
             norms = np.maximum(np.linalg.norm(rows.map, axis=0), 1e-12)
-            forces = np.abs(rows.map[:3]).sum(axis=0) > 0.0 if floating else np.zeros(len(norms), bool)
-            self.tied = rows.map * np.where(forces, 1.0, 1.0 / MOMENT_ARM) / norms
-        elif not isinstance(rows, str) or rows not in ROWS or (rows != "all" and not floating):
+            self.tied = rows.map * np.where(np.any(rows.map[forces], axis=0), 1.0, 1.0 / MOMENT_ARM) / norms
+        elif isinstance(rows, AllBut):
+            self.name, self.number = f"all but {', '.join(rows.names)}", TIED
+            self.tied = np.diag(self.weight)[:, rows.kept(model)]
+        elif not isinstance(rows, str) or rows not in ROWS or (rows != "all" and not has_free_base(model)):
             raise ObserverError(
-                f"rows = {shown(rows)}: a Tie or one of {', '.join(ROWS)} was expected (fixed base: a Tie or all)"
+                f"rows = {shown(rows)}: a Tie, AllBut or one of {', '.join(ROWS)} was expected; a fixed base has no base"
             )
         else:
             self.name, self.number = rows, ROWS.index(rows)
@@ -108,7 +142,7 @@ class BelievedRows:
 
     def map(self, velocity: Array) -> Array:
         """Return L (nv, k) such that L^T phi are the weighted rows in use; `velocity` (nv,) gives the power row."""
-        if isinstance(self.rows, Tie):
+        if self.number == TIED:
             return self.tied
         diagonal: Array = np.diag(self.weight)
         if self.rows == "all":
@@ -118,5 +152,6 @@ class BelievedRows:
             return base
         along = np.zeros((len(velocity), 1))
         joints = velocity[BASE_ROWS:]
-        along[BASE_ROWS:, 0] = joints / max(float(np.linalg.norm(joints)), 1e-12) / MOMENT_ARM
+        speed = float(np.linalg.norm(joints / (MOMENT_ARM * self.weight[BASE_ROWS:])))
+        along[BASE_ROWS:, 0] = joints / max(speed, 1e-12) / MOMENT_ARM
         return np.concatenate([base, along], axis=1)

@@ -12,7 +12,7 @@ from aerobat_pin.numerics import LARGEST_REAL, guarded
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.kernels.filters import SUPER_TWISTING
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import Rows, Tie
+from aerobat_pin.observers.rows import Rows
 
 
 class SuperTwistingObserver(Observer):
@@ -39,7 +39,7 @@ class SuperTwistingObserver(Observer):
         model: pin.Model,
         applications: Sequence[str | Application] = (),
         gain: ArrayLike = DEFAULT_GAIN,
-        rows: Rows | Tie = "all",
+        rows: Rows = "all",
         *,
         slope: float = 1.0,
     ) -> None:

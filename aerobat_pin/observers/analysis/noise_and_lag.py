@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, checked, guarded
 from aerobat_pin.observers.identifiability import RANK_TOLERANCE, judge
+from aerobat_pin.observers.joints import has_free_base
 from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
 from aerobat_pin.observers.rows import BASE_ROWS
@@ -50,7 +51,7 @@ class SensorNoise:
     @guarded()
     def deviations(self, model: pin.Model) -> Array:
         """Return the standard deviation of each velocity coordinate of a model (nv,)."""
-        free = BASE_ROWS if model.njoints > 1 and model.joints[1].nv == BASE_ROWS else 0
+        free = BASE_ROWS if has_free_base(model) else 0
         base = [self.linear_velocity] * 3 + [self.gyro] * 3
         return np.array(base[:free] + [self.joint_rate] * (model.nv - free))
 

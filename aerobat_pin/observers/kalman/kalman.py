@@ -14,13 +14,14 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_memory, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.joints import has_free_base
 from aerobat_pin.observers.kalman import kernels
 from aerobat_pin.observers.kalman.innovation import innovation_of
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import BASE_ROWS, Rows, Tie, moving_weight
+from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
 RISE_PULSATION = 1.75  # w / K: a second-order Butterworth filter of pulsation w [rad/s] rises to 1 - 1/e in 1.753 / w
@@ -64,8 +65,9 @@ class KalmanObserver(Observer):
         applications: where unknown forces act, as in `Observer`; at least one.
         gain: K [1/s], one number; used only if `force_walk` is `"gain"`.
         rows: which rows to use; in the other rows any torque is considered possible.
-        sensor_noise: standard deviations per sample of linear velocity [m/s], gyro [rad/s] and joint rates [rad/s].
-            On a fixed base the last one applies to all velocities. If the record shows less noise, that is believed.
+        sensor_noise: standard deviations per sample of linear velocity [m/s], gyro [rad/s] and joint rates [rad/s;
+            m/s where a joint slides]. On a fixed base the last one applies to all velocities. If the record shows less
+            noise, that is believed.
         force_walk: standard deviation of the change of a force in one second [N/sqrt(s)], one number or one per
             component; when omitted, 2.2 times the robot's weight (on a fixed base: of all that moves). One number is
             multiplied by a lever arm of 50 mm for moments. With `"gain"` the filter follows every pattern of forces
@@ -106,7 +108,7 @@ class KalmanObserver(Observer):
         model: pin.Model,
         applications: Sequence[str | Application] = (),
         gain: ArrayLike = DEFAULT_GAIN,
-        rows: Rows | Tie = "all",
+        rows: Rows = "all",
         *,
         sensor_noise: Sequence[float] = SENSOR_NOISE,
         force_walk: ArrayLike | Literal["gain"] | None = None,
@@ -198,7 +200,7 @@ class KalmanObserver(Observer):
             raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
         linear, angular, joints = (_positive("sensor_noise", size) for size in sensor_noise)
         noise = np.full(self._nv, joints)
-        if self.model.joints[1].nv == BASE_ROWS:
+        if has_free_base(self.model):
             noise[:BASE_ROWS] = np.repeat([linear, angular], 3)
         return noise
 

@@ -45,7 +45,7 @@ def normal_equations(
     if rows == POWER_ROW:  # the power of all joints, per unit of joint velocity
         speed, power = 0.0, 0.0
         for k in range(BASE_ROWS, nv):
-            speed += velocity[k] * velocity[k]
+            speed += in_unit_of_last_row(observer, velocity, k) ** 2
             power += velocity[k] * generalized[k]
         squared = observer.weight[nv - 1] ** 2 / speed if speed > 0.0 else 0.0
         for i in range(size):
@@ -65,22 +65,27 @@ def normal_equations(
 
 
 @inner
+def in_unit_of_last_row(observer: ObserverMemory, velocity: Array, k: int) -> float:
+    """Return a joint's velocity, divided by the lever arm if it slides and the last joint turns (or the reverse)."""
+    ratio: float = observer.weight[observer.weight.shape[0] - 1] / observer.weight[k]
+    return ratio * float(velocity[k])
+
+
+@inner
 def tied_equations(tied: Array, J: Array, generalized: Array, A: Array, b: Array) -> None:
     """Add (J L)(J L)^T (lower triangle) to A and J L L^T phi to b, where L (nv, ns) are the weighted tied rows."""
+    row = np.empty(b.shape[0])
     for s in range(tied.shape[1]):
         known = 0.0
         for k in range(tied.shape[0]):
             known += tied[k, s] * generalized[k]
         for i in range(b.shape[0]):
-            row = 0.0
+            row[i] = 0.0
             for k in range(tied.shape[0]):
-                row += J[i, k] * tied[k, s]
-            b[i] += row * known
+                row[i] += J[i, k] * tied[k, s]
+            b[i] += row[i] * known
             for j in range(i + 1):
-                other = 0.0
-                for k in range(tied.shape[0]):
-                    other += J[j, k] * tied[k, s]
-                A[i, j] += row * other
+                A[i, j] += row[i] * row[j]
 
 
 @kernel
@@ -147,7 +152,7 @@ def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalize
             rest[k] = observer.weight[k] * left
         elif rows == POWER_ROW:
             power += velocity[k] * left
-            speed += velocity[k] * velocity[k]
+            speed += in_unit_of_last_row(observer, velocity, k) ** 2
     if speed > 0.0:
         rest[BASE_ROWS] = observer.weight[nv - 1] * power / np.sqrt(speed)
 
