@@ -26,11 +26,11 @@ from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, Aerobat, rotations
 
-WINDOW = 0.1  # [s]: over which integrals are compared
+COMPARED_OVER = 0.1  # [s]: over which integrals are compared
 LONGEST_SHIFT = 0.05  # [s]
 SHIFT_STEPS = 6  # most Gauss-Newton steps of the shift
 SMALLEST_SHIFT = 1e-5  # [s]: a smaller step ends the search
-LONGEST_GAP = 3.0  # times the mean step; over a longer one no rate is integrated
+WIDEST_GAP = 3.0  # times the mean step; over a longer one no rate is integrated
 FEWEST_POINTS = 8  # at which two series are compared, for otherwise they say nothing
 MOST_POINTS = 400  # at which two series are compared
 LARGEST_DELAY = 0.8e-3  # [s]; a millisecond costs an R2 of 0.1
@@ -105,13 +105,13 @@ def contradictions(log: FlightLog, robot: Aerobat) -> list[Contradiction]:
     time = log.time[rising]
     if len(time) < FEWEST_POINTS:
         return found
-    channels = {name: values[rising] for name, values in _samples(log).items()}
+    channels = {name: values[rising] for name, values in _sampled_channels(log).items()}
     found += _joints(channels, robot, time)
     found += _body(channels, time)
     return found
 
 
-def _samples(log: FlightLog) -> dict[str, Array]:
+def _sampled_channels(log: FlightLog) -> dict[str, Array]:
     """Return the sampled channels, each (m, c), by the names that warnings call them."""
     measured = {name: np.asarray(log.measured[name].values, float) for name in log.measured.data_vars}
     pose, twist = measured.get("q", measured.get("pose")), measured.get("v", measured.get("twist"))
@@ -132,7 +132,7 @@ def _samples(log: FlightLog) -> dict[str, Array]:
 def _held(log: FlightLog) -> Iterator[Contradiction]:
     """Yield the channels that repeat their samples at even intervals, as those of a slower sensor do."""
     step = _step(log.time)
-    for name, values in _samples(log).items():
+    for name, values in _sampled_channels(log).items():
         changes = np.flatnonzero(np.any(values[1:] != values[:-1], axis=1))
         gaps = np.diff(changes)
         if not FEWEST_CHANGES < len(changes) < FREQUENT * len(values):
@@ -195,8 +195,8 @@ def _body(channels: dict[str, Array], time: Array) -> Iterator[Contradiction]:
             unit, hint = ("rad", "rad/s and body axes") if pair.second == "gyro" else ("m", "m, m/s and body axes")
             limit = max(floor, LARGEST_SHARE * float(pair.moved[worst]))
             text = (
-                f"{pair.second} against {pair.first}: in {WINDOW:g} s they differ by {pair.left[worst]:.3g} {unit} "
-                f"(rms) about {'xyz'[worst]}, {limit:.2g} are allowed; {hint} were expected"
+                f"{pair.second} against {pair.first}: in {COMPARED_OVER:g} s they differ by {pair.left[worst]:.3g} "
+                f"{unit} (rms) about {'xyz'[worst]}, {limit:.2g} are allowed; {hint} were expected"
             )
             if pair.second == "velocity":
                 text = text.replace("velocity against position", "position against velocity").replace("about", "along")
@@ -250,8 +250,8 @@ def _fit_rates(first: str, second: str, values: Array, rates: Array, time: Array
     """Fit the integral of rates (m, c) to values (m, c), both over windows."""
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
     integral = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
-    n = min(max(1, round(WINDOW / _step(time))), len(time) // 3)
-    gaps = np.concatenate([[0], np.cumsum(np.diff(time) > LONGEST_GAP * _step(time))])
+    n = min(max(1, round(COMPARED_OVER / _step(time))), len(time) // 3)
+    gaps = np.concatenate([[0], np.cumsum(np.diff(time) > WIDEST_GAP * _step(time))])
     whole = gaps[n:] == gaps[:-n]
     moved, turned = (values[n:] - values[:-n])[whole], (integral[n:] - integral[:-n])[whole]
     return _fit(first, second, moved, turned, time[n:][whole], offset=False)
@@ -305,7 +305,7 @@ def _late(pair: _Pair) -> Iterator[Contradiction]:
 
 def _accelerations(position: Array, time: Array) -> Iterator[Contradiction]:
     """Yield a contradiction if the body seems to move as no flight does; only for logs without a velocity."""
-    n = min(max(1, round(0.5 * WINDOW / _step(time))), len(time) // 3)
+    n = min(max(1, round(0.5 * COMPARED_OVER / _step(time))), len(time) // 3)
     steps = (position[n:] - position[:-n]) / (time[n:] - time[:-n])[:, None]
     bends = (steps[n:] - steps[:-n]) / (time[n:-n] - time[: -2 * n])[:, None]
     size = np.sqrt(np.mean(bends**2, axis=0))

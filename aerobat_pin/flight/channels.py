@@ -1,7 +1,7 @@
 """The channels that a flight log can contain: dimensions, unit and meaning of each, and the labels of its axes.
 
-Every reader and writer of logs uses this table. Labels decide what a column means, not its place: `checked` puts the
-columns of each channel in the order of `LABELS`.
+Every reader and writer of logs uses this table. Labels decide what a column means, not its place: `checked_channels`
+puts the columns of each channel in the order of `LABELS`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LABELS = {
     "link": LINKS,
     "wrench_axis": ("fx", "fy", "fz", "mx", "my", "mz"),
 }
-LARGEST = 1e9  # no quantity of a flight is larger in SI units; a larger number is a damaged one
+LARGEST_NUMBER = 1e9  # no quantity of a flight is larger in SI units; a larger number is a damaged one
 QUATERNION_ERROR = 0.01  # allowed deviation of a quaternion's length from 1
 FASTEST_CRANK = 60.0  # [Hz]: if the crank seems faster, its angle is in degrees
 LARGEST_JOINT_ANGLE = 2.0 * np.pi  # [rad]: no joint turns that far; a larger angle is in degrees
@@ -65,7 +65,7 @@ MEASURED = {
     "crank_torque": _channel("interval", "N m", "motor torque at the crank, interval mean"),
 }
 KNOWN_FORCE = _channel("interval v_axis", "N, N m", "known generalised force, interval mean")
-TRUTH = {
+REQUIRED_TRUTH = {
     "force_W": _channel("interval point axis", "N", "unknown force in world axes, interval mean"),
     "force_noise_free_W": _channel("interval point axis", "N", "unknown force without its noise, interval mean"),
     "unknown": _channel("interval v_axis", "N, N m", "unknown generalised force, interval mean"),
@@ -111,7 +111,7 @@ def is_unit(text: str, unit: str) -> bool:
     return all(alike) and (len(found) == len(expected) or 1 < len(expected) < len(found))
 
 
-def checked(data: xr.Dataset, table: Mapping[str, Channel], name: str, *, complete: bool) -> xr.Dataset:
+def checked_channels(data: xr.Dataset, table: Mapping[str, Channel], name: str, *, complete: bool) -> xr.Dataset:
     """Return a dataset whose channels are those of a table, with columns in the order of `LABELS`.
 
     Args:
@@ -131,7 +131,9 @@ def checked(data: xr.Dataset, table: Mapping[str, Channel], name: str, *, comple
             row = _row(str(key), table, values.dims, name)
             _check_form(values, row, f"{name}: channel '{key}'", complete=complete)
             variables[key] = row, values
-    order = {dim: _order(dim, data, name, complete=complete) for row, _ in variables.values() for dim in row.dims}
+    order = {
+        dim: _columns_in_order(dim, data, name, complete=complete) for row, _ in variables.values() for dim in row.dims
+    }
     made, changed = {}, any(column is not None for column in order.values())
     for key, (row, values) in variables.items():
         new = values if values.dims == row.dims else values.transpose(*row.dims)
@@ -178,7 +180,7 @@ def _check_form(values: xr.Variable, row: Channel, where: str, *, complete: bool
         raise LogError(f"{where} has units = {str(unit)[:40]!r}: '{row.unit}' was expected; units are not converted")
 
 
-def _order(dim: str, data: xr.Dataset, name: str, *, complete: bool) -> list[int] | None:
+def _columns_in_order(dim: str, data: xr.Dataset, name: str, *, complete: bool) -> list[int] | None:
     """Return the columns of an axis in the order of `LABELS`, or None if they stand in this order already.
 
     Raises:
@@ -214,8 +216,8 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
     values = variable.values
     if values.size == 0 or key == "event_end":
         return
-    if not (values.min() >= -LARGEST and values.max() <= LARGEST):  # also false for NaN
-        at = np.unravel_index(int(np.argmax(~(np.abs(values) <= LARGEST))), values.shape)
+    if not (values.min() >= -LARGEST_NUMBER and values.max() <= LARGEST_NUMBER):  # also false for NaN
+        at = np.unravel_index(int(np.argmax(~(np.abs(values) <= LARGEST_NUMBER))), values.shape)
         labels = [
             str(data.variables[dim].values[i])
             for dim, i in zip(variable.dims[1:], at[1:], strict=True)
@@ -223,8 +225,8 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
         ]
         what = f", {' '.join(labels)}" if labels else ""
         raise LogError(
-            f"{name}: channel '{key}', {_place(variable, data, int(at[0]))}{what} = {values[at]:g}: a number between "
-            f"-{LARGEST:g} and {LARGEST:g} was expected"
+            f"{name}: channel '{key}', {_sample_name(variable, data, int(at[0]))}{what} = {values[at]:g}: a number "
+            f"between -{LARGEST_NUMBER:g} and {LARGEST_NUMBER:g} was expected"
         )
     if key in ("q", "pose"):
         length = np.sqrt(np.einsum("ij,ij->i", values[:, 3:7], values[:, 3:7]))
@@ -232,12 +234,12 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
         if np.any(wrong):
             at_row = int(np.argmax(wrong))
             raise LogError(
-                f"{name}: channel '{key}', {_place(variable, data, at_row)}: the quaternion has length "
+                f"{name}: channel '{key}', {_sample_name(variable, data, at_row)}: the quaternion has length "
                 f"{length[at_row]:.3g}: 1 was expected"
             )
 
 
-def _place(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
+def _sample_name(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
     """Return where a row of a channel is: `sample 12 (0.012 s)`."""
     dim = variable.dims[0]
     what = "sample" if dim == "time" else str(dim)

@@ -31,8 +31,8 @@ from aerobat_pin.flight.channels import (
     LARGEST_JOINT_ANGLE,
     MEASURED,
     OPTIONAL_TRUTH,
-    TRUTH,
-    checked,
+    REQUIRED_TRUTH,
+    checked_channels,
 )
 from aerobat_pin.flight.netcdf import checksums, read_netcdf
 from aerobat_pin.numerics import guarded
@@ -70,7 +70,7 @@ class FlightLog:
         Args:
             name: what error messages call the log.
         """
-        measured = checked(self.measured, MEASURED, name, complete=False)
+        measured = checked_channels(self.measured, MEASURED, name, complete=False)
         object.__setattr__(self, "measured", measured)
         if "q" not in measured and "pose" not in measured:
             raise LogError(f"{name}: no channel named q or pose")
@@ -136,7 +136,7 @@ class FlightLog:
         """
         name = f"flight log {path}"
         parts = read_netcdf(path, "flight log", ("truth",))
-        measured = checked(parts[""], MEASURED, name, complete=True)
+        measured = checked_channels(parts[""], MEASURED, name, complete=True)
         log = cls(measured, None, name)
         _check_clock(measured, log.time, name)
         return log if "truth" not in parts else cls(measured, _checked_truth(parts["truth"], log.time, name), name)
@@ -145,8 +145,8 @@ class FlightLog:
 def _checked_truth(truth: xr.Dataset, time: Any, name: str) -> xr.Dataset:
     """Return the truth of a log with its columns in order. Raises LogError if it is not the truth of this flight."""
     name = f"{name}, group truth"
-    truth = checked(truth, TRUTH | OPTIONAL_TRUTH, name, complete=True)
-    for key in TRUTH:
+    truth = checked_channels(truth, REQUIRED_TRUTH | OPTIONAL_TRUTH, name, complete=True)
+    for key in REQUIRED_TRUTH:
         if key not in truth:
             raise LogError(f"{name}: no channel named {key}")
     _check_clock(truth, time, name)

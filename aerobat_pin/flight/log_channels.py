@@ -8,7 +8,16 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.aerodynamics import strips_of
-from aerobat_pin.flight.channels import KNOWN, KNOWN_FORCE, LABELS, MEASURED, OPTIONAL_TRUTH, TRUTH, channel, filled
+from aerobat_pin.flight.channels import (
+    KNOWN,
+    KNOWN_FORCE,
+    LABELS,
+    MEASURED,
+    OPTIONAL_TRUTH,
+    REQUIRED_TRUTH,
+    channel,
+    filled,
+)
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.plant.plant import Flown, Plant
 from aerobat_pin.numerics import Array
@@ -59,7 +68,9 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "point": list(plant.points),
         "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
     }
-    truth = xr.Dataset({name: filled(name, values, TRUTH) for name, values in true.items()}, coords={**coords, **axes})
+    truth = xr.Dataset(
+        {name: filled(name, values, REQUIRED_TRUTH) for name, values in true.items()}, coords={**coords, **axes}
+    )
     if flown.air.size:
         truth["air_state"] = filled("air_state", flown.air, OPTIONAL_TRUTH)
     events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]

@@ -96,12 +96,12 @@ def _entries(group: h5py.Group, name: str) -> list[str]:
 def _checked_size(group: h5py.Group, name: str) -> float:
     """Return the size of all values in a group [bytes]. Raises LogError for values that the file does not contain."""
     total = 0.0
-    _check_attributes(group, f"{name}: {group.name}")
+    _check_attribute_sizes(group, f"{name}: {group.name}")
     for key, item in group.items():
         if not isinstance(item, h5py.Dataset):
             continue
         where = f"{name}: '{key}'"
-        _check_attributes(item, where)
+        _check_attribute_sizes(item, where)
         if item.dtype.kind not in "fiuS" and h5py.check_string_dtype(item.dtype) is None:
             raise LogError(f"{where} has the type {str(item.dtype)[:40]}: real numbers or text were expected")
         size = float(np.prod([float(n) for n in item.shape or ()])) * item.dtype.itemsize
@@ -118,7 +118,7 @@ def _checked_size(group: h5py.Group, name: str) -> float:
     return total
 
 
-def _check_attributes(item: Any, where: str) -> None:
+def _check_attribute_sizes(item: Any, where: str) -> None:
     """Raise LogError if an object has too many attributes or one that is too large."""
     if len(item.attrs) > MOST_ENTRIES:
         raise LogError(f"{where} has {len(item.attrs)} attributes: at most {MOST_ENTRIES} were expected")
@@ -156,7 +156,9 @@ def _dataset(group: h5py.Group, name: str) -> xr.Dataset:
     for key, item in group.items():
         if not isinstance(item, h5py.Dataset) or _is_bare(item):
             continue
-        attributes = {k: _plain(v) for k, v in item.attrs.items() if k not in INTERNAL and not k.startswith("_Netcdf4")}
+        attributes = {
+            k: _plain_attribute(v) for k, v in item.attrs.items() if k not in INTERNAL and not k.startswith("_Netcdf4")
+        }
         packed = [k for k in PACKING if k in attributes]
         if packed:
             raise LogError(f"{name}: '{key}' has the attribute {packed[0]}: plain numbers were expected")
@@ -166,7 +168,7 @@ def _dataset(group: h5py.Group, name: str) -> xr.Dataset:
             coords.add(label)
         coords |= set(str(item.attrs.get("coordinates", "")).split())
         variables[label] = xr.Variable(dims, _values(item), attributes)
-    attributes = {k: _plain(v) for k, v in group.attrs.items() if k not in INTERNAL and k != "_NCProperties"}
+    attributes = {k: _plain_attribute(v) for k, v in group.attrs.items() if k not in INTERNAL and k != "_NCProperties"}
     data = {key: values for key, values in variables.items() if key not in coords}
     return xr.Dataset(data, {key: variables[key] for key in coords & set(variables)}, attributes)
 
@@ -193,7 +195,7 @@ def _values(item: h5py.Dataset) -> Any:
     return values
 
 
-def _plain(value: Any) -> Any:
+def _plain_attribute(value: Any) -> Any:
     """Return an attribute as text or number where it is one."""
     if isinstance(value, h5py.Empty):
         return ""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.bad_logs import CONTRADICTIONS, height_in_millimetres
 from support.commands import call
+from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
 from aerobat_pin.estimation.contradictions import contradictions
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
