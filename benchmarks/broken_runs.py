@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 import support.broken_runs as broken
-from support.broken_runs import Bench
+from support.bench import NEW, RUN, Bench, content
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "broken_runs.md"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-COMMAND = [sys.executable, "-m", "aerobat_pin", *broken.RUN, *broken.NEW]
+COMMAND = [sys.executable, "-m", "aerobat_pin", *RUN, *NEW]
 SIZES = (1_000, 30_000, 120_000, 400_000)  # [bytes]
 ENDS = ("finished", "ended in one line", "before our first line", "ended otherwise")
 STATES = ("old result", "new result", "half-written", "left behind", "false statement")
@@ -38,7 +38,7 @@ def interrupt(bench: Bench, number: signal.Signals, moment: float) -> tuple[str,
     time.sleep(moment)
     process.send_signal(number)
     _, said = process.communicate(timeout=broken.HANGS)
-    found = broken.content(folder / "result")
+    found = content(folder / "result")
     wrong = bench.wrong(folder, left=number == signal.SIGKILL)
     new = found["metrics.json"] == bench.new["metrics.json"]
     seen = ["half-written" if any("half" in text or "own" in text for text in wrong) else STATES[new]]

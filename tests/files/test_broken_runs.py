@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import support.broken_runs as broken
-from support.broken_runs import Bench, Case
+from support.bench import RUN, Bench
+from support.broken_runs import Case
 
 from aerobat_pin.flight.flight_log import FlightLog
 
@@ -57,7 +58,7 @@ def test_a_diverged_flight_can_be_replayed_and_estimated(bench: Bench) -> None:
     """Report, replay and `aerobat estimate` mark it; none of them goes beyond `diverged_at`."""
     folder = bench.new_folder()
     push = "unknown_force=[{frame='left_force_point', signal='step', start=0.005, height=1e5}]"
-    words = [word for word in broken.RUN if word != "--no-report"]
+    words = [word for word in RUN if word != "--no-report"]
     done = bench.forks.start([*words, "--set", push], folder).result()
     assert done.returncode == 2
     assert "the flight diverged at t = 0.00" in done.stderr

@@ -20,91 +20,16 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 import xarray as xr
 
-from support.forks import Forks, Running
+from support.bench import NEW, OWN, RUN, SHORT, Bench, content
+from support.forks import Running
 
-SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1", "--no-report"]
-RUN = ["run", "paper", "--out", "result", "--force", *SHORT]
-OLD, NEW = ["--seed", "1"], ["--seed", "2"]
-OWN = {"notes.txt": b"mine", "figures/mine.png": b"my picture", "deep/er/data.csv": b"1,2\n"}
 FULL = r"error: (output|standard output).*(No space left on device|File too large|Disk quota exceeded)"
 HANGS = 60.0  # [s]: a program that runs longer hangs
-Content = dict[str, bytes]
-
-
-class Bench:
-    """Where cases are played: the good results, and the process from which programs are forked.
-
-    Args:
-        folder: an empty folder for everything that the cases write.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        """Keep the folder."""
-        self.folder, self.count = folder, 0
-
-    def __enter__(self) -> Bench:
-        self.forks = Forks().__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.forks.__exit__(kind, error, trace)
-
-    def new_folder(self) -> Path:
-        """Return a new folder with an old result, `result/`, that also holds files of the user's."""
-        self.count += 1
-        folder = self.folder / str(self.count)
-        shutil.copytree(self.folder / "old" if self.old else Path(), folder)
-        for name, content in OWN.items():
-            (folder / "result" / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / "result" / name).write_bytes(content)
-        return folder
-
-    @cached_property
-    def old(self) -> Content:
-        """The files of the old result."""
-        return self._made("old", OLD)
-
-    @cached_property
-    def new(self) -> Content:
-        """The files of the new result."""
-        return self._made("new", NEW)
-
-    @cached_property
-    def seconds(self) -> float:
-        """How long an undisturbed run takes."""
-        assert self.new
-        folder, start = self.new_folder(), time.monotonic()
-        self.forks.start([*RUN, *NEW], folder).result()
-        return time.monotonic() - start
-
-    def _made(self, name: str, seed: list[str]) -> Content:
-        (self.folder / name).mkdir()
-        done = self.forks.start([*RUN, *seed], self.folder / name).result()
-        assert done.returncode == 0, done.stderr
-        return content(self.folder / name / "result")
-
-    def wrong(self, folder: Path, *, left: bool = False) -> list[str]:
-        """Return what is wrong with a folder: a result that is neither old nor new, and what should not be there.
-
-        Args:
-            folder: the folder, as `new_folder` made it.
-            left: accept a work folder, as it stays behind after `kill -9`.
-        """
-        found = content(folder / "result")
-        own = {name: found.pop(name, b"") for name in OWN}
-        wrong = [] if found in (self.old, self.new) else [f"half-written: {sorted(found)}"]
-        wrong += [f"the user's files: {own}"] if own != OWN else []
-        others = sorted(path.name for path in folder.iterdir() if path.name != "result")
-        return wrong + ([f"left behind: {others}"] if others and not left else [])
 
 
 @dataclass(frozen=True)
@@ -125,11 +50,6 @@ class Case:
 def random_case(rng: np.random.Generator, kind: str) -> Case:
     """Draw a case of a kind."""
     return KINDS[kind](rng)
-
-
-def content(folder: Path) -> Content:
-    """Return the files of a folder: path -> content."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 def said_wrong(done: subprocess.CompletedProcess[str], codes: tuple[int, ...], line: str) -> list[str]:
