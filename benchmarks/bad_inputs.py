@@ -20,12 +20,12 @@ from aerobat_pin.experiments.sweep import plan
 from aerobat_pin.scenario import csv_rows, size
 
 LIMITS = (
-    size.MOST_BYTES / 1e9,
+    size.LARGEST_LOG / 1e9,
     size.MOST_SECONDS,
     plan.MOST_RUNS,
     plan.MOST_DAYS,
-    csv_rows.MOST_BYTES / 1e6,
-    toml_text.MOST_BYTES / 1e6,
+    csv_rows.LARGEST_TABLE / 1e6,
+    toml_text.LARGEST_TOML / 1e6,
     toml_text.MOST_LEVELS,
 )
 PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
