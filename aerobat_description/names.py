@@ -9,7 +9,7 @@ from aerobat_description.reading import require
 # Links and joints of every robot, and Pinocchio's names for the world and for the joint of the free base.
 FRAMES = ("force_point", "linkage_J1", "linkage_J8")
 WING = ("proximal", "distal", "shoulder", "elbow", *FRAMES, *(f"{frame}_fixed" for frame in FRAMES))
-LONGEST_NAME = 100  # bytes: files are named after a robot, and no file system takes names above 255 bytes
+LONGEST_ROBOT_NAME = 100  # bytes: files are named after a robot, and no file system takes names above 255 bytes
 BUILT_IN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
 
 
@@ -20,8 +20,8 @@ def check_name(name: str, key: str) -> None:
         name: the name.
         key: dotted key of the name in the morphology, for the message.
     """
-    plain = 0 < len(name.encode()) <= LONGEST_NAME and all(letter.isalnum() or letter in "_-" for letter in name)
-    require(plain, key, repr(name), f"letters, digits, _ and - only, {LONGEST_NAME} at most")
+    plain = 0 < len(name.encode()) <= LONGEST_ROBOT_NAME and all(letter.isalnum() or letter in "_-" for letter in name)
+    require(plain, key, repr(name), f"letters, digits, _ and - only, {LONGEST_ROBOT_NAME} at most")
 
 
 def check_frames(names: Sequence[str], table: str) -> None:

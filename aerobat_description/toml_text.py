@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-MOST_BYTES = 1_000_000  # the largest shipped file has 20,000
+LARGEST_TOML = 1_000_000  # the largest shipped file has 20,000
 MOST_LEVELS = 32  # of brackets, and of the parts of a dotted key
 LONGEST_WORD = 255  # characters of a key, and digits of a number
 # A string, a comment, a word, blanks, or one sign; a string that does not end goes to the end of its line.
@@ -34,9 +34,9 @@ def toml_file(path: Path) -> dict[str, Any]:
         raise TomlError("there is no such file")
     try:
         with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
-            raise TomlError(f"{path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
+            content = file.read(LARGEST_TOML + 1)
+        if len(content) > LARGEST_TOML:
+            raise TomlError(f"{path.stat().st_size} bytes: at most {LARGEST_TOML} were expected")
         return toml_values(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise TomlError(f"cannot be read: {error}; UTF-8 was expected") from error
@@ -46,16 +46,16 @@ def toml_file(path: Path) -> dict[str, Any]:
 
 def toml_values(text: str) -> dict[str, Any]:
     """Return the values of TOML text. Raises TomlError if it is not TOML, too large or deep, or has long words, NUL."""
-    if len(text) > MOST_BYTES:
-        raise TomlError(f"{len(text)} characters: at most {MOST_BYTES} were expected")
-    _check(text)
+    if len(text) > LARGEST_TOML:
+        raise TomlError(f"{len(text)} characters: at most {LARGEST_TOML} were expected")
+    _check_limits(text)
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise TomlError(f"not valid TOML: {error}") from error
 
 
-def _check(text: str) -> None:
+def _check_limits(text: str) -> None:
     """Raise TomlError if a word is too long, a text has a NUL, or brackets or dotted keys have too many levels."""
     line, brackets, parts = 1, 0, 0
     for found in TOKEN.finditer(text):

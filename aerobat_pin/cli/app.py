@@ -142,7 +142,7 @@ def urdf_command(
         typer.echo(text, nl=False)
         return
     contents = export(robot, output, meshes)
-    for path in (output, *filter(Path.exists, contents)):
+    for path in (output, *filter(os.path.exists, contents)):
         check_file(path, force=force)
     write_files(contents)
     typer.echo(f"written {output} and, beside it, {len(contents) - 1} files it needs:")

@@ -13,7 +13,7 @@ from aerobat_pin.errors import OutputError
 from aerobat_pin.files.ending import cleaned, undisturbed, written
 
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
-LONGEST_NAME = 255 - len(WORK)  # bytes
+LONGEST_FILE_NAME = 255 - len(WORK)  # bytes
 
 
 def write_text(target: Path, text: str) -> None:
@@ -107,8 +107,8 @@ def without_empty(folders: Iterable[Path]) -> Iterator[None]:
 
 def check_file(target: Path, *, force: bool) -> None:
     """Raise OutputError if a file cannot be written, or if it exists and `force` is False."""
-    if len(os.fsencode(target.name)) > LONGEST_NAME:
-        raise OutputError(f"output {target}: a name of {LONGEST_NAME} bytes at most was expected")
+    if len(os.fsencode(target.name)) > LONGEST_FILE_NAME:
+        raise OutputError(f"output {target}: a name of {LONGEST_FILE_NAME} bytes at most was expected")
     if os.path.isdir(target):
         raise OutputError(f"output {target}: is a folder; a file was expected")
     if os.path.exists(target) and not force:

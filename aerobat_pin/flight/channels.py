@@ -30,7 +30,7 @@ LABELS = {
     "link": LINKS,
     "wrench_axis": ("fx", "fy", "fz", "mx", "my", "mz"),
 }
-LARGEST_NUMBER = 1e9  # no quantity of a flight is larger in SI units; a larger number is a damaged one
+LARGEST_VALUE = 1e9  # no quantity of a flight is larger in SI units; a larger number is a damaged one
 QUATERNION_ERROR = 0.01  # allowed deviation of a quaternion's length from 1
 FASTEST_CRANK = 60.0  # [Hz]: if the crank seems faster, its angle is in degrees
 LARGEST_JOINT_ANGLE = 2.0 * np.pi  # [rad]: no joint turns that far; a larger angle is in degrees
@@ -224,8 +224,8 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
     values = variable.values
     if values.size == 0 or key == "event_end":
         return
-    if not (values.min() >= -LARGEST_NUMBER and values.max() <= LARGEST_NUMBER):  # also false for NaN
-        at = np.unravel_index(int(np.argmax(~(np.abs(values) <= LARGEST_NUMBER))), values.shape)
+    if not (values.min() >= -LARGEST_VALUE and values.max() <= LARGEST_VALUE):  # also false for NaN
+        at = np.unravel_index(int(np.argmax(~(np.abs(values) <= LARGEST_VALUE))), values.shape)
         labels = [
             str(data.variables[dim].values[i])
             for dim, i in zip(variable.dims[1:], at[1:], strict=True)
@@ -234,7 +234,7 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
         what = f", {' '.join(labels)}" if labels else ""
         raise LogError(
             f"{name}: channel '{key}', {_sample_name(variable, data, int(at[0]))}{what} = {values[at]:g}: a number "
-            f"between -{LARGEST_NUMBER:g} and {LARGEST_NUMBER:g} was expected"
+            f"between -{LARGEST_VALUE:g} and {LARGEST_VALUE:g} was expected"
         )
     if key in ("q", "pose"):
         length = np.sqrt(np.einsum("ij,ij->i", values[:, 3:7], values[:, 3:7]))

@@ -23,7 +23,6 @@ intervals on both sides of a sample.
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,7 +52,6 @@ from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
 THRUSTERS = f"{KNOWN}thrusters"
-LARGEST_TABLE = 100e6  # [bytes]: an hour at 1 kHz with the least columns would be 300 MB, and minutes to read
 LONGEST_SAMPLE_TIME = 0.5  # [s]: a flap is shorter, so if samples seem further apart, the time is in milliseconds
 FEWEST_SAMPLES = 3  # fewer samples do not give rates
 HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
@@ -119,7 +117,6 @@ def read_csv(path: str | Path) -> FlightLog:
     Raises:
         LogError: the file cannot be read, or does not describe a flight; the message names file, column and line.
     """
-    _check_size(path)
     text = TextTable(Path(path), "log", LogError)
     columns = _columns(text)
     _check(columns, text)
@@ -227,18 +224,6 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
         rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
         if rate > FASTEST_CRANK:
             raise LogError(f"log {path}: crank_angle turns at {rate:.0f} Hz: radians were expected")
-
-
-def _check_size(path: str | Path) -> None:
-    """Raise LogError if a table is too large to be read, with an estimate of its rows."""
-    if os.path.isfile(path) and (size := os.path.getsize(path)) > LARGEST_TABLE:
-        with open(path, "rb") as file:
-            head = file.read(100_000)
-        rows = size * head.count(b"\n") / len(head)
-        raise LogError(
-            f"log {path}: {size / 1e6:.0f} MB, about {rows:.0f} rows: at most {LARGEST_TABLE / 1e6:.0f} MB are read; "
-            "cut the table, or write it as NetCDF"
-        )
 
 
 def _samples(means: Array) -> Array:

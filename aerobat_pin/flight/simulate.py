@@ -16,7 +16,7 @@ from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
 from aerobat_pin.numerics import announce_compilation, guarded
 from aerobat_pin.robot import Aerobat, load_robot
-from aerobat_pin.scenario import Scenario, check_size
+from aerobat_pin.scenario import Scenario
 
 
 @guarded()
@@ -40,7 +40,7 @@ def simulate(
         SimulationError: the flight diverged; its attribute `kept` is the log until then, with an attribute
             `diverged_at` [s], or None if nothing was flown.
     """
-    check_size(scenario)  # again: a copy of a scenario with other values is not checked
+    scenario.check_size()  # a copy with other values has not been checked
     settings = scenario.simulation
     announce_compilation(advance_stage)
     plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)

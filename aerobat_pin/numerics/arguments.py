@@ -104,7 +104,7 @@ def _check_of(hint: Any, rule: Rule | None = None) -> ArgumentCheck:
     if kind is tuple and parts and set(parts) <= {float, Ellipsis}:
         return partial(_array, shape=None if Ellipsis in parts else (len(parts),), keep=True)
     if kind is tuple and parts and Ellipsis not in parts:
-        return partial(_row, items=[_check_of(part, rule) for part in parts])
+        return partial(_row_of, items=[_check_of(part, rule) for part in parts])
     if kind in (Sequence, Iterable, tuple, list):
         return partial(_items, item=_check_of(parts[0] if parts else Any, rule), kept=kind is not Iterable)
     if kind is Mapping or kind is dict:
@@ -187,7 +187,7 @@ def _items(value: Any, name: str, _: dict[Any, Any], item: ArgumentCheck, kept: 
     return items
 
 
-def _row(value: Any, name: str, _: dict[Any, Any], items: list[ArgumentCheck]) -> Any:
+def _row_of(value: Any, name: str, _: dict[Any, Any], items: list[ArgumentCheck]) -> Any:
     found = _items(value, name, {}, _anything)
     if len(found) != len(items):
         raise ArgumentError(f"{name} has {len(found)} items: {len(items)} were expected")

@@ -5,7 +5,7 @@ from aerobat_pin.scenario.describe import describe_scenario
 from aerobat_pin.scenario.dotted_keys import assign, with_settings
 from aerobat_pin.scenario.messages import explain_plainly
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario, shipped_scenarios
-from aerobat_pin.scenario.size import MOST_SECONDS, SECONDS_PER_STEP, check_size, flight_size
+from aerobat_pin.scenario.size import MOST_SECONDS, SECONDS_PER_STEP
 from aerobat_pin.scenario.tables import AirSection, Number, Positive, RobotSection, SensorSection, SensorsSection, Whole
 from aerobat_pin.scenario.toml import read_toml, scenario_toml, shipped_names
 from aerobat_pin.scenario.unknown_forces import Axes, RecordedForce, UnknownForce
@@ -26,10 +26,8 @@ __all__ = [
     "UnknownForce",
     "Whole",
     "assign",
-    "check_size",
     "describe_scenario",
     "explain_plainly",
-    "flight_size",
     "load_scenario",
     "parse_scenario",
     "read_toml",

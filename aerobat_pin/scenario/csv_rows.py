@@ -13,7 +13,7 @@ import pandas as pd
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import Array, guarded
 
-MOST_BYTES = 100_000_000  # of a table: five minutes of 25 columns at 1 kHz
+LARGEST_TABLE = 100_000_000  # of a table: five minutes of 25 columns at 1 kHz
 SAMPLE = 100_000  # bytes in which rows are counted
 
 
@@ -35,11 +35,11 @@ class TextTable:
         if not os.path.isfile(path):  # also False for names that no file can have
             raise error(f"{what} {path}: there is no such file")
         self.path, self._name, self._error = path, f"{what} {path}", error
-        if (size := os.path.getsize(path)) > MOST_BYTES:
+        if (size := os.path.getsize(path)) > LARGEST_TABLE:
             with path.open("rb") as file:
                 start = file.read(SAMPLE)
             rows = size / len(start) * max(start.count(b"\n"), 1)
-            rule = f"at most {MOST_BYTES / 1e6:g} MB are read: fewer rows were expected"
+            rule = f"at most {LARGEST_TABLE / 1e6:g} MB are read: fewer rows were expected"
             raise error(f"{self._name}: {size / 1e6:.0f} MB, about {rows:.2g} rows; {rule}")
         self._header_line, self.header = next(self._rows(), (0, []))
         for sign, name in ((";", "semicolons"), ("\t", "tabs")):

@@ -18,7 +18,7 @@ from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.dotted_keys import with_settings
 from aerobat_pin.scenario.messages import explain
-from aerobat_pin.scenario.size import check_size
+from aerobat_pin.scenario.size import FlightSize, check_size, flight_size
 from aerobat_pin.scenario.tables import (
     AirSection,
     BelievedSection,
@@ -77,6 +77,15 @@ class Scenario(Section):
         """The air that the observers assume: the table `air` with the values of `believed.air` laid over it."""
         return _laid_over(self.air, self.believed.air)
 
+    @property
+    def size(self) -> FlightSize:
+        """What the flight would take: steps, bytes of its log, and seconds."""
+        return flight_size(self.simulation, self.crank, self.air, self.unknown_force)
+
+    def check_size(self) -> None:
+        """Raise ScenarioError if the flight is too large; a copy with other values has not been checked yet."""
+        check_size(self.size, self.simulation, self.unknown_force)
+
     @model_validator(mode="after")
     def _believable(self) -> Scenario:
         for name in ("robot", "air"):
@@ -99,7 +108,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _small_enough(self) -> Scenario:
-        check_size(self)
+        self.check_size()
         return self
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ import pytest
 
 from aerobat_description.morphology import Morphology
 from aerobat_description.reading import MorphologyError
-from aerobat_description.toml_text import MOST_BYTES, TomlError, toml_file, toml_values
+from aerobat_description.toml_text import LARGEST_TOML, TomlError, toml_file, toml_values
 from aerobat_pin.errors import ScenarioError, SweepError
 from aerobat_pin.experiments.sweep import load_sweep
 from aerobat_pin.scenario.dotted_keys import parsed_value, with_settings
@@ -33,7 +33,7 @@ REFUSED = {
     "a = 1979-02-31": "not valid TOML: Invalid date",
     "a = '''": "not valid TOML",
     'a = "' + 200_000 * '\\"': "not valid TOML",
-    "#" + MOST_BYTES * "x": "1000009 .*: at most 1000000 were expected",
+    "#" + LARGEST_TOML * "x": "1000009 .*: at most 1000000 were expected",
 }
 ALLOWED = {
     "a = '" + 300 * "[" + "'": 300 * "[",

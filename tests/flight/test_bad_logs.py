@@ -19,6 +19,7 @@ from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.aerobat import JOINTS, load_aerobat
 from aerobat_pin.robot.load import believed_robot
+from aerobat_pin.scenario import csv_rows
 from aerobat_pin.scenario.scenario import load_scenario
 
 
@@ -148,8 +149,8 @@ def test_sizes_are_checked_before_anything_is_read(
     with pytest.raises(LogError, match=r"its values take .* GB: at most 2 GB are read"):
         FlightLog.load(tmp_path / "log.nc")
     csv_log.write_csv(replace(log, truth=None), tmp_path / "log.csv")
-    monkeypatch.setattr(csv_log, "LARGEST_TABLE", 10e3)
-    with pytest.raises(LogError, match=r"log\.csv: 0 MB, about 5\d rows: at most 0 MB are read; cut the table"):
+    monkeypatch.setattr(csv_rows, "LARGEST_TABLE", 10e3)
+    with pytest.raises(LogError, match=r"log\.csv: 0 MB, about 5\d rows; at most 0\.01 MB are read: fewer rows"):
         read_log(tmp_path / "log.csv")
     monkeypatch.undo()
     with pytest.raises(LogError, match="there is no such file"):

@@ -381,7 +381,7 @@ MEMORY = "air_memory fill channel"  # fields of kernels, and a channel of a log:
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
-INNER = """check_size flight_size checksums netcdf_bytes read_netcdf read_estimates contradictions
+INNER = """checksums netcdf_bytes read_netcdf read_estimates contradictions
 Contradiction"""  # called by other rooms, with what these have checked
 EXCLUDED = frozenset(f"{RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

@@ -18,8 +18,8 @@ from aerobat_pin.scenario import Scenario
 
 MOST_BYTES_PER_RUN = 1_000_000  # of a line; one of two observers has 3,000
 KEYS = {"observers", "flight", "failed", "warnings"}
-NEW = "--force starts anew"
-SCORES, FLIGHT = TypeAdapter(ObserverScores), TypeAdapter(FlightSummary)
+ADVICE = "--force starts anew"
+VALID_SCORES, VALID_FLIGHT = TypeAdapter(ObserverScores), TypeAdapter(FlightSummary)
 
 
 def content_of(path: Path, most: int) -> bytes:
@@ -32,9 +32,9 @@ def content_of(path: Path, most: int) -> bytes:
     try:
         there = path.lstat()
         if not stat.S_ISREG(there.st_mode):
-            raise OutputError(f"output {path}: is no file that a sweep wrote; {NEW}")
+            raise OutputError(f"output {path}: is no file that a sweep wrote; {ADVICE}")
         if there.st_size > most:
-            raise OutputError(f"output {path}: {there.st_size} bytes, at most {most} were expected; {NEW}")
+            raise OutputError(f"output {path}: {there.st_size} bytes, at most {most} were expected; {ADVICE}")
         return path.read_bytes()
     except FileNotFoundError:
         return b""
@@ -74,15 +74,15 @@ def finished_runs(path: Path, scenarios: Sequence[Scenario]) -> tuple[dict[int, 
             number, outcome = read["run"], read["outcome"]
             if type(number) is not int or not 0 <= number < len(scenarios) or number in finished:
                 raise ValueError(f"run = {number!r}: each number below {len(scenarios)} once was expected")
-            _check(outcome, scenarios[number])
+            _check_outcome(outcome, scenarios[number])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             reason = f"no key {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
-            raise OutputError(f"output {path}, line {k + 1}: not what this sweep writes: {reason}; {NEW}") from error
+            raise OutputError(f"output {path}, line {k + 1}: not what this sweep writes: {reason}; {ADVICE}") from error
         finished[number] = outcome
     return finished, whole
 
 
-def _check(outcome: dict[str, Any], scenario: Scenario) -> None:
+def _check_outcome(outcome: dict[str, Any], scenario: Scenario) -> None:
     """Raise an error unless an outcome has the form that `outcome_of` gives it for this scenario."""
     if unknown := set(outcome) - KEYS:
         raise ValueError(f"unknown key {min(unknown)!r}")
@@ -93,8 +93,8 @@ def _check(outcome: dict[str, Any], scenario: Scenario) -> None:
     if (names := set(outcome["observers"])) != set(scenario.observers.names):
         raise ValueError(f"observers {', '.join(sorted(names))}: the run has {', '.join(scenario.observers.names)}")
     for entry in outcome["observers"].values():
-        SCORES.validate_python(asdict(ObserverScores.from_json(entry)))
-    FLIGHT.validate_python(asdict(FlightSummary(**outcome["flight"])))
+        VALID_SCORES.validate_python(asdict(ObserverScores.from_json(entry)))
+    VALID_FLIGHT.validate_python(asdict(FlightSummary(**outcome["flight"])))
 
 
 def _finite(text: str) -> float:

@@ -17,10 +17,10 @@ from aerobat_pin.errors import SweepError
 from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
 from aerobat_pin.numerics import guarded
-from aerobat_pin.scenario import Scenario, assign, flight_size, load_scenario, parse_scenario
+from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
 MOST_RUNS, MOST_DAYS = 100_000, 30.0  # of a sweep, the days on one processor
-LONGEST_NAME = 255  # bytes of a dimension's name
+LONGEST_DIMENSION = 255  # bytes of a dimension's name
 DAY = 86400.0  # [s]
 
 
@@ -128,7 +128,7 @@ def load_sweep(source: str | Path) -> Sweep:
     seeds = tuple(base.simulation.seed + k for k in range(file.seeds))
     dimensions.append(Dimension(SEED, seeds, tuple({"simulation.seed": seed} for seed in seeds)))
     sweep = Sweep(file, base, tuple(dimensions))
-    days = sum(flight_size(scenario).seconds for scenario in sweep.scenarios) / DAY
+    days = sum(scenario.size.seconds for scenario in sweep.scenarios) / DAY
     if days > MOST_DAYS:
         raise SweepError(_too_large(file, sweep.sizes, len(sweep.scenarios), days))
     return sweep
@@ -142,13 +142,13 @@ def _check_names_and_size(file: SweepFile, base: Scenario) -> None:
     for name in (*file.sizes, *(file.draws.values if file.draws else {})):
         if name in RESERVED_NAMES:
             raise SweepError(f"sweep {file.name}: '{name}' is a name in the results; another one was expected")
-        if not name.strip(". ") or "/" in name or not name.isprintable() or len(name.encode()) > LONGEST_NAME:
-            rule = f"a name without / of 1 to {LONGEST_NAME} bytes was expected, as NetCDF takes it"
+        if not name.strip(". ") or "/" in name or not name.isprintable() or len(name.encode()) > LONGEST_DIMENSION:
+            rule = f"a name without / of 1 to {LONGEST_DIMENSION} bytes was expected, as NetCDF takes it"
             raise SweepError(f"sweep {file.name}: dimension {name!r}: {rule}")
     count = math.prod(file.sizes.values())
     if count > MOST_RUNS:
         sizes = " x ".join(f"{size} {name}" for name, size in file.sizes.items())
-        raise SweepError(_too_large(file, sizes, count, count * flight_size(base).seconds / DAY))
+        raise SweepError(_too_large(file, sizes, count, count * base.size.seconds / DAY))
 
 
 def _too_large(file: SweepFile, sizes: str, count: int, days: float) -> str:

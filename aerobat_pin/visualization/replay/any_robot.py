@@ -25,9 +25,9 @@ from aerobat_pin.errors import LogError
 Element = ElementTree.Element
 Loaded = TypeVar("Loaded")
 FREE_BASE = 7  # number of entries of q for a free base
-MOST_BYTES = 100_000_000  # of a URDF or a mesh
-MOST_LEVELS = 100  # of nested elements
-LARGEST = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
+LARGEST_ROBOT_FILE = 100_000_000  # of a URDF or a mesh
+DEEPEST_XML = 100  # of nested elements
+LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
     **dict.fromkeys(("xyz", "rpy", "size", "radius", "length", "scale"), 1e6),
     **dict.fromkeys(
         ("rgba", "value", "lower", "upper", "effort", "velocity", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1e30
@@ -138,8 +138,8 @@ def _check_mesh(path: Path, packages: Packages) -> None:
     """Raise LogError unless a file is a mesh that a page can draw, and the textures that it names are pictures."""
     if path.suffix.lower() not in MESHES:
         raise LogError(f"{path.suffix or 'no ending'}: one of {', '.join(MESHES)} was expected")
-    if path.stat().st_size > MOST_BYTES:
-        raise LogError(f"{path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
+    if path.stat().st_size > LARGEST_ROBOT_FILE:
+        raise LogError(f"{path.stat().st_size} bytes: at most {LARGEST_ROBOT_FILE} were expected")
     if path.suffix.lower() == ".dae":
         for library in _parsed(path, "mesh", "COLLADA").iter():
             if library.tag.endswith("library_images"):
@@ -159,16 +159,16 @@ def _parsed(path: Path, name: str, tag: str) -> Element:
     """Read an XML file. Raises LogError if it is none, too large, nests too deep, or has another outermost element."""
     if not os.path.isfile(path):
         raise LogError(f"{name}: there is no such file")
-    if path.stat().st_size > MOST_BYTES:
-        raise LogError(f"{name}: {path.stat().st_size} bytes: at most {MOST_BYTES} were expected")
+    if path.stat().st_size > LARGEST_ROBOT_FILE:
+        raise LogError(f"{name}: {path.stat().st_size} bytes: at most {LARGEST_ROBOT_FILE} were expected")
     level = 0
     root: Element | None = None
     try:
         for event, element in ElementTree.iterparse(path, ("start", "end")):
             root = element if root is None else root
             level += 1 if event == "start" else -1
-            if level > MOST_LEVELS:
-                raise LogError(f"{name}: more than {MOST_LEVELS} levels of elements")
+            if level > DEEPEST_XML:
+                raise LogError(f"{name}: more than {DEEPEST_XML} levels of elements")
     except (ElementTree.ParseError, ValueError, OSError) as error:
         if isinstance(error, LogError):
             raise
@@ -182,13 +182,13 @@ def _check_numbers(root: Element, name: str) -> None:
     """Raise LogError unless all numbers of a URDF are finite and not absurd; its parser skips what it cannot read."""
     for element in root.iter():
         for key, text in element.attrib.items():
-            if key in LARGEST:
+            if key in LARGEST_NUMBERS:
                 try:
                     numbers = np.array(text.split(), float)
                 except ValueError:
                     numbers = np.array([np.nan])
-                rule = f"numbers up to {LARGEST[key]:g} were expected"
-                good = numbers.size > 0 and bool(np.all(np.abs(numbers) <= LARGEST[key]))
+                rule = f"numbers up to {LARGEST_NUMBERS[key]:g} were expected"
+                good = numbers.size > 0 and bool(np.all(np.abs(numbers) <= LARGEST_NUMBERS[key]))
                 if good and (key in EXTENTS or element.tag == "axis"):
                     rule, good = (
                         "more than 0 was expected",

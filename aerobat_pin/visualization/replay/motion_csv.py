@@ -24,7 +24,7 @@ from aerobat_pin.visualization.replay.any_robot import FREE_BASE, load_any_robot
 from aerobat_pin.visualization.replay.recording import Recording, record
 
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
-LARGEST = 1e6  # of any number: no motion goes further, and a page holds single precision
+LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds single precision
 
 
 def replay_table(table: Path, urdf: Path) -> Recording:
@@ -70,10 +70,10 @@ def _read_table(table: Path) -> tuple[list[str], Array]:
         twice = next(name for name in text.names if text.names.count(name) > 1)
         raise LogError(f"motion {table}: two columns are named {twice}")
     numbers = text.numbers()
-    if np.any(np.abs(numbers) > LARGEST):
-        row, column = np.argwhere(np.abs(numbers) > LARGEST)[0]
+    if np.any(np.abs(numbers) > LARGEST_MOTION):
+        row, column = np.argwhere(np.abs(numbers) > LARGEST_MOTION)[0]
         where = f"line {text.line(int(row))}: {text.names[column]} = {numbers[row, column]:g}"
-        raise LogError(f"motion {table}, {where}: numbers up to {LARGEST:g} were expected")
+        raise LogError(f"motion {table}, {where}: numbers up to {LARGEST_MOTION:g} were expected")
     if len(numbers) < 2:
         raise LogError(f"motion {table}: a header and two rows or more were expected")
     return text.names, numbers
