@@ -70,6 +70,15 @@ def test_the_observers_page_finds_the_push_it_makes(page: dict[str, Any]) -> Non
     assert deviation.max() < 0.05
 
 
+def test_the_observers_page_leaves_out_a_rail_that_sticks(page: dict[str, Any]) -> None:
+    """Friction that nobody measures speaks against the model, unless the row of the rail is left out."""
+    assert page["stands"].rows == "all but rail"
+    assert page["stands"].redundancy.verdict == "consistent"
+    everything = page["ForceLevelObserver"](page["carried"], ["effector_body"], 100.0)
+    still, held = page["still"], np.tile(page["held"], (8000, 1))
+    assert everything.run(page["time"], *still, held).redundancy.verdict == "inconsistent"
+
+
 def test_the_observers_page_predicts_the_noise_it_shows(page: dict[str, Any]) -> None:
     """The free run of the page against its own prediction, 10 %."""
     predicted = page["predict"](page["observer"], page["q"], 1e-3, page["noise"]).deviation

@@ -1,0 +1,132 @@
+"""The rows of the residual: each has its unit, and those that are not to be believed can be named one by one."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.arm import ALIGNED
+from support.kernel_cases import MODELS, assert_equal, record
+from support.observer_twins import point_jacobian
+from support.without_coriolis import mjcf_leg
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.observers import OBSERVERS, AllBut, ForceLevelObserver, MomentumObserver, Observer, Tie, tie_joints
+from aerobat_pin.observers.rows import BelievedRows, Rows
+
+WINGS = ["left_force_point", "right_force_point"]
+
+
+def arm_on_a_rail() -> tuple[pin.Model, str]:
+    """Return an arm of six hinges on a carriage that slides along x, and the frame at the arm's end."""
+    rail = pin.Model()
+    rail.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "rail")
+    rail.appendBodyToJoint(1, pin.Inertia(8.0, np.array([0.0, 0.0, 0.1]), 0.1 * np.eye(3)), pin.SE3.Identity())
+    rail.addFrame(pin.Frame("carriage", 1, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    arm = pin.buildSampleModelManipulator()
+    model = pin.appendModel(rail, arm, rail.getFrameId("carriage"), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.2])))
+    return model, "effector_body"
+
+
+def error_at_rest(kind: type[Observer], rows: Rows, friction: float) -> float:
+    """Return the error [N] of the force on an arm that stands still, with friction on rail and shoulder [N, N m]."""
+    model, frame = arm_on_a_rail()
+    q = np.array([0.3, 0.4, -0.6, 0.5, 0.9, -0.3, 0.2])
+    data, push = model.createData(), np.array([2.0, -3.0, 4.0])
+    J = pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3]
+    tau = pin.computeGeneralizedGravity(model, data, q) - J.T @ push
+    tau[[0, 3]] += friction
+    time = np.arange(401) * 1e-3
+    record = np.tile(q, (401, 1)), np.zeros((401, model.nv)), np.tile(tau, (400, 1))
+    return float(np.linalg.norm(kind(model, [frame], 500.0, rows).run(time, *record).components[-1] - push))
+
+
+@pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
+def test_joints_whose_friction_is_not_known_are_left_out(kind: type[Observer]) -> None:
+    """6 N on a rail and 6 N m in a shoulder spoil a force of 5.4 N at the tool, unless their rows are left out."""
+    assert error_at_rest(kind, "all", 6.0) > 1.0
+    assert error_at_rest(kind, AllBut("rail", "shoulder3_joint"), 6.0) < 0.02
+    assert error_at_rest(kind, "all", 0.0) < 0.02
+
+
+def test_rows_without_a_name_that_is_unknown_or_without_any_are_refused() -> None:
+    """The message lists the names: joints, parts of joints with several rows, parts of the base."""
+    model, frame = mjcf_leg()
+    with pytest.raises(ObserverError, match=r"no joint or part 'hip'.* there are base.Fx, .*Composite_hip_x.0, .*knee"):
+        MomentumObserver(model, [frame], rows=AllBut("hip"))
+    with pytest.raises(ObserverError, match="no row is left without Composite_hip_x, knee, Composite_ankle, base"):
+        MomentumObserver(model, [frame], rows=AllBut("Composite_hip_x", "knee", "Composite_ankle", "base"))
+    with pytest.raises(ObserverError, match="no joint or part 'base'"):
+        MomentumObserver(arm_on_a_rail()[0], rows=AllBut("base"))
+
+
+def test_names_stand_for_a_joint_or_a_part_of_it_and_appear_in_the_result() -> None:
+    """A leg's hip of three hinges, one component of its ball joint, one of the base; observers can be pickled."""
+    model, frame = mjcf_leg()
+    rows = AllBut("Composite_hip_x", "Composite_ankle.0.My", "base.Fz")
+    observer = pickle.loads(pickle.dumps(ForceLevelObserver(model, [frame], rows=rows)))
+    assert observer.believed.name == "all but Composite_hip_x, Composite_ankle.0.My, base.Fz"
+    assert observer.believed.count == model.nv - 5
+    chosen = observer.believed.map(np.zeros(model.nv))
+    assert list(np.flatnonzero(~chosen.any(axis=1))) == [2, 6, 7, 8, 11]
+
+
+def test_all_but_the_joints_is_the_base() -> None:
+    """On every wing's joints left out by name, an observer does what it does with `rows="base"`."""
+    model, _ = MODELS["aerobat"]
+    flown, point = record(model), WINGS[:1]
+    joints = AllBut(*(name for name in model.names.tolist()[2:]))
+    for kind in OBSERVERS.values():
+        one, other = (kind(model, point, 300.0, rows).run(*flown) for rows in (joints, "base"))
+        assert_equal(one.components, other.components, 1e-9)
+        assert one.redundancy.rms == pytest.approx(other.redundancy.rms, rel=1e-9)
+        assert one.redundancy.redundant == other.redundancy.redundant == 3
+
+
+def test_a_row_in_newtons_is_not_divided_by_a_lever_arm() -> None:
+    """Rails, translations and the x and y of a plane are forces; a force along a rail is seen with factor one."""
+    model, frame = arm_on_a_rail()
+    np.testing.assert_array_equal(BelievedRows(model, "all").weight, [1.0] + 6 * [20.0])
+    leg, _ = mjcf_leg()
+    assert MomentumObserver(leg).believed.weight[-4:].tolist() == [20.0, 20.0, 20.0, 1.0]
+    turned = pin.Model()
+    turned.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "plane")
+    turned.addJoint(1, pin.JointModelTranslation(), pin.SE3.Identity(), "shift")
+    turned.addJoint(2, pin.JointModelPrismaticUnaligned(np.array([0.6, 0.8, 0.0])), pin.SE3.Identity(), "slide")
+    assert BelievedRows(turned, "all").weight.tolist() == [1.0, 1.0, 20.0, 1.0, 1.0, 1.0, 1.0]
+    others = AllBut(*model.names.tolist()[2:])
+    time, q, v, tau, known = record(model)
+    alone = ForceLevelObserver(model, [frame], rows=others).run(time, q, v, tau, known).identifiability
+    np.testing.assert_allclose(alone.singular_values, [1.0, 0.0, 0.0], atol=1e-12)
+    tie = BelievedRows(model, tie_joints(model, {"rail": "elbow_joint"}))
+    assert tie.tied[0, 0] == pytest.approx(np.sqrt(0.5))
+
+
+def test_the_row_of_power_compares_sliding_and_turning_joints_in_one_unit() -> None:
+    """The estimate does not depend on which joint is the last one, and equals weighted least squares by numpy.
+
+    The row is v . phi / |v / w|, with w the weights of the rows: the power per velocity over 50 mm.
+    """
+    model, frame = mjcf_leg()
+    time, q, v, tau, known = record(model)
+    observer = ForceLevelObserver(model, [frame], 1e6, "base+power")
+    force = observer.run(time, q, v, tau, known).force[:, 0]
+    robot, weight = observer.model, observer.believed.weight
+    phi = MomentumObserver(model, gain=1e6).run(time, q, v, tau, known).residual
+    for k in (3, 30):
+        J = 0.5 * sum(point_jacobian(robot, [frame], q[i]) for i in (k, k + 1))
+        mean = 0.5 * (v[k] + v[k + 1])[6:]
+        row = np.concatenate([np.zeros(6), mean / np.linalg.norm(mean / weight[6:])])
+        W = np.vstack([np.diag(weight)[:6], row])
+        assert_equal(force[k], np.linalg.lstsq(W @ J.T, W @ phi[k])[0], 1e-9)
+
+
+def test_a_tie_of_one_part_of_a_joint_is_found_by_its_name() -> None:
+    """The parts of a composite joint are joints of one degree of freedom, with numbers."""
+    model, frame = mjcf_leg()
+    tie = tie_joints(model, {"Composite_hip_x.1": "knee"})
+    assert isinstance(tie, Tie)
+    assert tie.map[[7, 9], 7].tolist() == [1.0, 1.0]
+    assert MomentumObserver(model, [frame], rows=tie).believed.count == model.nv - 1
