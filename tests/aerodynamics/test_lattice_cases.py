@@ -58,7 +58,10 @@ def test_at_small_angles_the_robots_strips_give_the_same(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("aspect", "off"),
-    [(3.0, {0.0: 16.2, 1.0: 3.6, 2.0: -1.9, 5.0: -6.3, 10.0: -5.8}), (6.0, {0.0: 4.3, 1.0: -1.9, 2.0: -5.2, 5.0: -8.1})],
+    [
+        (3.0, {0.0: 16.2, 1.0: 3.6, 2.0: -1.9, 5.0: -6.3, 10.0: -5.8}),
+        (6.0, {0.0: 4.3, 1.0: -1.9, 2.0: -5.2, 5.0: -8.1}),
+    ],
 )
 def test_the_indicial_rise_of_a_finite_wing_is_near_jones(aspect: float, off: dict[float, float]) -> None:
     """R. T. Jones, NACA TR 681 (1940), elliptic wings, share of the final lift at s mean semichords; in percent.

@@ -89,7 +89,9 @@ def test_plunging_section_lifts_and_pulls_as_theodorsen_and_garrick_say() -> Non
     assert abs(lift) == pytest.approx(theory.circulatory, rel=0.01)
     assert abs(lift + 1j * omega * line.added_mass[0] * 0.010 * omega) == pytest.approx(theory.lift, rel=0.01)
     w_eff = abs(lift) / (2.0 * np.pi * 1.225 * 0.05 * 4.0)
-    assert line.suction(w_eff, np.zeros(1))[0] / 2.0 == pytest.approx(theory.thrust, rel=0.01)  # the mean of a squared sine is half
+    assert line.suction(w_eff, np.zeros(1))[0] / 2.0 == pytest.approx(
+        theory.thrust, rel=0.01
+    )  # the mean of a squared sine is half
 
 
 @pytest.mark.parametrize("strips", [1, 7, 16])

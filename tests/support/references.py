@@ -149,7 +149,7 @@ def plunge(amplitude: float, frequency: float, airspeed: float, chord: float, ai
 
 
 class Pitch(NamedTuple):
-    """A pitching section, per span: amplitudes of lift [N/m] and nose-up moment about the axis [N], mean thrust [N/m]."""
+    """A pitching section, per span: amplitudes of lift [N/m] and nose-up moment about its axis [N], mean thrust."""
 
     lift: complex
     moment: complex

@@ -110,9 +110,7 @@ def plant_rates(
     wind = plant.wind(np.array([time]))[0]
     against = twists.copy()
     against[:, :3] -= [data.oMf[frame].rotation.T @ wind[0] for frame in frames]
-    wrenches, air_rate, loads = air_loads(
-        plant.air, robot.wing.morphology, against, air, plant.scenario.air.added_mass
-    )
+    wrenches, air_rate, loads = air_loads(plant.air, robot.wing.morphology, against, air, plant.scenario.air.added_mass)
     aerodynamic = at_joints(model, data, wrenches)
     thrusters = np.zeros(model.nv)
     if plant.hold is not None:

@@ -78,7 +78,7 @@ velocities, weighted by the shares, and each link carries its share of the force
 joints fall among them. With each strip on the link under its station alone it was +4.8 % with 16 strips, +5.4 with 20 and
 -1.3 with 32.
 
-16 strips stay the default: twice as many would cost four times the downwash and allow a quarter of the time step.
+16 strips stay the default: twice as many would cost four times the downwash and ask for four times the steps.
 """
 
 SECTION_LAW = """`RobotAir` flies this line with another section law, by choice. `fly` drives the line with w, the velocity across the plate,
