@@ -6,7 +6,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.
-SCRIPTS := pictures lifting_line/lifting_line screenshots studies results frames observer_study
+SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames observer_study
 BIN := $(VENV)/bin
 
 .PHONY: demo test test-python coverage docs bench clean

@@ -25,6 +25,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -113,10 +114,23 @@ def flight_figures(rounds: int) -> Iterator[Figure]:
     yield figure("flight, one step of RK4", 1e6 * fly, "us")
     yield figure("right-hand side (Plant.evaluate), over crba + nle", times["evaluate"] / bare, "x", 3.0)
     yield figure("step, over 4 (crba + nle) + 5 integrate", fly / (4 * bare + 5 * move), "x", 3.5)
+    yield motor_figure(rounds)
     for name, (settings, target) in AIRS.items():
         _, evaluate, pair = right_hand_side(robot, load_scenario("paper", settings))
         times = interleaved(rounds, pair=(pair, STEPS), evaluate=(evaluate, STEPS))
         yield figure(f"right-hand side, {name}", times["evaluate"] / times["pair"], "x", target)
+
+
+def motor_figure(rounds: int) -> Figure:
+    """Compare the step with a motor's crank to the step with a prescribed one."""
+    flights: dict[str, Part] = {}
+    for drive in ("constant", "motor"):
+        scenario = load_scenario("paper", [f"crank.drive={drive}"])
+        plant = Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+        held = interval_means(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
+        flights[drive] = (partial(plant.fly, STEPS, DT, held), STEPS)
+    times = interleaved(rounds, **flights)
+    return figure("step with a motor's crank, over a prescribed one's", times["motor"] / times["constant"], "x", 1.3)
 
 
 def observer_figures(rounds: int) -> Iterator[Figure]:

@@ -38,8 +38,9 @@ class FlightLog:
             forces or body wrenches `known_*`; optional channels, which `motion` and `known_inputs` of
             `aerobat_pin.estimation` read.
         truth: unknown forces `force_W`, `force_noise_free_W` (interval, point, axis) and `unknown` (interval, v_axis);
-            aerodynamic forces on robot, strips and links; the aerodynamic state; `event_start` and `event_end` (event)
-            if there are events. None for a recorded flight.
+            aerodynamic forces on robot, strips and links; the aerodynamic state; powers; crank rate and torques if a
+            motor turns the crank; `event_start` and `event_end` (event) if there are events. None for a recorded
+            flight.
     """
 
     measured: xr.Dataset

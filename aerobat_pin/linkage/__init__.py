@@ -24,4 +24,13 @@ from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.linkage.sculpture_dynamics import SculptureDynamics
 from aerobat_pin.linkage.sensitivity import Sensitivity
 
-__all__ = ["ANGLES", "PINS", "Closure", "KineticSculpture", "SculptureDynamics", "Sensitivity", "joint_series", "joints_at"]
+__all__ = [
+    "ANGLES",
+    "PINS",
+    "Closure",
+    "KineticSculpture",
+    "SculptureDynamics",
+    "Sensitivity",
+    "joint_series",
+    "joints_at",
+]

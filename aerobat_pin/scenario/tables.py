@@ -63,7 +63,7 @@ class MotorSection(Section):
 
     start_frequency: NonNegative = Field(0.0, description="of the crank at t = 0, and steadily before [Hz]")
     rotor_inertia: Positive = Field(5.0e-5, description="seen at the crank: rotor times gear ratio squared [kg m2]")
-    friction: NonNegative = Field(0.0, description="torque per rate, at the crank: motor's times gear ratio squared [N m s]")
+    friction: NonNegative = Field(0.0, description="seen at the crank: motor's times gear ratio squared [N m s/rad]")
     torque_limit: Positive = Field(0.15, description="at the crank: motor's times gear ratio [N m]")
     lag: Positive = Field(0.005, description="time constant of the torque [s]")
     gain: Positive = Field(0.01, description="on the miss of the rate [N m s/rad]")

@@ -68,7 +68,7 @@ def test_the_series_are_the_closed_linkage(changes: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: int) -> None:
-    """In wind, held, pushed: rotor t1'' = torque - friction - sum of g' u_m, with u_m from the twin's prescribed joints.
+    """In wind, held, pushed: rotor t1'' = torque - friction - sum of g' u_m, u_m from the twin's prescribed joints.
 
     The torque that prescribed joints need is linear in their acceleration, so two of the twin's evaluations give t1''.
     """

@@ -25,7 +25,15 @@ DOCS = ROOT / "docs"
 PAGE = (DOCS / "observers.md").read_text()
 [QUADRUPED] = re.findall(r"^## A quadruped's log.*?(?=^## )", PAGE, re.DOTALL | re.MULTILINE)
 RECORDED = (DOCS / "recorded.md").read_text()
-WRITTEN = ("lifting_line/lifting_line.py", "frames.py", "observer_study.py", "results.py", "studies.py")
+WRITTEN = (
+    "lifting_line/lifting_line.py",
+    "crank.py",
+    "frames.py",
+    "observer_study.py",
+    "results.py",
+    "section_law.py",
+    "studies.py",
+)
 
 
 def blocks(text: str) -> list[str]:

@@ -314,7 +314,7 @@ def test_a_crank_that_a_motor_turns_obeys_euler_lagrange(robot: Aerobat, seed: i
     rates = np.empty_like(state)
     plant.evaluate(q, v, joints, np.zeros((2, 3)), held, state, rates)
 
-    R, _, _, x_ddot, P = chart(q, v, np.concatenate([rates[:6], np.zeros(4)]))
+    R, _, _, x_ddot, _ = chart(q, v, np.concatenate([rates[:6], np.zeros(4)]))
     x, x_dot = np.append(q[:3], [0.0, 0.0, 0.0, t1]), np.append(R @ v[:3], [*v[3:6], speed])
     left_side = euler_lagrange(robot, R, x, x_dot, np.append(x_ddot[:6], rates[-3]), crank_parts)
 

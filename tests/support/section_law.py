@@ -31,13 +31,16 @@ class Loads(NamedTuple):
     moment: Array
 
 
-def memory_of(line: LiftingLine) -> Array:
-    """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body."""
+def memory_of(line: LiftingLine, **options: float) -> Array:
+    """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body.
+
+    The options are those of `air_memory`.
+    """
     strips = np.arange(line.strips)
     link = np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp)
     damping = 0.5 * line.semichord * line.added_mass * line.width
     pieces = Pieces(strips, link, line.mid_chord, line.y, 0.0 * line.y, np.ones(line.strips), damping)
-    return air_memory(line, pieces)
+    return air_memory(line, pieces, **options)
 
 
 def fly_strips(air: Array, twists: Array, step: float, last: int) -> tuple[Array, Array]:

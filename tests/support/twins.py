@@ -35,9 +35,8 @@ Vector = np.ndarray
 def hold_wrench(hold: AttitudeHold, position: Vector, rotation: Vector, twist: Vector) -> Vector:
     """Return the hold's wrench (6,) in body axes.
 
-    torque, body axes: sat(kp f log3(R^T R_ref) - kd omega), f the smooth step of degree five from 1 at 90 deg of error to
-    0 at 180; force, world axes: x sat(kx (vx_ref - vx)), y 0,
-    z lift + sat(kz (z_ref - z) - dz vz).
+    torque, body axes: sat(kp f log3(R^T R_ref) - kd omega), f the smooth step of degree five from 1 at 90 deg of error
+    to 0 at 180; force, world axes: x sat(kx (vx_ref - vx)), y 0, z lift + sat(kz (z_ref - z) - dz vz).
     """
     velocity = rotation @ twist[:3]
     error = pin.log3(rotation.T @ hold.rotation)

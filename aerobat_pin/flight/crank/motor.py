@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerobat_pin.flight.crank.drives import ConstantRate, CrankMotion
+from aerobat_pin.flight.crank.drives import ConstantRate
 from aerobat_pin.numerics import Array, Integers, kernel
 
 CRANK_SIZE = 4  # entries of the crank's state: angle [rad], rate [rad/s], motor torque [N m], integral z [rad]
@@ -32,8 +32,6 @@ CRANK_SIZE = 4  # entries of the crank's state: angle [rad], rate [rad/s], motor
 
 class RateControlledMotor(NamedTuple):
     """A motor that turns the crank, as numbers or as views of a kernel's memory.
-
-    Called like a drive, it gives the crank before the flight: it turns steadily at `start_rate`.
 
     Attributes:
         start: crank angle at t = 0 [rad].
@@ -57,9 +55,10 @@ class RateControlledMotor(NamedTuple):
     integral_gain: Any
     friction: Any
 
-    def __call__(self, time: Array) -> CrankMotion:
-        """Return the motion at times (n,) up to 0 [s]."""
-        return ConstantRate(self.start, self.start_rate)(time)
+    @property
+    def before(self) -> ConstantRate:
+        """Drive of the crank before the flight."""
+        return ConstantRate(self.start, self.start_rate)
 
     @property
     def state(self) -> Array:
@@ -88,10 +87,12 @@ def add_crank(
         motor: the motor's constants.
         crank: (4,) state of the crank.
         closed: (3, 2) joint angles and their derivatives by crank angle, see `joints_at`.
-        row_of, angle_of: (5,) each link's row in v, and which joint angle moves it: 0 shoulder, 1 elbow.
+        row_of: (5,) row of each link's joint in v.
+        angle_of: (5,) joint angle that moves the link: 0 shoulder, 1 elbow.
         H: (nv, nv) inertia.
         h: (nv,) bias.
-        aerodynamic, unknown: (nv,) the generalised forces that have joint rows.
+        aerodynamic: (nv,) generalised force of the air; like the next one it has joint rows.
+        unknown: (nv,) generalised force of the unknown forces.
         joints: (3, 2) angle, rate and acceleration of shoulder and elbow, the acceleration without that of the crank.
         A: (7, 7) row 6 is written.
         b: (7,) entry 6 is written.

@@ -1,4 +1,4 @@
-"""Memory layout of the plant's kernels: robot, air, unknown forces, attitude hold, motor, integrator stages, results."""
+"""Memory layout of the plant's kernels: robot, air, unknown forces, hold, motor, integrator stages, results."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ class PlantMemory(NamedTuple):
     """Memory of the plant's kernels.
 
     `holds` () is 1 if the attitude hold `hold` acts. `linkage` (n, 4) are the series of the joint angles (see
-    `joint_series`) if a `motor` turns the crank; otherwise n is 0. S is the number of aerodynamic states, plus 4 for the
-    crank's state at the end if there is a motor.
+    `joint_series`) if a `motor` turns the crank; otherwise n is 0. S is the number of aerodynamic states, plus 4 for
+    the crank's state at the end if there is a motor.
 
-    Scratch arrays: `error_rotation` (3, 3) for the attitude hold, `pushes` (5, 6) for the wrenches of the unknown forces
-    on the links, `closed` (3, 2) for the linkage, `A` (7, 7) and `b` (7,) for the equations of base and crank.
+    Scratch arrays: `error_rotation` (3, 3) for the attitude hold, `pushes` (5, 6) for the wrenches of the unknown
+    forces on the links, `closed` (3, 2) for the linkage, `A` (7, 7) and `b` (7,) for the equations of base and crank.
     Integrator: base `twists` (4, 6) and `rates` (4, 6 + S) at the stages, `start` (6 + S,) at the start of the step,
-    `state` (6 + S,), `v` (nv,) and `tangent` (2, nv) for the next stage, `second` (2,) joint angles at the second stage,
-    `forces` at the current stage.
+    `state` (6 + S,), `v` (nv,) and `tangent` (2, nv) for the next stage, `second` (2,) joint angles at the second
+    stage, `forces` at the current stage.
     """
 
     robot: RobotMemory

@@ -2,13 +2,13 @@
 
 At each instant the air, the attitude hold and the unknown forces act on the links. Their wrenches are carried up the
 kinematic tree and give the generalised force F. The crank's drive and the linkage prescribe the joint angles theta, so
-the equations of motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor torque
-u_m (see `prescribed_joints`):
+the equations of motion, split into base rows (b) and joint rows (j), give the base acceleration a_b and the motor
+torque u_m (see `prescribed_joints`):
 
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
-H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns the
-crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank.motor`), and theta'' follows from it.
+H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns
+the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank.motor`), and theta'' follows.
 
 The kernel `advance_stage` is one stage of the integrator: it evaluates these equations, adds the forces to their means
 over the step, and prepares the next stage.
@@ -38,7 +38,7 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 
-ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
+START_ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
 MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
 
 
@@ -90,7 +90,9 @@ class Plant:
         ScenarioError: a force acts at a frame that the robot does not have, or its direction is zero.
     """
 
-    def __init__(self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None) -> None:
+    def __init__(
+        self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None
+    ) -> None:
         """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
         self.robot, self.scenario = robot, scenario
         self.model = model = robot.model
@@ -134,7 +136,8 @@ class Plant:
 
     def closure(self, time: Array) -> Closure:
         """Close the linkage at the crank angles that the drive gives for times (n,) [s]; with a motor, up to 0 s."""
-        return self.robot.linkage.solve(*checked_motion(self.drive, time))
+        drive = self.drive.before if isinstance(self.drive, RateControlledMotor) else self.drive
+        return self.robot.linkage.solve(*checked_motion(drive, time))
 
     def rates(
         self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
@@ -215,7 +218,9 @@ class Plant:
         begin = np.concatenate([start.twist, start.air, start.crank])
         fields.start[:] = fields.state[:] = shaped(begin, (size,), "start")
         # A free crank's flight writes its own motion after the first row.
-        closed = self.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves))) if free else self.closure(halves)
+        closed = (
+            self.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves))) if free else self.closure(halves)
+        )
         motion = joint_table(closed)
         q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
         v[:] = self.robot.velocity(start.twist, *motion[0, 1])
@@ -280,7 +285,7 @@ class Plant:
         rate = 2.0 * np.pi * self.scenario.crank.frequency
         against = twist - np.concatenate([wind, np.zeros(3)])
         if self.air.state_size:
-            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, ANGLES), rate))
+            turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, START_ANGLES), rate))
             airspeed = np.max(self.air.airspeed(self.in_air.flapping_twists(placement, against, turn)))
             self.fastest_mode = float(airspeed) * self.air.line.fastest_mode
         if rate == 0.0 or air.warm_up_cycles == 0 or not self.air.state_size:
