@@ -1,4 +1,4 @@
-"""Use the lifting line alone: matrices, steady lift, step and harmonic response, wings that flap, pitch, or move freely."""
+"""Use the lifting line alone: matrices, steady lift, step and harmonic response, wings that flap, pitch, or move."""
 
 import numpy as np
 
@@ -32,9 +32,8 @@ print(f"tapered, swept and flapping: mean lift {lift.mean():.3f} N, mean thrust 
 pitching = Stroke(speed, frequency=5.0, plunge=0.03, pitch=np.radians(5.0), pitch_axis=-0.01, pitch_phase=np.pi / 2.0)
 flight = fly(tapered, pitching, [0.0, *np.linspace(0.8, 1.0, 101)], about=(-0.01, 0.0, 0.0))
 nose_up = -flight.moment[1:-1, 1]  # a moment about y is positive nose down
-print(
-    f"plunging and pitching: mean thrust {flight.force[1:-1, 0].mean():.4f} N, moment up to {1e3 * nose_up.max():.1f} mN m"
-)
+thrust = flight.force[1:-1, 0].mean()
+print(f"plunging and pitching: mean thrust {thrust:.4f} N, moment up to {1e3 * nose_up.max():.1f} mN m")
 print(f"no strip carries more than {1e3 * np.linalg.norm(flight.strip_force, axis=2).max():.0f} mN")
 
 

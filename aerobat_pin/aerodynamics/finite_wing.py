@@ -1,10 +1,10 @@
 """Added mass of a finite wing: by how much the open tips reduce pi rho b^2 per span along a planform.
 
-A plate that accelerates along its normal in still air carries a potential jump mu(x, y), which makes the normal velocity
-of the air equal to that of the plate. The added mass per span is rho times the integral of mu over the chord, at unit
-velocity. Here mu is constant on each panel of a grid, a ring vortex along the panel's edge; no-flow is required at the
-panels' centres. Grid lines and centres lie at equal angles of a cosine along span and chord, since mu falls to zero as
-the square root of the distance from the edge.
+A plate that accelerates along its normal in still air carries a potential jump mu(x, y), which makes the normal
+velocity of the air equal to that of the plate. The added mass per span is rho times the integral of mu over the chord,
+at unit velocity. Here mu is constant on each panel of a grid, a ring vortex along the panel's edge; no-flow is required
+at the panels' centres. Grid lines and centres lie at equal angles of a cosine along span and chord, since mu falls to
+zero as the square root of the distance from the edge.
 
 The factor is local: 1 in the middle of a long wing, falling to 0 at its tips. It is exact for a wing that plunges, and
 used for every motion. On an elliptic wing it is the same at every section, 1 / E (Lamb, Hydrodynamics, art. 373; the

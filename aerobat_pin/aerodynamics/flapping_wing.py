@@ -31,7 +31,6 @@ from aerobat_pin.aerodynamics.lifting_line import LiftingLine
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, shaped
 
-
 NEAR = 1e-4  # [s] largest step of these differences, even between distant instants: at 50 Hz they are exact to 3e-8
 
 

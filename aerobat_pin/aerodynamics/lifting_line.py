@@ -134,7 +134,7 @@ class LiftingLine:
         return float(np.max(np.abs(np.linalg.eigvals(self.state_space(1.0).A))))
 
     def mean_downwash(self, width: float) -> Array:
-        """Return the row (N,) [1/m] of the downwash, averaged over a width [m] about the root, not more than the span."""
+        """Return the row (N,) [1/m] of the downwash, averaged over a width [m] about the root, at most the span."""
         width = min(width, self.span)
         n, angle = np.arange(1, self.strips + 1), np.arccos(width / self.span)
         odd = n % 2  # the mean of sin(n theta) / sin(theta) in y is 2 cos(n angle) / (n width) times span / 2

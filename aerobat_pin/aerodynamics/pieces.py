@@ -36,4 +36,5 @@ def divide(wing: Wing, line: LiftingLine, added_mass: Array) -> Pieces:
     y = np.where(np.bincount(strip)[strip] == 1, line.y[strip], middle)
     link, point = wing.attach(y)
     point[:, 0] += wing.leading_edge(y) - 0.5 * wing.chord(y)
-    return Pieces(strip, link, *point.T, share, 0.5 * share * (added_mass * line.semichord)[strip])
+    x, y, z = point.T
+    return Pieces(strip, link, x, y, z, share, 0.5 * share * (added_mass * line.semichord)[strip])

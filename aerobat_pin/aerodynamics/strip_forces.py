@@ -3,8 +3,9 @@
 A strip lies on one link, or across a joint on several: it is divided into pieces, one on each link, with shares by
 length. A piece is fixed to its link's frame: chord along x, normal along z. A strip's velocity is the mean of its
 pieces' velocities, and each piece carries its share of the strip's force, so force times velocity is the power.
-Spanwise flow is ignored. At mid-chord the strip moves forward through the air at u, and the air passes it upward at w_m. With U = hypot(u, w_m), the cosine of the flow
-direction is c = u / U. For c = 1 the front edge leads, for c = -1 the rear edge. In between, the number
+Spanwise flow is ignored. At mid-chord the strip moves forward through the air at u, and the air passes it upward at
+w_m. With U = hypot(u, w_m), the cosine of the flow direction is c = u / U. For c = 1 the front edge leads, for c = -1
+the rear edge. In between, the number
 
     lead = c (3 - c^2) / 2            flat at both ends: 1 - 3/8 incidence^4
 
@@ -171,7 +172,7 @@ def sections(air: AirConstants, twists: Array, rows: StripLoads) -> None:
 
 @inner
 def gather(air: AirConstants, twists: Array, rows: StripLoads, wrenches: Array) -> None:
-    """Write the wrenches (5, 6) on the links: the strips' forces at the 1/4 chords, and the couples of their turning."""
+    """Write the wrenches (5, 6) on the links: the strips' forces at the 1/4 chords, the couples of their turning."""
     strip_of, link_of, x, y, z = air.pieces.strip, air.pieces.link, air.pieces.x, air.pieces.y, air.pieces.z
     share, damping, quarter = air.pieces.share, air.pieces.pitch_damping, air.strips.quarter_chord
     force_x, force_z, lead, u = rows.force_x, rows.force_z, rows.lead, rows.u
@@ -191,8 +192,7 @@ def gather(air: AirConstants, twists: Array, rows: StripLoads, wrenches: Array) 
 def strip_loads(
     air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripLoads
 ) -> float:
-    """Compute the strips' loads and the rates of the aerodynamic state; return the mean downwash over the tail's span
-    [m/s].
+    """Compute the strips' loads and the rates of the state; return the mean downwash over the tail's span [m/s].
 
     Args:
         air: aerodynamic constants.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.references import LATTICE_FLAP, FlapLoads, jones_harmonic, plunge, theodorsen
+from support.references import LATTICE_FLAP, FlapLoads, plunge
 
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly

@@ -75,7 +75,7 @@ def test_each_strip_is_shared_by_the_links_under_it() -> None:
 
 
 def test_a_strip_on_one_link_lies_at_its_station_and_a_shared_one_in_its_parts() -> None:
-    """Arc coordinates of the pieces, back from the links' frames: 55.1 mm is one strip's station, its parts 53 and 71."""
+    """Arc coordinates of the pieces, back from the links' frames."""
     pieces, (shoulder, elbow, _) = AIR.pieces, WING.breaks
     stretch = (elbow - shoulder) / SHAPE.elbow[1]
     at = {0: lambda y: y, 1: lambda y: shoulder + y * stretch, 2: lambda y: elbow + y}
@@ -132,7 +132,7 @@ def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
 @settings(max_examples=20, derandomize=True)
 @given(SEEDS)
 def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
-    """A loop over pieces: share of (f_x, 0, f_z) at its own point, and of the couple -m b/2 u q of a turning section."""
+    """A loop over pieces: share of (f_x, 0, f_z) at its own point, of the couple -m b/2 u q of a turning section."""
     rng = np.random.default_rng(seed)
     twists, line = rng.normal(size=(5, 6)), BARE.line
     wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
