@@ -1,8 +1,8 @@
 """Body, tail and fin in quasi-steady flow, compiled.
 
-The tail is a flat plate of area S with force rho/2 S a |u| w, a = 2 pi / (1 + 2 / aspect ratio), in the wing's
-mean downwash over the tail's span, times a factor. The fin is a vertical plate with side force -rho/2 S a |u| v at
-lateral velocity v. The body is a drag area at its centre of mass.
+The tail is a flat plate of area S with force rho/2 S a |u| w, a = 2 pi / (1 + 2 / aspect ratio), in the wing's mean
+downwash over the tail's span, times a factor. The fin is a vertical plate with side force -rho/2 S a |u| v at lateral
+velocity v. The body is a drag area at its centre of mass.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ def sections(air: AirConstants, twists: Array, rows: StripLoads) -> None:
 
 @inner
 def gather(air: AirConstants, twists: Array, rows: StripLoads, wrenches: Array) -> None:
-    """Write the wrenches (5, 6) on the links: the strips' forces at the 1/4 chords, and the couples of turning."""
+    """Write the wrenches (5, 6) on the links: the strips' forces at the 1/4 chords, the couples of their turning."""
     strip_of, link_of, x, y, z = air.pieces.strip, air.pieces.link, air.pieces.x, air.pieces.y, air.pieces.z
     share, damping, quarter = air.pieces.share, air.pieces.pitch_damping, air.strips.quarter_chord
     force_x, force_z, lead, u = rows.force_x, rows.force_z, rows.lead, rows.u
@@ -193,7 +193,7 @@ def gather(air: AirConstants, twists: Array, rows: StripLoads, wrenches: Array) 
 def strip_loads(
     air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, rows: StripLoads
 ) -> float:
-    """Compute the strips' loads and the rates of the aerodynamic state; return the downwash at the tail [m/s].
+    """Compute the strips' loads and the rates of the state; return the mean downwash over the tail's span [m/s].
 
     Args:
         air: aerodynamic constants.

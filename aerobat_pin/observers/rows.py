@@ -134,7 +134,7 @@ class BelievedRows:
             self.tied = np.diag(self.weight)[:, rows.kept(model)]
         elif not isinstance(rows, str) or rows not in ROWS or (rows != "all" and not has_free_base(model)):
             raise ObserverError(
-                f"rows = {shown(rows)}: a Tie, AllBut or one of {', '.join(ROWS)} was expected; a fixed base has no base"
+                f"rows = {shown(rows)}: a Tie, AllBut or one of {', '.join(ROWS)} was expected; no base on a fixed one"
             )
         else:
             self.name, self.number = rows, ROWS.index(rows)

@@ -1,8 +1,8 @@
 """Flapping, plunging and pitching rectangles against an unsteady vortex lattice, lift, thrust and moment.
 
-PteraSoftware 5.1.0, k = 0.39 (`support.references.LATTICE_CASES` has settings and numbers). The lifting line knows no
-chordwise part of the downwash: the aerodynamic centre of the lattice's wing lies ahead of the quarter chord (0.205 c in
-steady flow), so that the line's moment about the leading edge is larger.
+PteraSoftware 5.1.0, k = 0.39 (`support.references.LATTICE_CASES` has settings and numbers). The line's moment about the
+leading edge is larger. Most of that is the lattice's time step: half of it adds 18 % to its moment in plunge, 14 % in
+pitch. The rest is its aerodynamic centre, 0.205 c in steady flow: a lifting line knows no chordwise part of downwash.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.lattice_cases import errors, flown
-from support.references import LATTICE_CASES, LATTICE_FLAP, indicial_rise, lattice
+from support.references import LATTICE_CASES, LATTICE_FINE, LATTICE_FLAP, indicial_rise, lattice
 
 from aerobat_pin.aerodynamics import LiftingLine
 
@@ -45,6 +45,14 @@ def test_lift_and_thrust_are_the_lattices(
     assert 100.0 * found.lift == pytest.approx(lift, abs=0.1)
     assert (found.thrust, found.moment, found.quarter) == pytest.approx((thrust, moment, quarter), abs=1e-3)
     assert found.centre == pytest.approx(centre, abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "moment"), [("plunge 10 mm", 1.027), ("pitch 5 deg", 0.962)])
+def test_the_moment_is_nearer_to_a_lattice_with_half_the_step(name: str, moment: float) -> None:
+    """Sizes of the first harmonics with 128 steps a cycle: lift within 3 %, moment within 4 %."""
+    ours, fine = flown(name), LATTICE_FINE[name]
+    assert abs(ours.lift[1]) / abs(fine[0]) == pytest.approx(1.0, abs=0.03)
+    assert abs(ours.moment[1]) / abs(fine[1]) == pytest.approx(moment, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["flap 5 deg", "plunge 10 mm", "pitch 5 deg"])

@@ -44,7 +44,7 @@ def assert_section(found: Pitch, k: float, axis: float) -> None:
 
 @pytest.mark.parametrize("k", FREQUENCIES)
 def test_a_pitching_section_is_theodorsens_and_garricks(k: float) -> None:
-    """Through `fly`: with Jones's C(k) to 0.1 %, with the exact one to 2.34 %. Two axes in one flight, on two halves."""
+    """Through `fly`: with Jones's C(k) to 0.1 %, with the exact one to 2.34 %. Two axes in one flight."""
     (stroke, cycles), axes = stroke_of(k), [AXES[:2], AXES[2:]]
     phase = np.arange(64) / 64.0
     time = (cycles - 1.0 + phase) / stroke.frequency
@@ -71,7 +71,7 @@ def test_a_pitching_section_of_the_robots_is_theodorsens_and_garricks(k: float, 
 
 
 def test_garricks_thrust_of_pitching_is_known_to_the_fits_error() -> None:
-    """Pitch about mid-chord pulls at high k and drags at low k; against the exact C(k) within 5 % of lift times angle."""
+    """Pitch about mid-chord pulls at high k, drags at low k; with the exact C(k) within 2.5 % of lift times angle."""
     for k, pulls in ((0.1, False), (0.39, False), (4.0, True)):
         exact, fit = (pitch(k, 0.0, ANGLE, SPEED, SEMICHORD, complex(f(k))) for f in (theodorsen, jones_harmonic))
         assert (exact.thrust > 0.0) == pulls

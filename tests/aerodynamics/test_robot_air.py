@@ -58,35 +58,6 @@ def test_the_planform_has_the_published_area_and_spans() -> None:
     assert 2.0 * (25e-3 + proximal + distal) == pytest.approx(0.414)  # the drawing's own span
 
 
-def test_each_strip_is_shared_by_the_links_under_it() -> None:
-    """Of 16 strips 2 lie across each shoulder and elbow: 20 pieces, 2 on the body, 2 and 7 on each wing's panels.
-
-    A piece's share is its part of the length between the strip's edges, midway between stations in theta.
-    """
-    pieces, shoulder, elbow = AIR.pieces, *WING.breaks[:2]
-    assert np.bincount(pieces.link).tolist() == [2, 2, 7, 2, 7]
-    edges = 0.5 * WING.span * np.cos(np.array([0.0, *np.arange(1.5, 16.0), 17.0]) * np.pi / 17.0)
-    reach = [(-shoulder, shoulder), (shoulder, elbow), (elbow, 1.0), (-elbow, -shoulder), (-1.0, -elbow)]
-    for strip, link, y, share in zip(pieces.strip, pieces.link, pieces.y, pieces.share, strict=True):
-        low, high = np.clip(edges[[strip + 1, strip]], *reach[link])
-        assert share == pytest.approx((high - low) / (edges[strip] - edges[strip + 1]), rel=1e-9)
-        assert link == 0 or y * (1.0 if LINKS[link].startswith("left") else -1.0) > 0.0
-    np.testing.assert_allclose(np.bincount(pieces.strip, pieces.share), 1.0, rtol=1e-15)
-
-
-def test_a_strip_on_one_link_lies_at_its_station_and_a_shared_one_in_its_parts() -> None:
-    """Arc coordinates of the pieces, back from the links' frames: a strip at 55.1 mm has parts at 53 and 71 mm."""
-    pieces, (shoulder, elbow, _) = AIR.pieces, WING.breaks
-    stretch = (elbow - shoulder) / SHAPE.elbow[1]
-    at = {0: lambda y: y, 1: lambda y: shoulder + y * stretch, 2: lambda y: elbow + y}
-    arc = np.array([at[link](y) for link, y in zip(pieces.link[:10], pieces.y[:10], strict=True) if link < 3])
-    assert 1e3 * arc[:6] == pytest.approx(1e3 * AIR.line.y[:6], abs=1e-9)
-    edges = 1e3 * 0.5 * WING.span * np.cos(np.array([6.5, 7.5, 8.5]) * np.pi / 17.0)
-    joints = 1e3 * np.array([elbow, shoulder])
-    parts = [(edges[0], joints[0]), (joints[0], edges[1]), (edges[1], joints[1]), (joints[1], edges[2])]
-    assert 1e3 * arc[6:10] == pytest.approx([sum(part) / 2.0 for part in parts], abs=1e-9)
-
-
 def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
     """Chords equal the planform's at root, elbow and mid-span; mid-chords lie half a chord behind the leading edge."""
     shoulder, elbow, tip = WING.breaks
@@ -132,7 +103,7 @@ def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
 @settings(max_examples=20, derandomize=True)
 @given(SEEDS)
 def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
-    """A loop over pieces: shares of (f_x, 0, f_z) at their points, and of a turning section's couple -m b/2 u q."""
+    """A loop over pieces: share of (f_x, 0, f_z) at its own point, of the couple -m b/2 u q of a turning section."""
     rng = np.random.default_rng(seed)
     twists, line = rng.normal(size=(5, 6)), BARE.line
     wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
@@ -144,21 +115,6 @@ def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int)
         damping = line.added_mass[i] * line.width[i] * line.semichord[i] / 2.0
         expected[link, 4] -= share * damping * strips.lead[i] * strips.u[i] * twists[link, 4]
     assert wrenches == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
-
-
-@settings(max_examples=20, derandomize=True)
-@given(SEEDS)
-def test_the_links_power_is_the_strips_force_times_the_strips_velocity(seed: int) -> None:
-    """A strip across a joint gives each link its share of force, and moves with the mean of their velocities.
-
-    A straight wing whose quarter chord is taken at mid-chord (lead 0, broadside) has no other power than that.
-    """
-    rng = np.random.default_rng(seed)
-    twists = np.zeros((5, 6))
-    twists[:, [1, 2, 3]] = rng.normal(size=(5, 3))  # broadside: the links rise and flap, none moves forward
-    wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
-    assert not strips.lead.any()
-    assert np.sum(wrenches * twists) == pytest.approx(-strips.force_z @ strips.w, rel=1e-12, abs=1e-15)
 
 
 @settings(max_examples=20, derandomize=True)

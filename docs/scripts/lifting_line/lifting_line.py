@@ -78,7 +78,7 @@ velocities, weighted by the shares, and each link carries its share of the force
 joints fall among them. With each strip on the link under its station alone it was +4.8 % with 16 strips, +5.4 with 20 and
 -1.3 with 32.
 
-16 strips stay the default: twice as many would cost four times the downwash and allow a quarter of the time step.
+16 strips stay the default: twice as many would cost four times the downwash and ask for four times the steps.
 """
 
 SECTION_LAW = """`RobotAir` flies this line with another section law, by choice. `fly` drives the line with w, the velocity across the plate,
@@ -96,8 +96,8 @@ LIMITS = """## Limits
   incidence of each strip.
 * **A straight line.** Sweep and `quarter_chord` move the points where velocity is taken and force acts, not the downwash.
   At aspect ratio 4 and below, the lift of a lifting line is too large.
-* **Moments.** In three dimensions the moment about the leading edge is 9 to 27 % above a vortex lattice's at k = 0.39 and
-  aspect ratio 4, since the centre of pressure of the line lies at the quarter chord.
+* **Moments.** The steady centre of pressure of the line lies at the quarter chord of each section; that of a wing of
+  aspect ratio 4 at 0.205 c.
 * **Added mass** of finite wings is exact for plunging, and for the total force of any motion along the normal. Moments of
   inertia are not: against flapping 6 % too large at aspect ratio 4, against pitching about 8 % too small.
 * **Reduced frequency.** Wagner's function in Jones's fit: errors by k stand under the pitching section. In three dimensions
