@@ -19,7 +19,7 @@ with tempfile.TemporaryDirectory() as folder:
 settings = [
     "robot.changes.wing.offset_x=-0.060",
     "observers.gain=100",
-    "observers.smoother.sensor_noise=[0.05, 0.05, 0.3]",  # larger than the real noise: see docs/recorded.md
+    "observers.smoother.sensor_noise=[0.05, 0.05, 0.3]",  # at most: see docs/recorded.md
     "observers.smoother.force_walk=0.3",
 ]
 belief = belief_about(log, "hall", "aerobat_guard", ["force_level", "smoother"], settings)

@@ -225,7 +225,7 @@ class Observer:
 
     @property
     def _rest(self) -> int:
-        """First column of a result after residual and components: what `explain` writes."""
+        """First column of a result after residual and components: what `fit_forces` writes."""
         return self._nv + len(self.applications.components)
 
     def _sample(self, out: Array) -> Sample:

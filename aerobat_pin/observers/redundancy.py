@@ -107,8 +107,8 @@ def redundancy_of(
         scatter = np.median(np.abs(np.diff(unexplained, 5, axis=0)), axis=0) / SCATTER_GAIN
         k = np.arange(int(30.0 * SLOW_TIME / dt) + 3)
         response = share**2 * (k + 1) * (1.0 - share) ** k  # of both low-passes to one interval
-        sensors = float(np.linalg.norm(scatter) * np.linalg.norm(np.diff(response, prepend=0.0)))
-        sensors /= np.sqrt(max(redundant, 1))
+        power = np.sum(scatter**2) * np.sum(np.diff(response, prepend=0.0) ** 2)
+        sensors = float(np.sqrt(power / max(redundant, 1)))
     seen = float(np.mean(slow**2) * slow.shape[1] / max(redundant, 1))
     return Redundancy(
         series=series,

@@ -18,7 +18,6 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers.joints import has_free_base, row_names, serial_model
 
 MOMENT_ARM = 0.05  # [m]
-STANDARD_GRAVITY = 9.81  # [m/s2]
 UNSEEN_SHARE = 1.0e-3  # part of a component in an unseen unit pattern from which it counts as unseen itself
 BASE_ROWS = 6  # rows of a free-flyer base
 TIED = 3  # integer by which the kernels identify tied rows
@@ -75,7 +74,8 @@ Rows = Literal["all", "base", "base+power"] | Tie | AllBut
 
 def moving_weight(model: pin.Model) -> float:
     """Return the weight [N] of everything that moves: the physical scale of forces on a robot, gravity or not."""
-    return STANDARD_GRAVITY * float(sum(inertia.mass for inertia in model.inertias.tolist()[1:]))
+    gravity = -float(pin.Model.gravity981[2])
+    return gravity * float(sum(inertia.mass for inertia in model.inertias.tolist()[1:]))
 
 
 def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:

@@ -102,7 +102,7 @@ Fx / Fy / Fz, for the worse wing and the worst of seeds {SEEDS[0]} to {SEEDS[-1]
 
 The noise of a velocity sample is {SENSOR_NOISE[0]} m/s (linear), {SENSOR_NOISE[1]} rad/s (gyro) and {SENSOR_NOISE[2]} rad/s (joints). A filter with a gain
 trades noise for lag, and no gain helps against a wrong model. `kalman` and `smoother` know how large the noise is, and that
-the air may be wrong by 20 % and the mass by 5 %; they take a force for a random walk of 0.7 N per root second.
+the air may be wrong by 20 % and the mass by 5 %; they take a force for a random walk of 0.5 N per root second.
 [Design note 7](design/0007-kalman.md) tells how these settings were found. Where one wing's force is small or zero, its
 errors are set against the variance of the other wing's.
 

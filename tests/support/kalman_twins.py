@@ -69,7 +69,12 @@ class KalmanTwin:
             u = torque + sum((values[k] for values in known.values()), np.zeros(nv))
             speeds.append(samples[k + 1][2])
             count += 1
-            rest, unseen = self.explain(samples[k], samples[k + 1], u, dt)
+            repaired = u + sum(
+                (x[nv + h + i] * known[name][k] for i, name in enumerate(self.known_error)), np.zeros(nv)
+            )
+            if self.mass_error:
+                repaired = repaired + x[-1] * u
+            rest, unseen = self.explain(samples[k], samples[k + 1], repaired, dt)
             rests.append(low_passed(rests[-1], rest, dt))
             recent = 1.0 - np.exp(-dt / 0.2)
             redundant = max(len(believed(self.model, self.rows, v[0])) - c + unseen.shape[1], 1)
@@ -79,7 +84,7 @@ class KalmanTwin:
                 root = np.sqrt(np.abs(np.diff(speeds[-7:], 6, axis=0)[0]))
                 roots += max(recent, 1.0 / (count - 3)) * (root - roots)
                 sensors = np.clip(roots**2 / (0.822179**2 * np.sqrt(924.0)), 1e-3 * self.sensors, self.sensors)
-            disbelief = misfit + (0.006 * weight) ** 2
+            disbelief = misfit + (0.004 * weight) ** 2
             if count <= 12:
                 disbelief = max(disbelief, self.prior**2)
             a = np.exp(-dt / self.error_time)
@@ -160,7 +165,7 @@ class KalmanTwin:
 
 
 def low_passed(state: Vector, value: Vector, dt: float) -> Vector:
-    """Return the state (2, nv) of two low-passes of 10 ms in a row after an interval."""
-    share = 1.0 - np.exp(-dt / 0.01)
+    """Return the state (2, nv) of two low-passes of 15 ms in a row after an interval."""
+    share = 1.0 - np.exp(-dt / 0.015)
     first = state[0] + share * (value - state[0])
     return np.array([first, state[1] + share * (first - state[1])])

@@ -17,10 +17,10 @@ from aerobat_pin.robot import FORCE_POINTS, load_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 SEEDS = (1, 2, 3, 4, 5)
-# One tuning for every condition. A walk of 0.7 N/sqrt(s) reaches 0.15 N, the deviation of the force, in 46 ms, about
-# a quarter of a wingbeat. The air is believed to 20 %, the mass to 5 %.
+# One tuning for every condition. A walk of 0.5 N/sqrt(s), 2.5 weights, reaches 0.15 N, the deviation of the force, in
+# 90 ms, half a wingbeat. The air is believed to 20 %, the mass to 5 %; of fast errors of both, a tenth at 1 kHz.
 TUNING: dict[str, dict[str, Any]] = {
-    name: {"force_walk": 0.7, "known_error": {"aerodynamic": 0.2}, "mass_error": 0.05}
+    name: {"force_walk": 0.5, "known_error": {"aerodynamic": 0.2}, "mass_error": 0.05, "misfit": 0.003}
     for name in ("kalman", "smoother")
 }
 

@@ -26,7 +26,7 @@ from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
 RISE_PULSATION = 1.75  # w / K: a second-order Butterworth filter of pulsation w [rad/s] rises to 1 - 1/e in 1.753 / w
 WALK, PRIOR = 2.2, 0.33  # of a robot's weight [1/sqrt(s), 1]: how much a force changes in 1 s, and its size at first
-LEAST_MISFIT = 0.006  # of a robot's weight: no model is better than that
+LEAST_MISFIT = 0.004  # of a robot's weight: no model is better than that
 HEAD_START = 2.5  # [1 / pulsation] of random walk before the first interval, so that a step at the start rises as later
 
 

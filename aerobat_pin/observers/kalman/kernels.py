@@ -29,7 +29,7 @@ from aerobat_pin.observers.kalman.learning import (
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
 from aerobat_pin.observers.kalman.process_noise import add_unknown_torques, set_walk_by_gain
 from aerobat_pin.observers.kernels.memory import ObserverMemory
-from aerobat_pin.observers.kernels.projection import explain
+from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (
     TOO_LARGE,
     dynamics_of,
@@ -211,16 +211,23 @@ def filter_interval(
         after: (3 + c + nv, nv) sample at the end.
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
-        observer: memory of the observer; scratch, and what `explain` writes.
+        observer: memory of the observer; scratch, and what `fit_forces` writes.
         filter_: the filter; changes.
         step: written.
-        out: (nv + 2 c + nv + 1 + nv,) only the last columns are written: what `explain` writes, then L^-1 e.
+        out: (nv + 2 c + nv + 1 + nv,) only the last columns are written: what `fit_forces` writes, then L^-1 e.
     """
     x, P, nv, c = filter_.x, filter_.P, u.shape[0], step.unseen.shape[0]
     n, rest = x.shape[0], out[u.shape[0] + 2 * c :]
     if not mean_residual(before, after, u, dt, observer, filter_.phi):
         return False
-    explain(observer, before, after, filter_.phi, rest)
+    for a in range(filter_.errors.shape[0]):  # what uncertain factors explain is no misfit
+        factor = x[nv + step.z.shape[0] + a]
+        for i in range(nv):
+            filter_.phi[i] -= factor * filter_.errors[a, i]
+    if filter_.mass_in_doubt > 0:
+        for i in range(nv):
+            filter_.phi[i] -= x[n - 1] * u[i]
+    fit_forces(observer, before, after, filter_.phi, rest)
     step.blind[0] = observer.blind[0]
     if observer.blind[0] > 0:
         for a in range(c):

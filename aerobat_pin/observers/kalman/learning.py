@@ -8,7 +8,7 @@ from aerobat_pin.numerics import Array, add_product, inner
 from aerobat_pin.observers.kalman.memory import Filter, Step
 
 MEMORY_TIME = 0.2  # [s]: time over which sensor noise and misfit are averaged: one wing beat at 5 Hz
-SLOW_TIME = 0.01  # [s]: two low-passes of this time keep most sensor noise out of the misfit
+MISFIT_LAG = 0.015  # [s]: two low-passes of this time keep most sensor noise out of the misfit
 MISFIT_TIME = 0.01  # [s]: time over which an error of the model stays what it is
 DIFFERENCES = (
     6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
@@ -44,7 +44,7 @@ def learn_noise(v: Array, dt: float, filter_: Filter) -> None:
 @inner
 def learn_misfit(rest: Array, redundant: int, dt: float, filter_: Filter) -> None:
     """Update the running mean square of what no force explains from one interval's rows `rest` (nv,)."""
-    slow, share, size = filter_.slow, 1.0 - np.exp(-dt / SLOW_TIME), 0.0
+    slow, share, size = filter_.slow, 1.0 - np.exp(-dt / MISFIT_LAG), 0.0
     for i in range(rest.shape[0]):
         slow[0, i] += share * (rest[i] - slow[0, i])
         slow[1, i] += share * (slow[0, i] - slow[1, i])

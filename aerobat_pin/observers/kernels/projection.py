@@ -119,7 +119,7 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
 
 
 @inner
-def explain(observer: ObserverMemory, before: Array, after: Array, generalized: Array, rest: Array) -> None:
+def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalized: Array, rest: Array) -> None:
     """Split a generalised force into what forces can explain and what no force explains.
 
     The components that fit best are written to `observer.fitted`. What remains of the weighted rows in use is

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
-from aerobat_pin.observers.kernels.projection import explain, project
+from aerobat_pin.observers.kernels.projection import fit_forces, project
 
 TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
 
@@ -115,14 +115,14 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
         observer: memory of the observer; the filter's state changes.
-        out: (nv + c + nv + 1,) written: generalised residual, components, then what `explain` writes.
+        out: (nv + c + nv + 1,) written: generalised residual, components, then what `fit_forces` writes.
     """
     nv, end = u.shape[0], u.shape[0] + observer.sizes.components
     residual, force = out[:nv], out[nv:end]
     if not mean_residual(before, after, u, dt, observer, residual):
         return False
     J, project_first = observer.jacobian, observer.sizes.project_first > 0
-    explain(observer, before, after, residual, out[end:])
+    fit_forces(observer, before, after, residual, out[end:])
     if project_first:
         copy_values(observer.fitted, force)
     filtered = force if project_first else residual
