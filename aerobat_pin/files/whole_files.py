@@ -132,7 +132,7 @@ def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
     """
     if os.path.isdir(out) or not out.suffix:
         files = [out / f"{name}.png", out / f"{name}.pdf"]
-        if os.path.exists(out):
+        if os.path.exists(out) and not os.path.isdir(out):
             raise OutputError(f"output {out}: is a file; a folder, or a .png, .pdf or .svg file was expected")
         for file in files:
             if os.path.exists(file):
