@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, fill, strips_of
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, StripLoads, fill
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
@@ -229,7 +229,8 @@ class Plant:
                 if progress is not None:
                     progress((k + 1) / count)
         sizes = [np.abs(part).max(axis=1, initial=0.0) for part in (states[:, :3], states[:, 3:6], states[:, 6:])]
-        sizes.append(np.append(strips_of(loads).airspeed.max(axis=1, initial=0.0), 0.0))
+        strips = StripLoads(*loads.swapaxes(0, 1))  # unlike `strips_of`, takes what is not finite
+        sizes.append(np.append(strips.airspeed.max(axis=1, initial=0.0), 0.0))
         inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
         outside = ~np.all(inside, axis=0)
         kept = int(np.argmax(outside)) if outside.any() else count + 1  # samples
