@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, fill, strips_of
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, StripLoads, fill
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
@@ -260,7 +260,8 @@ class Plant:
         air = BASE_SIZE + self.air.state_size
         parts_of_state = (states[:, :3], states[:, 3:6], states[:, 6:air])
         sizes = [np.abs(part).max(axis=1, initial=0.0) for part in parts_of_state]
-        sizes.append(np.append(strips_of(loads).airspeed.max(axis=1, initial=0.0), 0.0))
+        strips = StripLoads(*loads.swapaxes(0, 1))  # unlike `strips_of`, takes what is not finite
+        sizes.append(np.append(strips.airspeed.max(axis=1, initial=0.0), 0.0))
         inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
         outside = ~np.all(inside, axis=0)
         kept = int(np.argmax(outside)) if outside.any() else intervals + 1  # samples
