@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from scipy.signal import savgol_filter
 
-from aerobat_pin.errors import AerobatError, LogError
+from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation.known_inputs import known_inputs
 from aerobat_pin.estimation.motion import motion
 from aerobat_pin.estimation.scores import r_squared, true_force

@@ -87,7 +87,17 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
     weight = np.diag(twins.believed(model, "all", mean[2]))
     sizes = ObserverSizes(
-        nv, 0, 3 * points, filtered=nv, basis=0, tied=0, project_first=0, rows=ROWS.index(rows), filter=0, believed=nv
+        nv,
+        0,
+        3 * points,
+        filtered=nv,
+        basis=0,
+        tied=0,
+        project_first=0,
+        rows=ROWS.index(rows),
+        filter=0,
+        believed=nv,
+        directions=0,
     )
     memory = new_memory(observer_in, *sizes)
     observer, found = fields_of(observer_in, memory), np.full(3 * points, np.nan)

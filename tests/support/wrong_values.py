@@ -97,7 +97,6 @@ def calls() -> dict[str, Call]:
     made = {"model": model, "applications": [frame], "gain": 300.0, "rows": "all"}
     blank = {"robot": bat, "scenario": paper, "log": log, "air": paper.air}
     rates = {"q": q, "v": v, "joints": np.zeros((3, 2)), "air": plant.start.air, "held": np.zeros((2, 2)), "time": 0.0}
-    motor = dict.fromkeys(["rotor_inertia", "torque_limit", "lag", "gain", "integral_gain"], 0.1)
     wings = np.zeros((1, 3, 2))
     stroke = aerodynamics.Stroke(3.0, 0.1)
     paper_force = paper.unknown_force[0]
@@ -304,16 +303,6 @@ def calls() -> dict[str, Call]:
         "ConstantRate.__call__": (flight.ConstantRate(0.1, 1.0).__call__, {"time": edges}),
         "SpinUp": (flight.SpinUp, {"start": 0.1, "rate": 1.0, "duration": 1.0}),
         "SpinUp.__call__": (flight.SpinUp(0.1, 1.0, 1.0).__call__, {"time": edges}),
-        "RateControlledMotor": (flight.RateControlledMotor, {"start": 0.1, "rate": 1.0, "start_rate": 1.0, **motor}),
-        **{
-            f"RateControlledMotor.{name}": (
-                getattr(flight.RateControlledMotor(0.1, 1.0, 1.0, **motor), name),
-                {"time": edges[:3]},
-            )
-            for name in ("__call__", "torque", "states")
-        },
-        "WingInertia": (flight.WingInertia, {"robot": bat}),
-        "WingInertia.__call__": (flight.WingInertia(bat).__call__, {"crank_angle": edges}),
         "Plant": (flight.Plant, {"robot": bat, "scenario": paper, "drive": flight.ConstantRate(0.1, 1.0)}),
         "Plant.closure": (plant.closure, {"time": edges[:3]}),
         "Plant.wind": (plant.wind, {"time": edges[:3]}),
@@ -375,13 +364,13 @@ SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 RESULTS = """Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
-AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer"""  # made by other functions
+AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer Redundancy"""  # made by other functions
 TABLES = "AirSection RecordedForce RobotSection Scenario SensorSection SensorsSection UnknownForce"  # pydantic checks
-MEMORY = "air_memory fill channel"  # fields of kernels, and a channel of a log: no user calls them
+MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
-INNER = """checksums netcdf_bytes read_netcdf read_estimates contradictions
+INNER = """checksums netcdf_bytes read_netcdf read_estimates contradictions joint_series moving_weight AllBut
 Contradiction"""  # called by other rooms, with what these have checked
 EXCLUDED = frozenset(f"{RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

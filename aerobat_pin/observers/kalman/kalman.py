@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -111,7 +110,7 @@ class KalmanObserver(Observer):
         rows: Rows = "all",
         *,
         sensor_noise: Sequence[float] = SENSOR_NOISE,
-        force_walk: ArrayLike | Literal["gain"] | None = None,
+        force_walk: ArrayLike | str | None = None,
         prior: float | None = None,
         known_error: Mapping[str, float] | None = None,
         mass_error: float = 0.0,
@@ -164,7 +163,7 @@ class KalmanObserver(Observer):
             walk = np.array(WALK * weight if force_walk is None else force_walk, float)
             if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST_REAL)):
                 raise ObserverError(
-                    f"force_walk = {force_walk!r}: one finite positive number or {len(scale)} were expected"
+                    f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
                 )
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
         self._width = nv + 2 * len(scale) + nv + 1 + nv
