@@ -39,11 +39,26 @@ def added_mass_factor(chord: Callable[[Array], Array], span: float, y: Array) ->
     at_x, at_y = 0.5 * np.outer(x[:half], length), np.broadcast_to(0.5 * span * centre, (half, len(centre)))
     rings = _rings(corner_x, np.broadcast_to(0.5 * span * edge_y, corner_x.shape), at_x.ravel(), at_y.ravel())
     influence = (rings[:, :half] + rings[:, : half - 1 : -1]).reshape(at_x.size, -1)  # mu is even about mid-chord
-    jump = np.linalg.solve(influence, np.ones(at_x.size)).reshape(at_x.shape)
+    jump = _solved(influence, np.ones(at_x.size)).reshape(at_x.shape)
     factor = np.abs(np.diff(edge_x)[:half] @ jump) / (0.25 * np.pi * length)
     # mu vanishes at the tips as a square root: interpolating over the angle of the cosine follows it.
     angles, factors = np.arccos([1.0, *centre[::-1], -1.0]), [0.0, *factor[::-1], 0.0]
     return np.asarray(np.interp(np.arccos(2.0 * y / span), angles, factors))
+
+
+def _solved(matrix: Array, values: Array) -> Array:
+    """Solve linear equations by elimination; matrix and values are overwritten.
+
+    A library's solver adds in an order that depends on its number of threads, so flights would differ in their last
+    digits from process to process. The matrix is dominated by its diagonal and needs no pivoting.
+    """
+    for k in range(len(values)):
+        share = matrix[k + 1 :, k] / matrix[k, k]
+        matrix[k + 1 :, k:] -= share[:, None] * matrix[k, k:]
+        values[k + 1 :] -= share * values[k]
+    for k in reversed(range(len(values))):
+        values[k] = (values[k] - np.sum(matrix[k, k + 1 :] * values[k + 1 :])) / matrix[k, k]
+    return values
 
 
 def _edges_and_centres(panels: int) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import pytest
 from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 
 from aerobat_pin.aerodynamics import RobotAir, air_in
-from aerobat_pin.errors import ShapeError
+from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import fields_of
 from aerobat_pin.robot.wing import Wing
 
@@ -109,5 +109,5 @@ def test_nonsense_is_refused_by_name() -> None:
         ({"added_mass": -1.0}, "added_mass = -1.0"),
         ({"air_density": -1.0}, "air_density = -1.0"),
     ):
-        with pytest.raises(ShapeError, match=message):
+        with pytest.raises(AerobatError, match=message):
             RobotAir(WING, **options)
