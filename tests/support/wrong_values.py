@@ -364,7 +364,8 @@ SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 RESULTS = """Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
-AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer Redundancy"""  # made by other functions
+AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
+Redundancy"""  # made by other functions
 TABLES = "AirSection RecordedForce RobotSection Scenario SensorSection SensorsSection UnknownForce"  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
