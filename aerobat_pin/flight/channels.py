@@ -95,7 +95,7 @@ OPTIONAL_TRUTH = {
     "friction_power": _channel("interval", "W", "power lost to friction, interval mean"),
     **{name: MEASURED[name] for name in ("q", "v", "crank_angle", "motor_torque")},  # exact, if sensors have errors
 }
-TRUTH = REQUIRED_TRUTH | OPTIONAL_TRUTH
+TRUE_CHANNELS = REQUIRED_TRUTH | OPTIONAL_TRUTH
 
 
 def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.Variable:

@@ -13,7 +13,7 @@ from aerobat_pin.flight.channels import (
     KNOWN_FORCE,
     LABELS,
     MEASURED,
-    TRUTH,
+    TRUE_CHANNELS,
     channel,
     filled,
 )
@@ -78,15 +78,17 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "point": list(plant.points),
         "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
     }
-    truth = xr.Dataset({name: filled(name, values, TRUTH) for name, values in true.items()}, coords={**coords, **axes})
+    truth = xr.Dataset(
+        {name: filled(name, values, TRUE_CHANNELS) for name, values in true.items()}, coords={**coords, **axes}
+    )
     if flown.air.size:
-        truth["air_state"] = filled("air_state", flown.air, TRUTH)
+        truth["air_state"] = filled("air_state", flown.air, TRUE_CHANNELS)
     events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
     if events:
         points, names, starts, ends = zip(*events, strict=True)
         truth = truth.assign_coords(event=list(names), event_point=("event", list(points)))
-        truth["event_start"] = filled("event_start", starts, TRUTH)
-        truth["event_end"] = filled("event_end", ends, TRUTH)
+        truth["event_start"] = filled("event_start", starts, TRUE_CHANNELS)
+        truth["event_end"] = filled("event_end", ends, TRUE_CHANNELS)
     table = MEASURED | {thrusters: KNOWN_FORCE}
     seen = {name: filled(name, values, table) for name, values in measured.items()}
     labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}

@@ -95,8 +95,8 @@ def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
     """
     found = find_trim(load_scenario("paper_open_loop", ["crank.frequency=6.7", "flight.pitch_deg=10"]))
     assert found.residual < 1e-8
-    assert found.scenario.crank.frequency == pytest.approx(6.5006, abs=1e-3)
-    assert found.scenario.robot.changes["wing"]["offset_x"] == pytest.approx(-0.08369, abs=1e-5)
+    assert found.scenario.crank.frequency == pytest.approx(6.5007, abs=1e-3)
+    assert found.scenario.robot.changes["wing"]["offset_x"] == pytest.approx(-0.08375, abs=1e-5)
     assert found.scenario.flight.yaw_deg == pytest.approx(-3.0)
     size = np.abs(found.multipliers)
     assert 1.2 < size[0] < 1.3

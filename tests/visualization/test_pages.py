@@ -131,7 +131,7 @@ def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, pa
     assert not re.search(r'(?:src|href)="(?!data:|#)', page)
     assert "url(" not in page
     assert page.count("data:image/png;base64,") == 7
-    assert page.count("mN</td>") == 12
+    assert page.count("mN</td>") == 12 + 8  # errors of two observers, wings and three axes; four sizes of each belief
     assert "79 % thruster-borne" in page
     for name, source in paper.metrics["inputs"].items():
         assert re.search(rf">{name}</td><td[^>]*>{source}", page), name

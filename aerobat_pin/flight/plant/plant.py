@@ -44,7 +44,7 @@ LIMITS = {
     "aerodynamic state": (1e3, "m or m2/s"),
     "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
 }
-START_ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the start are computed
+START_ANGLES = 60  # crank angles in a turn at which the airspeeds of the start are computed
 MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
 
 
@@ -220,8 +220,8 @@ class Plant:
         """
         held = shaped(held, (2, len(self.forces), count), "held")
         start = self.start if start is None else start
-        parts = self.substeps(dt)
-        intervals, count, dt = count, count * parts, dt / parts
+        intervals, parts = count, self.substeps(dt)
+        count, dt = count * parts, dt / parts
         model, data, memory, fields = self.model, self.data, self.memory, self.fields
         halves = np.arange(2 * count + 1) * 0.5 * dt
         wind, size, free = self.wind(halves), len(fields.start), len(self.crank_start) > 0
@@ -258,8 +258,7 @@ class Plant:
                 if progress is not None:
                     progress((k + 1) / count)
         air = BASE_SIZE + self.air.state_size
-        parts_of_state = (states[:, :3], states[:, 3:6], states[:, 6:air])
-        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in parts_of_state]
+        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in np.split(states[:, :air], [3, 6], axis=1)]
         strips = StripLoads(*loads.swapaxes(0, 1))  # unlike `strips_of`, takes what is not finite
         sizes.append(np.append(strips.airspeed.max(axis=1, initial=0.0), 0.0))
         inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
