@@ -170,10 +170,9 @@ remembers older samples; see [design note 3](design/0003-the-unknown-force-and-t
 
 In `paper_left` the unknown force pushes on the left wing alone, and the robot drifts to the right, as in the paper's
 figure. `paper_open_loop` flies without a hold, in the trim that `aerobat trim` found, on a tail and a fin that the real
-robot does not have; it dives after 1 s because of the force's step. Its roll and yaw stay within 6 deg for the scenario's
-own seed, but not for every seed. Drooped wings are laterally unstable: what the noise of the two wings starts doubles every
-0.48 s, by the Floquet multipliers of the trim, and only a hold stops it. `tumble` has no fin, and its force pushes to the
-left.
+robot does not have; it keeps its height within 6 cm, and its roll and yaw within 9 deg. Drooped wings are laterally
+unstable: what the noise of the two wings starts doubles every 0.45 s, by the Floquet multipliers of the trim, and only a
+hold stops it. `tumble` has no fin, and its force pushes to the left.
 
 ## What must be known of the joint torques
 
