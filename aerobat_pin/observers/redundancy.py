@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.signal import lfilter
 
 from aerobat_pin.numerics import Array
 
@@ -94,6 +93,8 @@ def redundancy_of(
         weight: weight of everything that moves [N].
         points: frames at which forces are sought.
     """
+    from scipy.signal import lfilter  # takes as long to import as everything else together
+
     redundant = max(rows - rank, 0) if rank else 0
     series = np.sqrt(np.sum(unexplained**2, axis=1) / max(redundant, 1))
     steps = np.diff(time)

@@ -112,7 +112,9 @@ class AirSection(Section):
 
     density: Positive = Field(1.225, description="of the air [kg/m3]")
     model: Literal["lifting_line", "quasi_steady"] = Field("lifting_line", description="what the strips obey")
-    added_mass: NonNegative = Field(1.0, description="factor of the wings' added mass; 1 is theory, 0 leaves it out [-]")
+    added_mass: NonNegative = Field(
+        1.0, description="factor of the wings' added mass; 1 is theory, 0 leaves it out [-]"
+    )
     lift_limit: Positive | None = Field(None, description="largest lift coefficient of a strip of the lifting line [-]")
     wind: Triple = Field((0.0, 0.0, 0.0), description="velocity of the air, world axes [m/s]")
     gust: GustSection | None = None
