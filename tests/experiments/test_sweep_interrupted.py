@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -75,7 +76,12 @@ def wait_for(folder: Path, count: int, process: subprocess.Popen[bytes]) -> None
 
 def workers_of(process: psutil.Process) -> list[psutil.Process]:
     """Return the processes that fly for a process, whether they are ready or just starting."""
-    return [one for one in process.children() if "popen_loky_posix" in " ".join(one.cmdline())]
+    found = []
+    for one in process.children():
+        with contextlib.suppress(psutil.NoSuchProcess):  # ended meanwhile
+            if "popen_loky_posix" in " ".join(one.cmdline()):
+                found.append(one)
+    return found
 
 
 def same_tables(one: Path, other: Path) -> None:
