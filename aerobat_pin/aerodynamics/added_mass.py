@@ -6,7 +6,8 @@ added masses m
     M_a = sum m n^T n        C_a = sum m n^T n'        M_a' = C_a + C_a^T        force on the robot -(M_a a + C_a v)
 
 The added mass must be part of the inertia matrix: as a force computed before the accelerations it would diverge for
-wings lighter than the air they accelerate. The strips of one link share a constant matrix G (see `robot_air`).
+wings lighter than the air they accelerate. A strip that turns about its span has one more row n, that rate of turning,
+with the moment of inertia m b^2 / 8. The strips of one link share a constant matrix G (see `robot_air`).
 Factoring G = L D L^T leaves three rows for each link: the normal velocity at the centre of the link's added mass, and
 two angular rates. With wind, v is replaced by the velocity relative to the air, and v' accordingly.
 
@@ -46,7 +47,7 @@ def factored(G: Array) -> AddedMass:
         if g[0, 0] == 0.0:
             continue
         turning = g[1:, 1:] - np.outer(g[1:, 0], g[1:, 0]) / g[0, 0]
-        # A single strip has no added moment of inertia: the rounding error in its place is set to zero.
+        # A single strip has no added moment of inertia about x: the rounding error in its place is set to zero.
         turning[np.abs(turning) < 1e-12 * np.max(np.abs(g[1:, 1:]))] = 0.0
         skew = turning[0, 1] / turning[0, 0] if turning[0, 0] > 0.0 else 0.0
         found.masses[link] = g[0, 0], turning[0, 0], turning[1, 1] - skew * turning[0, 1]
