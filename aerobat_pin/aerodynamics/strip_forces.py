@@ -73,9 +73,9 @@ class Surfaces(NamedTuple):
     """Constants of body, tail and fin; points (3,) are in the body's frame [m].
 
     `drag_area` is that of the body [m2]. `downwash_factor` times the wing's mean downwash over the tail's span is the
-    downwash at the tail. `tail` is the centre of the tail, `tail_cosine` and `tail_sine` give its incidence, `tail_lift`
-    is its lift divided by rho |u| w [m2]. `fin` is the centre of the fin, `fin_lift` is its side force divided by rho |u|
-    v [m2].
+    downwash at the tail. `tail` is the centre of the tail, `tail_cosine` and `tail_sine` give its incidence;
+    `tail_lift` is its lift divided by rho |u| w [m2]. `fin` is the centre of the fin, `fin_lift` is its side force
+    divided by rho |u| v [m2].
     """
 
     drag_area: Scalar
