@@ -1,4 +1,4 @@
-"""Generate the files of a morphology: URDF, SRDF, linkage and meshes.
+"""Generate the files of a morphology: URDF, MJCF, SRDF, linkage and meshes.
 
 To rewrite the committed files of all shipped morphologies, run: python -m aerobat_description.generate
 """
@@ -9,9 +9,10 @@ from pathlib import Path
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
 from aerobat_description.bars import closing_bars
-from aerobat_description.meshes import binary_stl, parts
+from aerobat_description.meshes import binary_stl, obj_text, parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.sidecar import linkage_toml
+from aerobat_description.write_mjcf import mjcf_text, obj_name
 from aerobat_description.write_urdf import mesh_name, srdf_text, urdf_text
 
 
@@ -19,13 +20,16 @@ def files(morphology: Morphology) -> dict[str, bytes]:
     """Return all generated files of a morphology: path relative to the package -> content."""
     made = {
         f"urdf/{morphology.name}.urdf": urdf_text(morphology).encode(),
+        f"mjcf/{morphology.name}.xml": mjcf_text(morphology).encode(),
         f"srdf/{morphology.name}.srdf": srdf_text(morphology).encode(),
     }
-    for name, part in parts(morphology).items():
-        made[f"meshes/{mesh_name(morphology, name)}"] = binary_stl(part.mesh)
+    drawn = {name: part.mesh for name, part in parts(morphology).items()}
+    drawn |= {name: bar.mesh(side) for name, (bar, side) in closing_bars(morphology.linkage).items()}
+    for name, mesh in drawn.items():
+        file = mesh_name(morphology, name)
+        made[f"meshes/{file}"] = binary_stl(mesh)
+        made[f"mjcf/meshes/{obj_name(file)}"] = obj_text(mesh).encode()
     made[f"linkage/{morphology.name}.toml"] = linkage_toml(morphology).encode()
-    for name, (bar, side) in closing_bars(morphology.linkage).items():
-        made[f"meshes/{mesh_name(morphology, name)}"] = binary_stl(bar.mesh(side))
     return made
 
 
@@ -34,7 +38,7 @@ def rewrite_files() -> None:
     for name in MORPHOLOGIES:
         for relative, content in files(Morphology.load(name)).items():
             path = Path(PACKAGE_PATH, relative)
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
             print(f"{relative}  {len(content)} bytes")
 

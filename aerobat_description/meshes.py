@@ -1,4 +1,4 @@
-"""Build the visible parts of a morphology as small closed triangle meshes, and pack them as binary STL in metres."""
+"""Build the visible parts of a morphology as small closed triangle meshes, and write them as STL or OBJ, in metres."""
 
 from __future__ import annotations
 
@@ -65,8 +65,9 @@ def parts(morphology: Morphology) -> dict[str, Part]:
     bars = linkage_bars(morphology.linkage)
     for panel, stations in panels(morphology).items():
         left = partial(membrane, stations)
-        made[f"left_{panel}"] = Part(f"left_{panel}", "membrane", left)
-        made[f"right_{panel}"] = Part(f"right_{panel}", "membrane", partial(_mirrored, left))
+        # Not named like their links: viser would take them for each other and move neither.
+        made[f"left_{panel}_membrane"] = Part(f"left_{panel}", "membrane", left)
+        made[f"right_{panel}_membrane"] = Part(f"right_{panel}", "membrane", partial(_mirrored, left))
     for bar, link in LINK_OF.items():
         for side in ("left", "right"):
             made[f"{side}_{bar}"] = Part(f"{side}_{link}", "bone", partial(bars[bar].mesh, side))
@@ -127,6 +128,16 @@ def binary_stl(mesh: Mesh) -> bytes:
         normal = _normal(*triangle)
         chunks.append(struct.pack("<12fH", *normal, *triangle[0], *triangle[1], *triangle[2], 0))
     return b"".join(chunks)
+
+
+def obj_text(mesh: Mesh) -> str:
+    """Write a mesh as Wavefront OBJ text in metres; Drake reads no other meshes from MJCF."""
+    numbers: dict[Point, int] = {}
+    for point in itertools.chain(*mesh):
+        numbers.setdefault(point, len(numbers) + 1)
+    lines = [f"v {x + 0.0:.6g} {y + 0.0:.6g} {z + 0.0:.6g}" for x, y, z in numbers]
+    lines += ["f " + " ".join(str(numbers[point]) for point in triangle) for triangle in mesh]
+    return "\n".join(lines) + "\n"
 
 
 def _edges(morphology: Morphology, panel: str) -> list[tuple[float, float, float]]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
+from aerobat_description.bar_masses import Bars
 from aerobat_description.following import laid_over
 from aerobat_description.morphology_tables import (
     Aerodynamics,
@@ -55,6 +56,7 @@ class Morphology:
     free_flyer: FreeFlyer
     wing: WingShape
     linkage: LinkageLengths
+    bars: Bars
     aerodynamics: Aerodynamics
     tail: Surface | None = None
     fin: Fin | None = None
@@ -130,6 +132,8 @@ class Morphology:
         require(mirrored, "body.inertia", self.body.inertia, rule)
         check_frames([thruster.name for thruster in self.thrusters], "thrusters")
         self._check_turning()
+        rule = f"the bars of both sides are taken from the body in the MJCF: less than its mass, {self.body.mass:g} kg"
+        require(2.0 * self.bars.mass < self.body.mass, "bars", asdict(self.bars), rule)
         bone, stations = math.hypot(*self.elbow), self.wing.proximal_stations
         rule = f"the last one is at the elbow, {bone:.4g} m from the shoulder, to {100 * STRETCH:g} %"
         require(abs(stations[-1] / bone - 1.0) <= STRETCH, "wing.proximal_stations", stations, rule)

@@ -14,6 +14,7 @@ from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body, Vector
 from aerobat_description.poses import poses
+from aerobat_description.shapes import hull_box, on_side, spaced, wing_boxes
 
 PACKAGE_MESHES = "package://aerobat_description/meshes"
 SIDES = (("left", 1.0), ("right", -1.0))
@@ -49,10 +50,9 @@ def urdf_text(morphology: Morphology, meshes: str = PACKAGE_MESHES, meshdir: str
     }
     ET.SubElement(ET.SubElement(robot, "mujoco"), "compiler", flags)
     for name, colour in MATERIALS.items():
-        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_spaced(colour))
+        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=spaced(colour))
     base = _link(robot, "base_link", morphology.body, 1.0)
-    hull = morphology.hull
-    _box(base, (0.0, 0.0, hull.drop), (hull.length, hull.width, hull.height))
+    _box(base, *hull_box(morphology), 0.0)
     for side, sign in SIDES:
         _wing(robot, morphology, side, sign)
     for thruster in morphology.thrusters:
@@ -92,21 +92,16 @@ def srdf_text(morphology: Morphology) -> str:
 
 def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> None:
     wing, bars, joints = morphology.wing, morphology.linkage, morphology.joints
-    panels = {
-        "proximal": (wing.proximal_leading_edge, wing.proximal_trailing_edge, morphology.elbow[1]),
-        "distal": (wing.distal_leading_edge, wing.distal_trailing_edge, wing.distal_stations[-1]),
-    }
-    for panel, (leading, trailing, length) in panels.items():
+    for panel, (centre, size, roll) in wing_boxes(morphology).items():
         link = _link(robot, f"{side}_{panel}", getattr(morphology, panel), sign)
-        front, back = max(leading), min(trailing)
-        _box(link, ((front + back) / 2, sign * length / 2, 0.0), (front - back, length, 2.0e-3))
+        _box(link, on_side(centre, sign), size, sign * roll)
     for name, parent, child, position, limits in (
         ("shoulder", "base_link", f"{side}_proximal", morphology.shoulder, joints.shoulder_limits),
         ("elbow", f"{side}_proximal", f"{side}_distal", morphology.elbow, joints.elbow_limits),
     ):
-        joint = _joint(robot, f"{side}_{name}", "revolute", parent, child, _mirror(position, sign))
+        joint = _joint(robot, f"{side}_{name}", "revolute", parent, child, on_side(position, sign))
         # The axis is +x on the left and -x on the right, so that a positive angle lifts the wing on both sides.
-        ET.SubElement(joint, "axis", xyz=_spaced((sign, 0.0, 0.0)))
+        ET.SubElement(joint, "axis", xyz=spaced((sign, 0.0, 0.0)))
         bounds = {"lower": limits[0], "upper": limits[1], "effort": joints.effort, "velocity": joints.velocity}
         ET.SubElement(joint, "limit", {key: repr(value) for key, value in bounds.items()})
     _frame(robot, f"{side}_force_point", f"{side}_distal", morphology.force_point, sign)
@@ -122,7 +117,7 @@ def _link(robot: ET.Element, name: str, body: Body, sign: float) -> ET.Element:
     """
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_spaced(_mirror(body.com, sign)), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=spaced(on_side(body.com, sign)), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(body.mass))
     xx, yy, zz, xy, xz, yz = body.inertia
     values = {"ixx": xx, "ixy": sign * xy, "ixz": xz, "iyy": yy, "iyz": sign * yz, "izz": zz}
@@ -135,9 +130,10 @@ def _frame(
 ) -> None:
     """Add a massless link fixed to its parent. Mass 0 is written because some tools assume 1 kg if it is missing."""
     inertial = ET.SubElement(ET.SubElement(robot, "link", name=name), "inertial")
+    ET.SubElement(inertial, "origin", xyz="0 0 0", rpy="0 0 0")  # adam-robotics fails without it
     ET.SubElement(inertial, "mass", value="0")
     ET.SubElement(inertial, "inertia", ixx="0", ixy="0", ixz="0", iyy="0", iyz="0", izz="0")
-    _joint(robot, f"{name}_fixed", "fixed", parent, name, _mirror(position, sign), rpy)
+    _joint(robot, f"{name}_fixed", "fixed", parent, name, on_side(position, sign), rpy)
 
 
 def _joint(
@@ -150,7 +146,7 @@ def _joint(
     rpy: Vector = (0.0, 0.0, 0.0),
 ) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "origin", xyz=_spaced(position), rpy=_spaced(rpy))
+    ET.SubElement(joint, "origin", xyz=spaced(position), rpy=spaced(rpy))
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
     return joint
@@ -172,20 +168,13 @@ def _visuals(robot: ET.Element, morphology: Morphology, meshes: str) -> None:
         ET.SubElement(visual, "material", name=part.material)
 
 
-def _box(link: ET.Element, centre: Vector, size: Vector) -> None:
+def _box(link: ET.Element, centre: Vector, size: Vector, roll: float) -> None:
+    """Add a collision box that is turned by `roll` [rad] about x."""
     collision = ET.SubElement(link, "collision")
-    ET.SubElement(collision, "origin", xyz=_spaced(centre), rpy="0 0 0")
-    ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_spaced(size))
+    ET.SubElement(collision, "origin", xyz=spaced(centre), rpy=spaced((roll, 0.0, 0.0)))
+    ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=spaced(size))
 
 
 def mesh_name(morphology: Morphology, part: str) -> str:
     """Return the file name of a part's mesh; it is unique among all morphologies, as some tools ignore the folder."""
     return f"{morphology.name}_{part}.stl"
-
-
-def _mirror(point: Vector, sign: float) -> Vector:
-    return point[0], sign * point[1], point[2]
-
-
-def _spaced(vector: Vector) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in vector)
