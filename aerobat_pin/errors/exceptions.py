@@ -94,8 +94,20 @@ class LogError(AerobatError, ValueError):
     """A file is not a flight log, or the log lacks a channel that is needed."""
 
 
+class CalibrationError(AerobatError, ValueError):
+    """A calibration cannot be learnt from these flights, or does not fit the belief that it is used with."""
+
+
+class MapError(AerobatError, ValueError):
+    """A map of a recording is wrong, or does not fit its log. The message names the key and what was expected."""
+
+
 class OutputError(AerobatError, OSError):
     """Results cannot be written to the requested file or folder."""
+
+
+class ControlWarning(UserWarning):
+    """The thrusters cannot fly the course that is asked for."""
 
 
 class OutputWarning(UserWarning):

@@ -20,9 +20,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from aerobat_pin.errors import OutputError, OutputWarning
-from aerobat_pin.files.ending import cleaned, undisturbed, written
-from aerobat_pin.files.whole_files import WORK, locked, without_empty, write_files
+from aerobat_pin.errors.ending import cleaned, undisturbed, written
+from aerobat_pin.errors.exceptions import OutputError, OutputWarning
+from aerobat_pin.errors.whole_files import WORK, locked, without_empty, write_files
 
 LOCK, NEW = "lock", "new"
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of the system call renameat2, see its page in section 2 of the Linux manual

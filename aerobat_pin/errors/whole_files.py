@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from aerobat_pin.errors import OutputError
-from aerobat_pin.files.ending import cleaned, undisturbed, written
+from aerobat_pin.errors.ending import cleaned, undisturbed, written
+from aerobat_pin.errors.exceptions import OutputError
 
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
 LONGEST_FILE_NAME = 255 - len(WORK)  # bytes

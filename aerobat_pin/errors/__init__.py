@@ -1,0 +1,65 @@
+"""What goes wrong, and what stays whole then: exceptions, endings on signals, files written completely or not at all.
+
+Only the standard library is imported, so that the command line can load this room before anything else.
+"""
+
+from aerobat_pin.errors.ending import cleaned, end_on_signals, raising
+from aerobat_pin.errors.exceptions import (
+    AerobatError,
+    ArgumentError,
+    BrowserError,
+    CalibrationError,
+    ControlWarning,
+    CrankError,
+    FrameNotFoundError,
+    LinkageError,
+    LogError,
+    MapError,
+    MorphologyFileError,
+    NearSingularWarning,
+    ObserverError,
+    OutputError,
+    OutputWarning,
+    ScenarioError,
+    ShapeError,
+    SimulationError,
+    SweepError,
+    TrimError,
+    WorkersLostError,
+)
+from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
+from aerobat_pin.errors.whole_files import check_file, picture_files, write_files, write_text
+
+__all__ = [
+    "AerobatError",
+    "ArgumentError",
+    "BrowserError",
+    "CalibrationError",
+    "ControlWarning",
+    "CrankError",
+    "FrameNotFoundError",
+    "LinkageError",
+    "LogError",
+    "MapError",
+    "MorphologyFileError",
+    "NearSingularWarning",
+    "ObserverError",
+    "OutputError",
+    "OutputWarning",
+    "ScenarioError",
+    "ShapeError",
+    "SimulationError",
+    "SweepError",
+    "TrimError",
+    "WorkersLostError",
+    "check_file",
+    "claimed",
+    "cleaned",
+    "end_on_signals",
+    "output_folder",
+    "picture_files",
+    "raising",
+    "replace_results",
+    "write_files",
+    "write_text",
+]
