@@ -23,6 +23,7 @@ from aerobat_pin.linkage.joint_series import joint_series, joints_at
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.linkage.sculpture_dynamics import SculptureDynamics
 from aerobat_pin.linkage.sensitivity import Sensitivity
+from aerobat_pin.linkage.series_sculpture import SeriesSculpture
 
 __all__ = [
     "ANGLES",
@@ -31,6 +32,7 @@ __all__ = [
     "KineticSculpture",
     "SculptureDynamics",
     "Sensitivity",
+    "SeriesSculpture",
     "joint_series",
     "joints_at",
 ]

@@ -11,6 +11,7 @@ from aerobat_pin.numerics.arrays import (
     shown,
     together,
 )
+from aerobat_pin.numerics.compiling import told_of_compilation
 from aerobat_pin.numerics.frame_ids import frame_id
 from aerobat_pin.numerics.jit import Integers, announce_compilation, inner, is_compiled, kernel, lock, merged
 from aerobat_pin.numerics.kernel_cache import remove_damaged_kernels
@@ -86,4 +87,5 @@ __all__ = [
     "take",
     "take_integers",
     "together",
+    "told_of_compilation",
 ]

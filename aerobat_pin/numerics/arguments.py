@@ -1,4 +1,4 @@
-"""ArgumentCheck the arguments of public functions and classes by their annotations, and name the one that is wrong.
+"""Check the arguments of public functions and classes by their annotations, and name the one that is wrong.
 
 Functions that a loop calls for every sample are not decorated: they check what their kernels report.
 """
@@ -20,9 +20,8 @@ from aerobat_pin.numerics.arrays import LARGEST_REAL, checked_shape, real_number
 Target = TypeVar("Target", bound=Callable[..., Any])
 Shape = tuple[Any, ...]  # as `checked_shape` reads it; a name stands for one size in a whole call
 Rule = Shape | list[Shape] | Literal["positive", "not negative", "any", "free"]
-ArgumentCheck = Callable[
-    [Any, str, dict[Any, Any]], Any
-]  # takes value, name and sizes so far; returns what the function gets
+# Takes value, name and sizes so far; returns what the function gets.
+ArgumentCheck = Callable[[Any, str, dict[Any, Any]], Any]
 
 
 class _Numbers:
@@ -34,7 +33,7 @@ WORDS: dict[Any, str] = {str: "text", Path: "a path", int: "a whole number", flo
 
 
 def guarded(**rules: Rule) -> Callable[[Target], Target]:
-    """ArgumentCheck every call of a function, or of a class, against its annotations.
+    """Check every call of a function, or of a class, against its annotations.
 
     Numbers are real, finite and of a size that occurs in SI units; arrays also arrive as arrays of doubles.
 

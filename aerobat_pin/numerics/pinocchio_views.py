@@ -51,7 +51,12 @@ def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Ar
 
 
 def _pointers(here: Any, there: Any) -> Any:
-    """Return a function that turns an address into a pointer to a number: ctypes type `here`, numba type `there`."""
+    """Return a function that turns an address into a pointer to a number.
+
+    Args:
+        here: type of the number for ctypes, used when kernels run as plain Python.
+        there: the same type for numba.
+    """
     if numba.config.DISABLE_JIT:  # kernels run as plain Python
         return lambda address: ctypes.cast(int(address), ctypes.POINTER(here))
 

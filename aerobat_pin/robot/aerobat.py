@@ -162,7 +162,7 @@ def _build(shape: Morphology, gravity: Array) -> Aerobat:
     model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
     model.gravity.linear = gravity
     pin.loadReferenceConfigurationsFromXML(model, srdf_text(shape))
-    _limit_free_flyer(model, shape.free_flyer)
+    limit_free_flyer(model, shape.free_flyer)
     indices = [model.getJointId(name) for name in JOINTS]
     return Aerobat(
         morphology=shape,
@@ -175,7 +175,7 @@ def _build(shape: Morphology, gravity: Array) -> Aerobat:
     )
 
 
-def _limit_free_flyer(model: pin.Model, limits: FreeFlyer) -> None:
+def limit_free_flyer(model: pin.Model, limits: FreeFlyer) -> None:
     """Replace the infinite limits of the free-flyer joint; its effort limit is zero, since no motor drives the base."""
     bound = np.concatenate([np.full(3, limits.position), np.ones(4)])
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
