@@ -78,6 +78,34 @@ class TextTable:
         good = isinstance(frame.index, pd.RangeIndex) and np.all(np.isfinite(values))
         return values if good else self._numbers_by_cell(chosen)
 
+    def numbers_or_gaps(self) -> Array:
+        """Return all numbers below the header as an array (rows, columns), with NaN for an empty cell.
+
+        Raises:
+            AerobatError: of the class given on creation: a cell is neither empty nor a finite number, or a row is too
+                short or too long.
+        """
+        rows = []
+        for line, row in list(self._rows())[1:]:
+            if len(row) != len(self.header):
+                raise self._error(f"{self._name}, line {line}: {len(row)} values: {len(self.header)} were expected")
+            values = []
+            for name, cell in zip(self.names, row, strict=True):
+                try:
+                    values.append(float(cell) if cell.strip() else float("nan"))
+                except ValueError:
+                    rule = f"{name} = {cell!r}: a number, or an empty cell, was expected"
+                    raise self._error(f"{self._name}, line {line}: {rule}") from None
+                if cell.strip() and not np.isfinite(values[-1]):
+                    rule = f"{name} = {cell.strip()}: a number, or an empty cell for no sample, was expected"
+                    raise self._error(f"{self._name}, line {line}: {rule}")
+            rows.append(values)
+        return np.array(rows, float).reshape(len(rows), len(self.header))
+
+    def has_gaps(self) -> bool:
+        """Return whether a cell below the header is empty."""
+        return any(not cell.strip() for _, row in self._rows() for cell in row)
+
     def line(self, row: int) -> int:
         """Return the line number, counted from 1, of a row of data; row 0 is the first one below the header."""
         return [line for line, _ in self._rows()][row + 1]

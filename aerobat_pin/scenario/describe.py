@@ -5,25 +5,74 @@ The descriptions come from the JSON schema that pydantic makes of the classes in
 
 from __future__ import annotations
 
+import difflib
 import re
 import textwrap
 from collections.abc import Iterator
 from typing import Any, get_args
 
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.scenario import Scenario
 from aerobat_pin.scenario.tables import LARGEST_NUMBER, Section, sections_of
 from aerobat_pin.scenario.toml import scenario_value
 
 COLUMNS = 100  # width of the text in characters
 UNIT = re.compile(r"\s*\[([^\]]+)\](?=$|[,;])")
-NOUNS = {"number": "number", "integer": "whole number", "string": "text", "object": "table"}
+NOUNS = {"number": "number", "integer": "whole number", "string": "text", "object": "table", "boolean": "true or false"}
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 
 
-def describe_scenario() -> str:
-    """Return the description of all keys of a scenario file, wrapped at `COLUMNS` characters."""
+def describe_scenario(wanted: str | None = None) -> str:
+    """Return the description of the keys of a scenario file, wrapped at `COLUMNS` characters.
+
+    Args:
+        wanted: a table such as `crank`, or a dotted key such as `observers.gain`; all of them when omitted.
+
+    Raises:
+        ScenarioError: there is no such table or key.
+    """
     head = "A scenario is a TOML file of these tables and keys. Only what is marked required must be written."
-    return "\n".join([head, *_keys(Scenario), *_tables(Scenario, "")]) + "\n"
+    return describe_tables(Scenario, head, "scenario", wanted)
+
+
+def describe_tables(root: type[Section], head: str, kind: str, wanted: str | None = None) -> str:
+    """Return the description of the keys of a file.
+
+    Args:
+        root: its outermost table.
+        head: text before the first key.
+        kind: what `aerobat describe` calls such a file.
+        wanted: a table or a dotted key; all of them when omitted.
+
+    Raises:
+        ScenarioError: there is no such table or key.
+    """
+    text = "\n".join([*textwrap.wrap(head, COLUMNS), *_keys(root), *_tables(root, "")])
+    return (text if wanted is None else _part_of(text, wanted, kind)) + "\n"
+
+
+def _part_of(text: str, wanted: str, kind: str) -> str:
+    """Return the blocks of a description that belong to a table, or the title and lines of one key in them."""
+    blocks = text.split("\n\n")
+    names = [re.findall(r"\[([\w.]+)\]", block.partition("  ")[0]) for block in blocks]
+    plain = ".".join(part for part in wanted.split(".") if part != "*" and not part.isdigit())
+    found = [
+        block
+        for block, tables in zip(blocks, names, strict=True)
+        if any(f"{table}.".startswith(f"{plain}.") for table in tables)
+    ]
+    table, _, key = plain.rpartition(".")
+    known = {name for tables in names for name in tables}
+    for block, tables in zip(blocks, names, strict=True):
+        entries = {entry.split()[0]: entry for entry in re.split(r"\n(?=  \S)", block)[1:]}
+        known |= {f"{name}.{entry}".lstrip(".") for name in tables or [""] for entry in entries}
+        if not found and key in entries and table in (tables or [""]):
+            found.append("\n".join([*([block.partition("  ")[0]] if tables else []), entries[key]]))
+    if not found:
+        close = difflib.get_close_matches(plain, sorted(known), n=3)
+        hint = f"did you mean {' or '.join(close)}?" if close else f"`aerobat describe {kind}` lists all"
+        raise ScenarioError(f"describe {kind} {wanted[:60]}: there is no such table or key: {hint}")
+    return "\n\n".join(found)
 
 
 def unit_and_meaning(description: str) -> tuple[str, str]:
@@ -49,7 +98,7 @@ def kind_of(schema: dict[str, Any]) -> str:
 
 def _keys(section: type[Section], base: type[Section] = Section) -> Iterator[str]:
     """Describe a section's keys; leave out those that the base class describes in the same way."""
-    schema, inherited = section.model_json_schema(), base.model_json_schema().get("properties", {})
+    schema, inherited = section.model_json_schema(by_alias=False), base.model_json_schema().get("properties", {})
     fields = {
         key: schema["properties"][key]
         for key, field in section.model_fields.items()
@@ -64,7 +113,7 @@ def _keys(section: type[Section], base: type[Section] = Section) -> Iterator[str
         facts = ("table" if is_table else kind_of(rules)) + (f" [{unit}]" if unit else "")
         if not is_table:
             facts += ", required" if key in schema.get("required", []) else f", {_default(rules.get('default', {}))}"
-        for start, text in ((f"  {key:<{indent - 2}}", facts), (" " * indent, meaning)):
+        for start, text in ((f"  {key.rstrip('_'):<{indent - 2}}", facts), (" " * indent, meaning)):
             yield from textwrap.wrap(text, COLUMNS, initial_indent=start, subsequent_indent=" " * indent)
 
 

@@ -16,6 +16,7 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import guarded
+from aerobat_pin.scenario.control_tables import ControlSection, ThrustersSection
 from aerobat_pin.scenario.dotted_keys import with_settings
 from aerobat_pin.scenario.messages import explain
 from aerobat_pin.scenario.size import FlightSize, check_size, flight_size
@@ -53,6 +54,8 @@ class Scenario(Section):
     crank: CrankSection = CrankSection()
     air: AirSection = AirSection()
     hold: HoldSection | None = None
+    thrusters: ThrustersSection = ThrustersSection()
+    control: ControlSection | None = None
     unknown_force: tuple[UnknownForceSection, ...] = ()
     sensors: SensorsSection = SensorsSection()
     simulation: SimulationSection = SimulationSection()
@@ -78,6 +81,11 @@ class Scenario(Section):
         return _laid_over(self.air, self.believed.air)
 
     @property
+    def believed_thrusters(self) -> ThrustersSection:
+        """The thrusters that the controller assumes: `thrusters` with the values of `believed.thrusters` over it."""
+        return _laid_over(self.thrusters, self.believed.thrusters)
+
+    @property
     def size(self) -> FlightSize:
         """What the flight would take: steps, bytes of its log, and seconds."""
         return flight_size(self.simulation, self.crank, self.air, self.unknown_force)
@@ -88,7 +96,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _believable(self) -> Scenario:
-        for name in ("robot", "air"):
+        for name in ("robot", "air", "thrusters"):
             try:
                 getattr(self, f"believed_{name}")
             except ValidationError as error:
@@ -113,7 +121,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _sensors_within_the_log(self) -> Scenario:
-        for name, sensor in self.sensors.fitted.items():
+        for name, sensor in self.sensors.sampled.items():
             fastest = 1.0 / self.simulation.dt
             if sensor.rate is not None and sensor.rate > fastest * (1.0 + 1e-9):
                 raise ValueError(

@@ -5,20 +5,32 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-LARGEST_NUMBER = 1.0e12  # no key needs a larger number, in any of its units
-FARTHEST_START = 1.0e6  # [m]: further out, positions lose their digits
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
-Whole = Annotated[int, Field(strict=True)]
-Positive = Annotated[Number, Field(gt=0.0)]
-NonNegative = Annotated[Number, Field(ge=0.0)]
-Triple = tuple[Number, Number, Number]
-Coordinate = Annotated[Number, Field(ge=-FARTHEST_START, le=FARTHEST_START)]
-PerAxis = Annotated[
-    tuple[Number, ...], BeforeValidator(lambda given: (given,) if isinstance(given, int | float) else given)
+from aerobat_pin.scenario.raw_tables import RawSection
+from aerobat_pin.scenario.section import (
+    LARGEST_NUMBER,
+    Coordinate,
+    Limits,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    Triple,
+    Whole,
+)
+from aerobat_pin.scenario.sensor_tables import AXES_OF_SENSOR, SensorSection, SensorsSection
+
+__all__ = [
+    "AXES_OF_SENSOR",
+    "LARGEST_NUMBER",
+    "Number",
+    "Positive",
+    "Section",
+    "SensorSection",
+    "SensorsSection",
+    "Whole",
 ]
-Limits = tuple[Positive, Positive, Positive]
 
 
 def _false_for_none(values: Any) -> Any:
@@ -29,12 +41,6 @@ def _false_for_none(values: Any) -> Any:
 
 
 RobotValues = Annotated[dict[str, Any], BeforeValidator(_false_for_none)]
-
-
-class Section(BaseModel):
-    """Base class of a scenario file's tables: unknown keys are errors, and values cannot change after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class RobotSection(Section):
@@ -139,63 +145,6 @@ class HoldSection(Section):
     lift_limit: Positive = Field(description="of stiffness and damping together, world z [N]")
 
 
-class SensorSection(Section):
-    """The errors of one sensor, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
-
-    rate: Positive | None = Field(None, description="of its samples [Hz]; one at every time of the log, when left out")
-    noise: PerAxis = Field((0.0,), description="standard deviation of each sample; one number, or one per axis [unit]")
-    bias: PerAxis = Field((0.0,), description="constant; one number, or one per axis [unit]")
-    walk: NonNegative = Field(0.0, description="random walk of the bias: its deviation after one second [unit/sqrt(s)]")
-    quantum: NonNegative = Field(0.0, description="step to whose multiples samples are rounded; 0 does not [unit]")
-    delay: Annotated[NonNegative, Field(le=60.0)] = Field(0.0, description="from taking a sample to showing it [s]")
-    dropout: Annotated[Number, Field(ge=0.0, lt=1.0)] = Field(0.0, description="probability to lose a sample [-]")
-
-
-class SensorsSection(Section):
-    """The sensors of the measured channels; a channel without a table is measured without error."""
-
-    position: SensorSection | None = Field(None, description="of the body's COM in world axes [m]")
-    attitude: SensorSection | None = Field(None, description="small turns about body axes; rounded: Euler angles [rad]")
-    velocity: SensorSection | None = Field(None, description="of the body's COM in body axes [m/s]")
-    gyro: SensorSection | None = Field(None, description="body rate in body axes [rad/s]")
-    joint_angle: SensorSection | None = Field(None, description="left shoulder, elbow, right shoulder, elbow [rad]")
-    joint_rate: SensorSection | None = Field(None, description="of the same joints [rad/s]")
-    crank_angle: SensorSection | None = Field(None, description="absolute crank angle t1 [rad]")
-    airspeed: SensorSection | None = Field(None, description="along the body's x axis [m/s]")
-    motor_torque: SensorSection | None = Field(None, description="at the same joints, mean over each interval [N m]")
-
-    @model_validator(mode="after")
-    def _as_many_as_axes(self) -> SensorsSection:
-        for name, sensor in self.fitted.items():
-            axes = AXES_OF_SENSOR[name]
-            for key in ("noise", "bias"):
-                given = getattr(sensor, key)
-                if len(given) not in (1, axes):
-                    expected = "one number was" if axes == 1 else f"one number, or {axes}, were"
-                    raise ValueError(f"sensors.{name}.{key} = {list(given)}: {expected} expected")
-            if min(sensor.noise) < 0.0:
-                raise ValueError(f"sensors.{name}.noise = {list(sensor.noise)}: deviations are not negative")
-        return self
-
-    @property
-    def fitted(self) -> dict[str, SensorSection]:
-        """The sensors that are given, by channel: name -> sensor; all other channels are exact."""
-        return {name: getattr(self, name) for name in AXES_OF_SENSOR if getattr(self, name) is not None}
-
-
-AXES_OF_SENSOR = {
-    "position": 3,
-    "attitude": 3,
-    "velocity": 3,
-    "gyro": 3,
-    "joint_angle": 4,
-    "joint_rate": 4,
-    "crank_angle": 1,
-    "airspeed": 1,
-    "motor_torque": 4,
-}
-
-
 class SimulationSection(Section):
     """Duration, time step and random seed of the simulation."""
 
@@ -261,6 +210,7 @@ class ObserverSection(Section):
     kalman: KalmanSection | None = Field(None, description="settings of the observer kalman")
     smoother: KalmanSection | None = Field(None, description="settings of the observer smoother")
     super_twisting: SuperTwistingSection | None = Field(None, description="settings of the observer super_twisting")
+    raw: RawSection | None = Field(None, description="settings of kalman and smoother on a log of raw samples")
 
     @model_validator(mode="after")
     def _each_once(self) -> ObserverSection:
@@ -277,10 +227,11 @@ class ObserverSection(Section):
 
 
 class BelievedSection(Section):
-    """Deliberate model errors: values of robot and air that the observers assume in place of the true ones."""
+    """Deliberate model errors: values of robot, air and thrusters that are assumed in place of the true ones."""
 
     robot: RobotValues = Field(default_factory=dict, description="values laid over the table robot")
     air: dict[str, Any] = Field(default_factory=dict, description="values laid over the table air")
+    thrusters: dict[str, Any] = Field(default_factory=dict, description="values laid over the table thrusters")
 
 
 def sections_of(annotation: Any) -> dict[str, type[Section]]:

@@ -1,0 +1,133 @@
+"""The tables of sensors: rate, delay and errors of each."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from aerobat_pin.scenario.section import NonNegative, Number, PerAxis, Positive, Section, Triple, Whole
+
+
+class SampledSection(Section):
+    """When a sensor takes its samples and when it shows them."""
+
+    rate: Positive | None = Field(None, description="of its samples [Hz]; one at every time of the log, when left out")
+    delay: Annotated[NonNegative, Field(le=60.0)] = Field(0.0, description="from taking a sample to showing it [s]")
+    dropout: Annotated[Number, Field(ge=0.0, lt=1.0)] = Field(0.0, description="probability to lose a sample [-]")
+
+
+class SensorSection(SampledSection):
+    """The errors of one sensor, in the unit of its channel; see `aerobat_pin.flight.sensors`."""
+
+    noise: PerAxis = Field((0.0,), description="standard deviation of each sample; one number, or one per axis [unit]")
+    bias: PerAxis = Field((0.0,), description="constant; one number, or one per axis [unit]")
+    walk: NonNegative = Field(0.0, description="random walk of the bias: its deviation after one second [unit/sqrt(s)]")
+    quantum: NonNegative = Field(0.0, description="step to whose multiples samples are rounded; 0 does not [unit]")
+
+
+class InertialSection(SensorSection):
+    """A gyro or an accelerometer on the body; its place and turn are noted in a raw log, so observers know them."""
+
+    place: Triple = Field((0.0, 0.0, 0.0), description="of the sensor from the body's COM, body axes [m]")
+    turn_deg: Triple = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw of its axes in the body [deg]")
+
+
+class MotionCaptureSection(SampledSection):
+    """Motion capture of a rigid body of markers on the robot; see `aerobat_pin.flight.raw_sensors`."""
+
+    position_noise: NonNegative = Field(1.0e-3, description="deviation of a sample, each world axis [m]")
+    orientation_noise: NonNegative = Field(3.0e-3, description="deviation of small turns about body axes [rad]")
+    place: Triple = Field((0.0, 0.0, 0.0), description="of the markers' origin from the body's COM, body axes [m]")
+    turn_deg: Triple = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw of the markers' axes in the body [deg]")
+
+
+class EncoderSection(SampledSection):
+    """An encoder of the crank's absolute angle."""
+
+    counts: Annotated[Whole, Field(ge=2)] = Field(4096, description="in a turn [-]")
+
+
+class SensorsSection(Section):
+    """The sensors of the measured channels; a channel without a table is measured without error.
+
+    With `motion_capture` the log is raw: it contains the samples of motion_capture, gyro, accelerometer, crank_encoder
+    and motor_torque, each with times of its own, and no configuration or velocity. The value "none" removes a sensor.
+    """
+
+    position: SensorSection | None = Field(None, description="of the body's COM in world axes [m]")
+    attitude: SensorSection | None = Field(None, description="small turns about body axes; rounded: Euler angles [rad]")
+    velocity: SensorSection | None = Field(None, description="of the body's COM in body axes [m/s]")
+    gyro: InertialSection | None = Field(None, description="body rate in body axes [rad/s]")
+    joint_angle: SensorSection | None = Field(None, description="left shoulder, elbow, right shoulder, elbow [rad]")
+    joint_rate: SensorSection | None = Field(None, description="of the same joints [rad/s]")
+    crank_angle: SensorSection | None = Field(None, description="absolute crank angle t1 [rad]")
+    airspeed: SensorSection | None = Field(None, description="along the body's x axis [m/s]")
+    motor_torque: SensorSection | None = Field(None, description="at the same joints, mean over each interval [N m]")
+    motion_capture: MotionCaptureSection | None = Field(None, description="poses of the body; makes the log raw")
+    accelerometer: InertialSection | None = Field(None, description="specific force in its axes, in a raw log [m/s2]")
+    crank_encoder: EncoderSection | None = Field(None, description="absolute crank angle t1, in a raw log [rad]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_those_taken_away(cls, values: Any) -> Any:
+        return {k: v for k, v in values.items() if v != "none"} if isinstance(values, dict) else values
+
+    @model_validator(mode="after")
+    def _raw_or_not(self) -> SensorsSection:
+        given = {name for name in type(self).model_fields if getattr(self, name) is not None}
+        if self.raw:
+            wrong = sorted(given - set(RAW_SENSORS))
+            if wrong:
+                raise ValueError(
+                    f"sensors.{wrong[0]} with sensors.motion_capture: a raw log has {', '.join(RAW_SENSORS)} alone"
+                )
+        elif given & {"accelerometer", "crank_encoder"}:
+            name = min(given & {"accelerometer", "crank_encoder"})
+            raise ValueError(f"sensors.{name} without sensors.motion_capture: only a raw log has this sensor")
+        elif self.gyro is not None and (any(self.gyro.place) or any(self.gyro.turn_deg)):
+            raise ValueError("sensors.gyro has a place or a turn: only in a raw log, with sensors.motion_capture")
+        return self
+
+    @model_validator(mode="after")
+    def _as_many_as_axes(self) -> SensorsSection:
+        given = self.fitted if self.accelerometer is None else {**self.fitted, "accelerometer": self.accelerometer}
+        for name, sensor in given.items():
+            axes = AXES_OF_SENSOR.get(name, 3)
+            for key in ("noise", "bias"):
+                given = getattr(sensor, key)
+                if len(given) not in (1, axes):
+                    expected = "one number was" if axes == 1 else f"one number, or {axes}, were"
+                    raise ValueError(f"sensors.{name}.{key} = {list(given)}: {expected} expected")
+            if min(sensor.noise) < 0.0:
+                raise ValueError(f"sensors.{name}.noise = {list(sensor.noise)}: deviations are not negative")
+        return self
+
+    @property
+    def fitted(self) -> dict[str, SensorSection]:
+        """The sensors that are given, by channel: name -> sensor; all other channels are exact."""
+        return {name: getattr(self, name) for name in AXES_OF_SENSOR if getattr(self, name) is not None}
+
+    @property
+    def raw(self) -> bool:
+        """Whether the log contains raw samples, each sensor's with times of its own."""
+        return self.motion_capture is not None
+
+    @property
+    def sampled(self) -> dict[str, SampledSection]:
+        """All sensors that are given: name -> sensor."""
+        return {name: found for name in type(self).model_fields if (found := getattr(self, name)) is not None}
+
+
+AXES_OF_SENSOR = {
+    "position": 3,
+    "attitude": 3,
+    "velocity": 3,
+    "gyro": 3,
+    "joint_angle": 4,
+    "joint_rate": 4,
+    "crank_angle": 1,
+    "airspeed": 1,
+    "motor_torque": 4,
+}
+RAW_SENSORS = ("motion_capture", "gyro", "accelerometer", "crank_encoder", "motor_torque")
