@@ -7,6 +7,7 @@ puts the columns of each channel in the order of `LABELS`.
 from __future__ import annotations
 
 import difflib
+import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,6 +26,7 @@ LABELS = {
     "v_axis": (*TWIST_AXIS, *JOINTS),
     "pose_axis": POSE_AXIS,
     "twist_axis": TWIST_AXIS,
+    "quaternion_axis": POSE_AXIS[3:],
     "joint": JOINTS,
     "axis": ("x", "y", "z"),
     "link": LINKS,
@@ -63,8 +65,19 @@ MEASURED = {
     "motor_torque": _channel("interval v_axis", "N m", "motor torque at the joints, interval mean"),
     "joint_torque": _channel("interval joint", "N m", "motor torque at the joints, interval mean"),
     "crank_torque": _channel("interval", "N m", "motor torque at the crank, interval mean"),
+    "thruster_command": _channel("interval thruster", "N", "thrust that was commanded at the start of the interval"),
+    "mocap_position": _channel("mocap_time axis", "m", "motion capture: markers' origin in world axes"),
+    "mocap_quaternion": _channel("mocap_time quaternion_axis", "-", "motion capture: markers' axes, body to world"),
+    "gyro": _channel("gyro_time axis", "rad/s", "angular velocity in the gyro's axes"),
+    "accelerometer": _channel("accelerometer_time axis", "m/s2", "specific force in the accelerometer's axes"),
+    "encoder": _channel("encoder_time", "rad", "absolute crank angle t1, as the encoder counts"),
+    "joint_torque_sample": _channel("torque_time joint", "N m", "motor torque at the joints, samples"),
+    "crank_torque_sample": _channel("torque_time", "N m", "motor torque at the crank, samples"),
 }
+RAW_CLOCKS = ("mocap_time", "gyro_time", "accelerometer_time", "encoder_time", "torque_time")
 KNOWN_FORCE = _channel("interval v_axis", "N, N m", "known generalised force, interval mean")
+THRUSTERS = f"{KNOWN}thrusters"
+THRUST_CHANNEL = _channel("interval twist_axis", "N, N m", "known wrench at the body COM")
 REQUIRED_TRUTH = {
     "force_W": _channel("interval point axis", "N", "unknown force in world axes, interval mean"),
     "force_noise_free_W": _channel("interval point axis", "N", "unknown force without its noise, interval mean"),
@@ -86,7 +99,11 @@ OPTIONAL_TRUTH = {
     "event_start": _channel("event", "s", "when an unknown force comes"),
     "event_end": _channel("event", "s", "when it goes; infinity where it stays"),
     "body_airspeed": MEASURED["airspeed"],  # in the truth, `airspeed` is that of the strips
-    "thruster_power": _channel("interval", "W", "power of the attitude hold, interval mean"),
+    "thruster_power": _channel("interval", "W", "power of attitude hold or thrusters, interval mean"),
+    "thrust": _channel("interval thruster", "N", "thrust of each thruster, interval mean"),
+    "thruster_wrench": _channel("interval wrench_axis", "N, N m", "of all thrusters on the body, interval mean"),
+    "unrealised_wrench": _channel("interval wrench_axis", "N, N m", "what the limits left of the wanted wrench"),
+    "seen_disturbance": _channel("interval wrench_axis", "N, N m", "what the controller's observer saw last"),
     "unknown_power": _channel("interval", "W", "power of the unknown forces, interval mean"),
     "crank_rate": MEASURED["crank_rate"],  # this and the next four: if a motor turns the crank
     "crank_torque": _channel("interval", "N m", "torque from crank to linkage, interval mean"),
@@ -169,7 +186,8 @@ def _row(key: str, table: Mapping[str, Channel], dims: tuple[Any, ...], name: st
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the known name that is closest to a wrong one as a question, or else all known names."""
     close = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}"
+    every = textwrap.shorten(", ".join(known), 400, placeholder=" ...")
+    return f"did you mean '{close[0]}'?" if close else f"known are {every}"
 
 
 def _check_form(values: xr.Variable, row: Channel, where: str, *, complete: bool) -> None:
@@ -236,8 +254,9 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
             f"{name}: channel '{key}', {_sample_name(variable, data, int(at[0]))}{what} = {values[at]:g}: a number "
             f"between -{LARGEST_VALUE:g} and {LARGEST_VALUE:g} was expected"
         )
-    if key in ("q", "pose"):
-        length = np.sqrt(np.einsum("ij,ij->i", values[:, 3:7], values[:, 3:7]))
+    if key in ("q", "pose", "mocap_quaternion"):
+        quaternion = values if key == "mocap_quaternion" else values[:, 3:7]
+        length = np.sqrt(np.einsum("ij,ij->i", quaternion, quaternion))
         wrong = np.abs(length - 1.0) > QUATERNION_ERROR
         if np.any(wrong):
             at_row = int(np.argmax(wrong))
@@ -250,6 +269,6 @@ def _check_values(key: str, variable: xr.Variable, data: xr.Dataset, name: str) 
 def _sample_name(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
     """Return where a row of a channel is: `sample 12 (0.012 s)`."""
     dim = variable.dims[0]
-    what = "sample" if dim == "time" else str(dim)
+    what = "sample" if dim == "time" or dim in RAW_CLOCKS else str(dim)
     at = data.variables.get(dim)
     return f"{what} {row}" + (f" ({float(at.values[row]):g} s)" if at is not None and at.dtype.kind == "f" else "")

@@ -16,6 +16,8 @@
 | `torque_<joint>` | N m | optional, all four or none: motor torque at the joints |
 | `thrust_fx` ... `thrust_mz` | N, N m | optional, all six or none: known wrench at the body COM, body axes |
 
+A table of raw samples has other columns, and empty cells: see `raw_csv`.
+
 A header cell is a column name, optionally with its unit as in `x [m]`. A table holds forces and torques as samples, a
 log holds them as interval means: reading averages the samples at both ends of an interval, and writing averages the
 intervals on both sides of a sample.
@@ -40,6 +42,8 @@ from aerobat_pin.flight.channels import (
     LABELS,
     MEASURED,
     QUATERNION_ERROR,
+    THRUST_CHANNEL,
+    THRUSTERS,
     Channel,
     channel,
     did_you_mean,
@@ -47,11 +51,11 @@ from aerobat_pin.flight.channels import (
     is_unit,
 )
 from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.raw_csv import ACCELEROMETER, RAW_UNITS, is_raw, raw_log, raw_table
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
-THRUSTERS = f"{KNOWN}thrusters"
 LONGEST_SAMPLE_TIME = 0.5  # [s]: a flap is shorter, so if samples seem further apart, the time is in milliseconds
 FEWEST_SAMPLES = 3  # fewer samples do not give rates
 HEADER_CELL = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
@@ -93,7 +97,6 @@ class ColumnGroup:
 QUATERNION = "qx qy qz qw"
 RATES, TORQUES = " ".join(f"{name}_rate" for name in JOINTS), " ".join(f"torque_{name}" for name in JOINTS)
 THRUST = {"N": "thrust_fx thrust_fy thrust_fz", "N m": "thrust_mx thrust_my thrust_mz"}
-THRUST_CHANNEL = Channel(("interval", "twist_axis"), "N, N m", "known wrench at the body COM")
 GROUPS = (
     ColumnGroup(("q", "pose"), {"m": "x y z", "-": QUATERNION}),
     ColumnGroup(("v", "twist"), {"m/s": "vx vy vz", "rad/s": "wx wy wz"}),
@@ -107,7 +110,7 @@ GROUPS = (
     ColumnGroup(("motor_torque", "joint_torque"), {"N m": TORQUES}),
     ColumnGroup((THRUSTERS,), THRUST),
 )
-UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()}
+UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()} | RAW_UNITS
 
 
 @guarded()
@@ -119,6 +122,9 @@ def read_csv(path: str | Path) -> FlightLog:
     """
     text = TextTable(Path(path), "log", LogError)
     columns = _columns(text)
+    if set(columns) <= set(RAW_UNITS) and (is_raw(list(columns)) or np.any(np.isnan(list(columns.values())))):
+        _check_time(columns, text)
+        return raw_log(columns, text)
     _check(columns, text)
     quaternion = np.array([columns[name] for name in QUATERNION.split()])
     columns |= dict(zip(QUATERNION.split(), quaternion / np.linalg.norm(quaternion, axis=0), strict=True))
@@ -155,12 +161,19 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
     unwritten = [str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN) and name != THRUSTERS]
     if unwritten:
         raise LogError(f"flight log: a table has no column for {', '.join(unwritten)}: drop the channel first")
+    if log.is_raw:
+        _write(raw_table(log), path)
+        return
     columns = {"time": log.time}
     for group in GROUPS:
         for values in (log.measured[name] for name in group.channels if name in log.measured):
             array = values.sel({values.dims[1]: list(group.labels)}).values if group.labels else values.values[:, None]
             columns |= dict(zip(group.units, (_samples(array) if group.means else array).T, strict=True))
-    table = pd.DataFrame({f"{name} [{UNITS[name]}]": values for name, values in columns.items()})
+    _write(pd.DataFrame({f"{name} [{UNITS[name]}]": values for name, values in columns.items()}), path)
+
+
+def _write(table: pd.DataFrame, path: str | Path) -> None:
+    """Write a table; a missing number becomes an empty cell. Raises OutputError."""
     try:
         table.to_csv(path, index=False, float_format="%.10g", lineterminator="\n")
     except OSError as error:
@@ -173,7 +186,8 @@ def _columns(text: TextTable) -> dict[str, Array]:
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise LogError(f"log {text.path}: column '{twice.pop()}' appears twice")
-    table = text.numbers()
+    raw = set(names) <= set(RAW_UNITS) and (is_raw(names) or text.has_gaps())
+    table = text.numbers_or_gaps() if raw else text.numbers()
     if len(table) < FEWEST_SAMPLES:
         raise LogError(
             f"log {text.path}: {len(table)} samples: a header and {FEWEST_SAMPLES} rows or more were expected"
@@ -195,6 +209,9 @@ def _name(cell: str, path: Path) -> str:
 def _check(columns: dict[str, Array], text: TextTable) -> None:
     """Raise LogError unless the columns describe a flight: complete, in order of time and in the right units."""
     path = text.path
+    if alone := [name for name in ACCELEROMETER if name in columns]:
+        other = next(name for name in columns if name not in RAW_UNITS)
+        raise LogError(f"log {path}: {alone[0]} with {other}: an accelerometer is read from raw samples only")
     missing = [name for name in ("time", *GROUPS[0].units) if name not in columns]
     if missing:
         raise LogError(f"log {path}: no column named {', '.join(missing)}")
@@ -207,6 +224,23 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
         raise LogError(f"log {path}: crank_rate without crank_angle: the linkage needs the angle")
     if "crank_angle" not in columns and JOINTS[0] not in columns:
         raise LogError(f"log {path}: neither crank_angle nor the joints {', '.join(JOINTS)} are there")
+    _check_time(columns, text)
+    steps = np.diff(columns["time"])
+    norm = np.linalg.norm([columns[name] for name in QUATERNION.split()], axis=0)
+    if np.any(np.abs(norm - 1.0) > QUATERNION_ERROR):
+        row = int(np.argmax(np.abs(norm - 1.0) > QUATERNION_ERROR))
+        raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
+    if "crank_angle" in columns:
+        rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
+        if rate > FASTEST_CRANK:
+            raise LogError(f"log {path}: crank_angle turns at {rate:.0f} Hz: radians were expected")
+
+
+def _check_time(columns: dict[str, Array], text: TextTable) -> None:
+    """Raise LogError unless there is a time that rises, in seconds."""
+    path = text.path
+    if "time" not in columns:
+        raise LogError(f"log {path}: no column named time")
     time = columns["time"]
     steps = np.diff(time)
     if np.any(steps <= 0.0):
@@ -216,14 +250,6 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
     step = float(np.median(steps))
     if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
-    norm = np.linalg.norm([columns[name] for name in QUATERNION.split()], axis=0)
-    if np.any(np.abs(norm - 1.0) > QUATERNION_ERROR):
-        row = int(np.argmax(np.abs(norm - 1.0) > QUATERNION_ERROR))
-        raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
-    if "crank_angle" in columns:
-        rate = float(np.median(np.abs(np.diff(columns["crank_angle"]) / steps))) / (2.0 * np.pi)
-        if rate > FASTEST_CRANK:
-            raise LogError(f"log {path}: crank_angle turns at {rate:.0f} Hz: radians were expected")
 
 
 def _samples(means: Array) -> Array:

@@ -10,6 +10,7 @@ provides. Both are labelled tables with units.
 | `q_axis`, `v_axis` | entries of configuration and velocity; joint entries are named after their joints |
 | `point`, `axis` | frames at which unknown forces act; components x, y, z |
 | `event` | steps, pushes and impulses of unknown forces, with a start and an end |
+| `thruster` | the thrusters that flew a closed loop, by name |
 | `strip`, `link`, `wrench_axis` | strips, by their arc coordinate; links; components of force and moment |
 """
 
@@ -24,13 +25,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerobat_pin.errors import LogError
-from aerobat_pin.files import write_files
+from aerobat_pin.errors import LogError, write_files
 from aerobat_pin.flight.channels import (
     FASTEST_CRANK,
     LARGEST_JOINT_ANGLE,
     MEASURED,
     OPTIONAL_TRUTH,
+    RAW_CLOCKS,
     REQUIRED_TRUTH,
     checked_channels,
 )
@@ -50,9 +51,9 @@ class FlightLog:
     """Channels of one flight.
 
     Attributes:
-        measured: configuration `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone; known generalised
-            forces or body wrenches `known_*`; optional channels, which `motion` and `known_inputs` of
-            `aerobat_pin.estimation` read.
+        measured: configuration `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone, or raw samples of
+            sensors, each with times of its own (`mocap_position` and others); known generalised forces or body
+            wrenches `known_*`; optional channels, which `motion` and `known_inputs` of `aerobat_pin.estimation` read.
         truth: unknown forces `force_W`, `force_noise_free_W` (interval, point, axis) and `unknown` (interval, v_axis);
             aerodynamic forces on robot, strips and links; the aerodynamic state; powers; crank rate and torques if a
             motor turns the crank; `event_start` and `event_end` (event) if there are events. None for a recorded
@@ -73,8 +74,8 @@ class FlightLog:
         """
         measured = checked_channels(self.measured, MEASURED, name, complete=False)
         object.__setattr__(self, "measured", measured)
-        if "q" not in measured and "pose" not in measured:
-            raise LogError(f"{name}: no channel named q or pose")
+        if not any(channel in measured for channel in ("q", "pose", "mocap_position")):
+            raise LogError(f"{name}: no channel named q or pose, nor mocap_position")
         if "time" not in measured.coords:
             raise LogError(f"{name}: no coordinate named time")
         time = measured["time"].values
@@ -89,6 +90,7 @@ class FlightLog:
         intervals = measured.sizes.get("interval", len(time) - 1)
         if intervals != len(time) - 1:
             raise LogError(f"{name}: {intervals} intervals between {len(time)} samples")
+        _check_raw_clocks(measured, name)
         _check_angles(measured, name)
         _check_attributes(measured.attrs, name)
 
@@ -118,6 +120,11 @@ class FlightLog:
     def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Sample times (n + 1,) [s]."""
         return np.asarray(self.measured["time"].values, float)
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether the log contains raw samples of sensors, each with times of its own, instead of q and v."""
+        return "mocap_position" in self.measured
 
     @guarded()
     def save(self, path: str | Path) -> None:
@@ -154,7 +161,7 @@ def _checked_truth(truth: xr.Dataset, time: Any, name: str) -> xr.Dataset:
     if truth.sizes["interval"] != len(time) - 1:
         raise LogError(f"{name}: {truth.sizes['interval']} intervals between {len(time)} samples")
     for dim in ("point", "event"):
-        if dim in truth.dims and (dim not in truth.coords or truth[dim].dtype.kind != "U"):
+        if truth.sizes.get(dim) and (dim not in truth.coords or truth[dim].dtype.kind != "U"):
             raise LogError(f"{name}: {dim} has no labels: names were expected")
     if "event" in truth.dims and not {"event_point", "event_start", "event_end"} <= set(truth.variables):
         raise LogError(f"{name}: events need event_point, event_start and event_end")
@@ -173,6 +180,24 @@ def _check_clock(data: xr.Dataset, time: Any, name: str) -> None:
             if len(found) == len(expected) and not np.allclose(found, expected, rtol=0.0, atol=1e-9):
                 at = int(np.argmax(~(np.abs(found - expected) <= 1e-9)))
                 raise LogError(f"{name}: {key} {at} is {found[at]:g} s: {expected[at]:g} s was expected")
+
+
+def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:
+    """Raise LogError unless every raw channel has finite times of its own, two or more, that rise."""
+    if "mocap_position" in measured and "mocap_quaternion" not in measured:
+        raise LogError(f"{name}: mocap_position without mocap_quaternion: both or none were expected")
+    for clock in RAW_CLOCKS:
+        if clock not in measured.dims:
+            continue
+        if clock not in measured.coords or measured[clock].dtype.kind not in "fiu":
+            raise LogError(f"{name}: no coordinate named {clock} with numbers: seconds were expected")
+        time = measured[clock].values
+        if len(time) < 2:
+            raise LogError(f"{name}: {len(time)} samples along {clock}: two or more were expected")
+        wrong = ~np.isfinite(time) | (np.diff(time, prepend=-np.inf) <= 0.0)
+        if np.any(wrong):
+            at = int(np.argmax(wrong))
+            raise LogError(f"{name}: {clock}, sample {at} = {time[at]:g} s: time must be finite and rise")
 
 
 def _check_angles(measured: xr.Dataset, name: str) -> None:

@@ -19,13 +19,19 @@ from aerobat_pin.flight.channels import (
 )
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.flight_log import FlightLog
-from aerobat_pin.flight.plant.plant import Flown, Plant
+from aerobat_pin.flight.loop import LoopRecord
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import rotations
 
 
-def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
-    """Return the log of a flight simulated by a plant, with exact channels at times (n + 1,) [s]."""
+def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | None = None) -> FlightLog:
+    """Return the log of a flight simulated by a plant, with exact channels at times (n + 1,) [s].
+
+    If thrusters flew it, `record` is what happened in the loop: the log's known force is then the wrench that the
+    controller's model of the thrusters gave, the only one that is known beside a robot; the real one is in the truth.
+    """
     scenario, mean, strips = plant.scenario, flown.forces, strips_of(flown.loads)
     coords = {
         "time": channel(time, ("time",), "s", "sample time"),
@@ -40,6 +46,9 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
         "motor_torque": mean.motor,
         thrusters: mean.thrusters,
     }
+    if record is not None:
+        measured[thrusters] = np.pad(record.modelled, ((0, 0), (0, plant.model.nv - record.modelled.shape[1])))
+        measured["thruster_command"] = record.command
     attributes = {
         "scenario": scenario.name,
         "morphology": scenario.robot.morphology,
@@ -73,6 +82,14 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown) -> FlightLog:
             "drive_power": mean.drive_power,
             "friction_power": mean.friction_power,
         }
+    if record is not None:
+        true |= {
+            "thrust": record.thrust,
+            "thruster_wrench": record.thrust @ record.thrusters.map.T,
+            "unrealised_wrench": record.unrealised,
+            "seen_disturbance": record.disturbance,
+        }
+        coords["thruster"] = channel(list(record.thrusters.names), ("thruster",), "", "thruster")
     axes = {
         **{name: list(LABELS[name]) for name in ("v_axis", "axis", "link", "wrench_axis")},
         "point": list(plant.points),

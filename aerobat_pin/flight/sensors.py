@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.raw_sensors import recorded_raw
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import SensorSection, SensorsSection
@@ -35,6 +36,8 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
         sensors: settings of the sensors.
         seed: seed of all random numbers.
     """
+    if sensors.raw:
+        return recorded_raw(log, robot, sensors, seed)
     if not sensors.fitted:
         return log
     assert log.truth is not None

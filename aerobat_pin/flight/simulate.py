@@ -6,12 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aerobat_pin.errors import SimulationError
+from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.log_channels import flight_log_of
+from aerobat_pin.flight.loop import ClosedLoop, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage
-from aerobat_pin.flight.plant.plant import Flown, Plant
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
 from aerobat_pin.numerics import announce_compilation, guarded
@@ -19,12 +21,13 @@ from aerobat_pin.robot import Aerobat, load_robot
 from aerobat_pin.scenario import Scenario
 
 
-@guarded()
+@guarded(pilot="free")
 def simulate(
     scenario: Scenario,
     progress: Callable[[float], None] | None = None,
     drive: CrankDrive | RateControlledMotor | None = None,
     robot: Aerobat | None = None,
+    pilot: Pilot | None = None,
 ) -> FlightLog:
     """Simulate the flight of a scenario and return its log.
 
@@ -33,6 +36,7 @@ def simulate(
         progress: called about a hundred times with the completed share, 0..1.
         drive: crank drive or motor that replaces the scenario's.
         robot: the scenario's robot, if it is already loaded by `load_robot`.
+        pilot: what flies the robot by its thrusters; needed if, and only if, the scenario has a table `control`.
 
     Raises:
         ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot, or is too large.
@@ -43,16 +47,31 @@ def simulate(
     scenario.check_size()  # a copy with other values has not been checked
     settings = scenario.simulation
     announce_compilation(advance_stage)
+    if (pilot is None) != (scenario.control is None):
+        given = "no pilot was given" if pilot is None else "a pilot was given"
+        table = "no table" if scenario.control is None else "a table"
+        raise ScenarioError(
+            f"scenario {scenario.name} has {table} control, but {given}: `run` closes the loop by itself, and so does "
+            "`simulate(scenario, pilot=aerobat_pin.control.Controller(scenario))`"
+        )
     plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
 
+    loop: ClosedLoop | None = None
+
     def log_of(flown: Flown) -> FlightLog:
-        log = flight_log_of(plant, time[: len(flown.q)], flown)
+        samples = len(flown.q)
+        record = None if loop is None else loop.record(samples - 1)
+        log = flight_log_of(plant, time[:samples], flown, record)
         return recorded(log, plant.robot, scenario.sensors, settings.seed)
 
+    held = interval_means(plant.forces, time, settings.seed)
     try:
-        return log_of(plant.fly(count, dt, interval_means(plant.forces, time, settings.seed), progress))
+        if pilot is None:
+            return log_of(plant.fly(count, dt, held, progress))
+        loop = ClosedLoop(plant, pilot, held)
+        return log_of(loop.fly(count, progress))
     except SimulationError as error:
         if isinstance(error.kept, Flown):
             error.kept = log_of(error.kept)

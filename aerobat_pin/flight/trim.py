@@ -19,7 +19,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.errors import AerobatError, TrimError
-from aerobat_pin.flight.plant.plant import Plant, State
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.tables import State
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import MOST_SECONDS, SECONDS_PER_STEP, Scenario
@@ -93,7 +94,7 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
         flight.velocity[2],
         flight.angular_velocity[1],
     ]
-    air = Plant(load_robot(scenario), scenario).start.air
+    air = Plant(load_robot(scenario), scenario).initial.air
 
     def miss(unknowns: Array) -> Array:
         try:
@@ -164,7 +165,7 @@ def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
     steady = scenario.air.model_copy(update={"warm_up_cycles": 0, "gust": None})
     flown = _trimmed(scenario, unknowns).model_copy(update={"air": steady})
     plant = Plant(load_robot(flown), flown)
-    return plant, State(plant.start.placement, plant.start.twist, unknowns[BODY:] * AIR_SCALE)
+    return plant, State(plant.initial.placement, plant.initial.twist, unknowns[BODY:] * AIR_SCALE)
 
 
 def _flap(plant: Plant, start: State) -> State:

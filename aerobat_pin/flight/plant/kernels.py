@@ -111,6 +111,7 @@ def equations_of_motion(
     # Fields are unpacked first: every further block of compiled code that reads a field loads the whole named tuple.
     robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
     holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
+    command = plant.command
     drive, linkage, closed, whole = plant.motor, plant.linkage, plant.closed, plant.start.shape[0]
     tree, found, links, mass = robot.tree, robot.found, robot.links, robot.added_mass
     H, h, joint, row_of, angle_of = robot.H, robot.h, tree.joint, tree.row, tree.angle
@@ -143,6 +144,8 @@ def equations_of_motion(
     thrusters[:] = 0.0
     if holds[()] > 0.0:
         hold_wrench(hold, world, body, error_rotation, thrusters[base : base + 6])
+    else:
+        copy_values(command, thrusters[base : base + 6])
 
     for i in range(nv):
         h[i] = nle[i]

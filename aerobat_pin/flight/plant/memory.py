@@ -69,7 +69,8 @@ class Forces(NamedTuple):
 class PlantMemory(NamedTuple):
     """Memory of the plant's kernels.
 
-    `holds` () is 1 if the attitude hold `hold` acts. `linkage` (n, 4) are the series of the joint angles (see
+    `holds` () is 1 if the attitude hold `hold` acts, 0 if the wrench `command` (6,) acts in its place: on the body, at
+    its centre of mass and in body axes, force first [N, N m]. `linkage` (n, 4) are the series of the joint angles (see
     `joint_series`) if a `motor` turns the crank; otherwise n is 0. S is the number of aerodynamic states, plus 4 for
     the crank's state at the end if there is a motor.
 
@@ -83,6 +84,7 @@ class PlantMemory(NamedTuple):
     robot: RobotMemory
     unknown: UnknownForces
     holds: Array
+    command: Array
     hold: AttitudeHold
     motor: RateControlledMotor
     linkage: Array
@@ -119,6 +121,7 @@ def plant_in(memory: Array) -> PlantMemory:
             point_place=take(cursor, (p, 3)),
         ),
         holds=take(cursor, ()),
+        command=take(cursor, (6,)),
         hold=AttitudeHold(
             rotation=take(cursor, (3, 3)),
             forward_speed=take(cursor, ()),

@@ -17,69 +17,28 @@ over the step, and prepares the next stage.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotInAir, StripLoads, fill
-from aerobat_pin.errors import SimulationError
+from aerobat_pin.aerodynamics import RobotInAir, fill
+from aerobat_pin.errors import CrankError, SimulationError
 from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
-from aerobat_pin.flight.plant.kernels import advance_stage, evaluate
-from aerobat_pin.flight.plant.memory import Forces, plant_in, split_forces, unknown_forces
-from aerobat_pin.flight.point_forces import point_forces
+from aerobat_pin.flight.plant.kernels import evaluate
+from aerobat_pin.flight.plant.memory import Forces, plant_in, unknown_forces
+from aerobat_pin.flight.plant.stepping import SteppedFlight
+from aerobat_pin.flight.plant.tables import Flown, State
+from aerobat_pin.flight.point_forces import interval_means, point_forces
 from aerobat_pin.linkage import Closure, joint_series
-from aerobat_pin.numerics import Array, fields_of, guarded, lie_step, new_memory, shaped
+from aerobat_pin.numerics import Array, fields_of, guarded, new_memory, number, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
-# Beyond these limits a flight has diverged.
-LIMITS = {
-    "velocity": (1e3, "m/s"),
-    "angular velocity": (1e4, "rad/s"),
-    "aerodynamic state": (1e3, "m or m2/s"),
-    "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
-}
 START_ANGLES = 60  # crank angles in a turn at which the airspeeds of the start are computed
 MODE_STEP_LIMIT = 2.0  # rate of the fastest mode times the step; the method is unstable from 2.785 on
-
-
-@dataclass(frozen=True)
-class State:
-    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,), and the crank.
-
-    `crank` (4,) is the state of a crank that a motor turns: angle, rate, motor torque, integral; (0,) for other drives.
-    """
-
-    placement: Array
-    twist: Array
-    air: Array
-    crank: Array = field(default_factory=lambda: np.zeros(0))
-
-
-@dataclass(frozen=True)
-class Flown:
-    """A simulated flight of n equal intervals, as arrays: samples at the n + 1 edges, means over the n intervals.
-
-    Attributes:
-        crank_angle, crank_rate: (n + 1,) absolute crank angle t1 [rad] and its rate [rad/s].
-        q, v: configuration (n + 1, nq) and velocity (n + 1, nv).
-        air: (n + 1, 3N) aerodynamic state.
-        forces: means of all forces over the intervals.
-        loads: (n, 9, N) strip loads at the start of each interval; `strips_of` names the rows.
-    """
-
-    crank_angle: Array
-    crank_rate: Array
-    q: Array
-    v: Array
-    air: Array
-    forces: Forces
-    loads: Array
 
 
 class Plant:
@@ -108,7 +67,7 @@ class Plant:
         self.points = tuple(dict.fromkeys(force.frame for force in self.forces))
         flight = scenario.flight
         rotation = pin.rpy.rpyToMatrix(*np.radians([flight.roll_deg, -flight.pitch_deg, flight.yaw_deg]))
-        self.hold = hold_about(scenario, rotation)
+        self.hold = hold_about(scenario, rotation) if scenario.control is None else None
         self.in_air = RobotInAir(robot, robot_air(robot.wing, scenario.air))
         self.air, self.data = self.in_air.air, self.in_air.data
         motor = self.drive if isinstance(self.drive, RateControlledMotor) else None
@@ -126,7 +85,8 @@ class Plant:
             fill(self.fields.motor, motor)
             self.fields.linkage[...] = series
         self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
-        self.start = self._warmed_up(rotation)
+        self.initial = self._warmed_up(rotation)
+        self.flight: SteppedFlight | None = None
 
     def __repr__(self) -> str:
         """Name scenario, robot, aerodynamic model, crank drive and unknown forces."""
@@ -196,6 +156,61 @@ class Plant:
         pin.nonLinearEffects(self.model, self.data, q, v)
         evaluate(self.memory, joints, wind, held, 0, state, rate)
 
+    @guarded(held=(2, "f", "n"), dt="positive")
+    def start(
+        self, held: Array | None = None, dt: float | None = None, start: State | None = None, *, endless: bool = False
+    ) -> tuple[Array, Array]:
+        """Begin a flight of single steps; a plant flies one flight at a time.
+
+        Args:
+            held: (2, f, n) mean noise and mean signal of each unknown force over each of n intervals [N]; when
+                omitted, those of the scenario.
+            dt: length of an interval [s]; when omitted, the scenario's.
+            start: initial state; when omitted, the scenario's start with its aerodynamic state warmed up.
+            endless: whether the flight goes on after n intervals, in the same memory: the tables of the n intervals
+                before are forgotten, and the noise of the unknown forces is drawn anew.
+
+        Returns:
+            Configuration q (nq,) and velocity v (nv,).
+
+        Raises:
+            ShapeError: `held` or `start` has the wrong shape.
+        """
+        settings = self.scenario.simulation
+        dt = settings.dt if dt is None else dt
+        if held is None:
+            held = interval_means(self.forces, np.arange(settings.count + 1) * dt, settings.seed)
+        held = shaped(held, (2, len(self.forces), held.shape[-1]), "held")
+        self.flight = SteppedFlight(self, held, dt, self.initial if start is None else start, endless)
+        return self.flight.q, self.flight.v
+
+    def step(self, command: Array | None = None, crank_rate: float | None = None) -> tuple[Array, Array]:
+        """Fly the next interval of the flight that `start` began.
+
+        Args:
+            command: (6,) wrench on the body over this interval, at its centre of mass and in body axes, force first
+                [N, N m]; it replaces the attitude hold from here on. It is a known force of the log.
+            crank_rate: rate [rad/s] that the crank's motor is to reach, from here on; needs `crank.drive = "motor"`.
+
+        Returns:
+            Configuration q (nq,) and velocity v (nv,) at the end of the interval.
+
+        Raises:
+            SimulationError: no flight has begun, or it has ended, or it diverged; then `kept` is the flight until then.
+            CrankError: no motor turns the crank.
+            ShapeError: `command` has the wrong shape.
+        """
+        flight = self.flight
+        if flight is None:
+            raise SimulationError("no flight has begun: start() must come before the first step()", 0.0)
+        if command is not None:
+            flight.push(command)
+        if crank_rate is not None:
+            if not isinstance(self.drive, RateControlledMotor):
+                raise CrankError('crank_rate: no motor turns this crank; crank.drive = "motor" was expected')
+            self.fields.motor.rate[...] = number(crank_rate, "crank_rate")
+        return flight.step()
+
     @guarded(dt="positive")
     def fly(
         self,
@@ -205,7 +220,7 @@ class Plant:
         progress: Callable[[float], None] | None = None,
         start: State | None = None,
     ) -> Flown:
-        """Integrate the equations of motion and return the flight.
+        """Integrate the equations of motion over n steps and return the flight.
 
         Args:
             count: number n of steps.
@@ -218,71 +233,17 @@ class Plant:
             ShapeError: `held` or `start` has the wrong shape.
             SimulationError: the flight diverged; its attribute `kept` is the flight before that.
         """
-        held = shaped(held, (2, len(self.forces), count), "held")
-        start = self.start if start is None else start
-        intervals, parts = count, self.substeps(dt)
-        count, dt = count * parts, dt / parts
-        model, data, memory, fields = self.model, self.data, self.memory, self.fields
-        halves = np.arange(2 * count + 1) * 0.5 * dt
-        wind, size, free = self.wind(halves), len(fields.start), len(self.crank_start) > 0
-        begin = np.concatenate([start.twist, start.air, start.crank])
-        fields.start[:] = fields.state[:] = shaped(begin, (size,), "start")
-        # A free crank's flight writes its own motion after the first row.
-        closed = (
-            self.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves))) if free else self.closure(halves)
-        )
-        motion = joint_table(closed)
-        q, v = self.robot.configuration(start.placement, *motion[0, 0]), fields.v
-        v[:] = self.robot.velocity(start.twist, *motion[0, 1])
-        means = np.zeros((intervals, sum(part.size for part in fields.forces)))
-        loads = np.zeros((intervals, STRIP_ROWS, self.air.line.strips))
-        placement, states = np.zeros((intervals + 1, 7)), np.zeros((intervals + 1, size))
-        placement[0], states[0] = q[:7], fields.start
-        crba, nle, retract = pin.crba, pin.nonLinearEffects, partial(pin.integrate, model)
-        tangents, every = (fields.tangent[0], fields.tangent[1]), max(1, count // 100)
-        hopeless = max(limit for limit, _ in LIMITS.values())
-
-        def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
-            crba(model, data, here)
-            nle(model, data, here, v)
-            advance_stage(memory, motion, wind, held, dt, k, number, parts, means, loads)
-            return tangents
-
+        self.start(shaped(held, (2, len(self.forces), count), "held"), dt, start)
+        flight, every = self.flight, max(1, count // 100)
+        assert flight is not None
         for k in range(count):
-            q = lie_step(evaluate_stage, retract, q)
-            at = k // parts + 1
-            placement[at], states[at] = q[:7], fields.start
+            flight.advance()
             if k % every == 0:
-                if not np.all(np.abs(fields.start) <= hopeless):
+                if flight.is_hopeless:
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        air = BASE_SIZE + self.air.state_size
-        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in np.split(states[:, :air], [3, 6], axis=1)]
-        strips = StripLoads(*loads.swapaxes(0, 1))  # unlike `strips_of`, takes what is not finite
-        sizes.append(np.append(strips.airspeed.max(axis=1, initial=0.0), 0.0))
-        inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
-        outside = ~np.all(inside, axis=0)
-        kept = int(np.argmax(outside)) if outside.any() else intervals + 1  # samples
-        samples, whole = slice(None, 2 * parts * kept, 2 * parts), slice(max(kept - 1, 0))
-        joints, crank = motion[samples], (closed.crank_angle[samples], closed.crank_velocity[samples])
-        if free:
-            crank = (states[:kept, air], states[:kept, air + 1])
-        flown = Flown(
-            crank_angle=crank[0],
-            crank_rate=crank[1],
-            q=self.robot.configuration(placement[:kept], joints[:, 0, 0], joints[:, 0, 1]),
-            v=self.robot.velocity(states[:kept, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
-            air=states[:kept, BASE_SIZE:air],
-            forces=split_forces(fields.forces, means[whole] / parts),
-            loads=loads[whole],
-        )
-        if kept <= intervals:
-            name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
-            value, when = dict(zip(LIMITS, sizes, strict=True))[name][kept], kept * dt * parts
-            told = _divergence(when, name, value, placement[whole.stop], states[whole.stop])
-            raise SimulationError(f"scenario {self.scenario.name}: {told}", when, flown if kept > 1 else None)
-        return flown
+        return flight.flown(count + 1)
 
     def substeps(self, dt: float) -> int:
         """Return the number of integration steps in an interval [s]: more than one where the air would be unstable."""
@@ -317,14 +278,3 @@ class Plant:
         dt = air.warm_up_cycles * period / count
         motion = joint_table(self.closure((np.arange(2 * count + 1) * 0.5 - count) * dt))
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt), self.crank_start)
-
-
-def _divergence(time: float, name: str, value: float, placement: Array, state: Array) -> str:
-    """Say when a flight diverged, which limit it passed, and the placement and state one step before."""
-    limit, unit = LIMITS[name]
-    x, v, w = (", ".join(f"{number:.3g}" for number in row[:3]) for row in (placement, state, state[3:]))
-    return (
-        f"the flight diverged at t = {time:.4f} s: {name} {value:.3g} {unit} is beyond the limit of {limit:g} {unit}; "
-        f"before, the body was at {x} m, with {v} m/s and {w} rad/s in its axes; try a smaller simulation.dt, fewer "
-        "air.strips, or gentler forces and speeds"
-    )

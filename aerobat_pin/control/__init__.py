@@ -1,0 +1,44 @@
+"""Closing the loop: a controller that flies the robot by its thrusters, from sensors and a momentum observer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from aerobat_pin.control.allocation import Allocation
+from aerobat_pin.control.controller import Controller
+from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance
+from aerobat_pin.control.margins import Margins, loop_margins
+from aerobat_pin.control.nominal import Nominal, nominal_flight
+from aerobat_pin.control.summary import ControlSummary, control_summary, course_rms
+
+if TYPE_CHECKING:
+    from aerobat_pin.control.environment import AerobatEnv as AerobatEnv
+
+__all__ = [
+    "AerobatEnv",
+    "Allocation",
+    "ControlSummary",
+    "Controller",
+    "Disturbance",
+    "DisturbanceObserver",
+    "Margins",
+    "Nominal",
+    "TrueDisturbance",
+    "control_summary",
+    "course_rms",
+    "loop_margins",
+    "nominal_flight",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the environment when it is first used: it needs the extra `gym`."""
+    if name != "AerobatEnv":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        from aerobat_pin.control.environment import AerobatEnv
+    except ModuleNotFoundError as error:
+        if error.name != "gymnasium":
+            raise
+        raise ImportError("AerobatEnv needs gymnasium: pip install 'aerobat-pinocchio[gym]'") from error
+    return AerobatEnv

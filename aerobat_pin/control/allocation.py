@@ -1,0 +1,109 @@
+"""Allocation: the thrusts between 0 and their limits whose wrench comes nearest to the one that is wanted.
+
+    minimise |W (B u - w)|^2 + EVEN |W B|^2 |u|^2        0 <= u <= limit
+
+Six thrusters cannot push sideways, and a limited one leaves something of the other five components too. The weights W
+decide what is given up first: sideways is not asked for, then forward thrust, yaw, lift, and last of all roll and
+pitch, without which the robot falls. Moments count by a lever arm. Nobody is asked for more of a component than all
+thrusters can make of it, so that a lift far out of reach does not crowd out the rest. The last term chooses among
+thrusts with the same wrench the smallest ones.
+
+The problem is convex. The active-set method (Nocedal and Wright, Numerical Optimization, section 16.5) ends at its
+solution after a few changes of the set of thrusters at a limit; none is needed where nothing is limited.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.flight import ThrusterSet
+from aerobat_pin.numerics import Array, Integers, kernel, solve_positive
+
+THRUSTER_ARM = 0.2  # [m]: about the thrusters' distance
+PRIORITY = {"Fx": 0.1, "Fy": 0.0, "Fz": 3.0, "Mx": 30.0, "My": 30.0, "Mz": 1.0}
+EVEN = 1.0e-9
+MOST_CHANGES = 60
+
+
+class Allocation:
+    """Thrusts for a wanted wrench.
+
+    Args:
+        thrusters: the thrusters, with the limits that are believed.
+        factor: what they push, as a factor of what is commanded.
+    """
+
+    def __init__(self, thrusters: ThrusterSet, factor: float = 1.0) -> None:
+        """Weigh the rows and factorise what does not change."""
+        self.map, self.limit = factor * thrusters.map, thrusters.limit.copy()
+        weight = np.array(list(PRIORITY.values())) / np.array([1.0, 1.0, 1.0, THRUSTER_ARM, THRUSTER_ARM, THRUSTER_ARM])
+        weighted = weight[:, None] * self.map
+        self._H = weighted.T @ weighted
+        self._H += EVEN * np.trace(self._H) * np.eye(len(self.limit))
+        self._f = weighted.T * weight
+        self._free = np.linalg.solve(self._H, self._f)
+        self._reach = (np.minimum(self.map, 0.0) @ self.limit, np.maximum(self.map, 0.0) @ self.limit)
+        self._set = np.zeros(len(self.limit), dtype=np.intp)
+
+    def thrusts(self, wrench: Array) -> Array:
+        """Return the thrusts (m,) [N] for a wanted wrench (6,) at the body's centre of mass, body axes."""
+        thrust: Array = self._free @ wrench
+        if thrust.min() < 0.0 or np.any(thrust > self.limit):
+            asked = np.minimum(np.maximum(wrench, self._reach[0]), self._reach[1])
+            limit_thrusts(self._H, self._f @ asked, self.limit, self._set, thrust)
+        return thrust
+
+    def unrealised(self, wrench: Array, thrust: Array) -> Array:
+        """Return what thrusts (m,) leave of a wanted wrench (6,): wanted less made."""
+        return np.asarray(wrench - self.map @ thrust)
+
+
+@kernel
+def limit_thrusts(H: Array, f: Array, limit: Array, held: Integers, u: Array) -> None:
+    """Minimise u . H u / 2 - f . u for 0 <= u <= limit.
+
+    Args:
+        H: (m, m) symmetric positive definite.
+        f: (m,) linear term.
+        limit: (m,) upper limits; the lower ones are 0.
+        held: (m,) scratch: -1 and 1 for what is held at its lower and upper limit, 0 for what is free.
+        u: (m,) any start, such as the minimum without limits; written.
+    """
+    m = u.shape[0]
+    A, b = np.empty((m, m)), np.empty(m)
+    for i in range(m):
+        held[i] = -1 if u[i] <= 0.0 else (1 if u[i] >= limit[i] else 0)
+        u[i] = min(max(u[i], 0.0), limit[i])
+    for _ in range(MOST_CHANGES):
+        for i in range(m):  # the step to the minimum over the free ones; the rest stays
+            b[i] = f[i] if held[i] == 0 else 0.0
+            for j in range(m):
+                A[i, j] = H[i, j] if held[i] == 0 and held[j] == 0 else (1.0 if i == j else 0.0)
+                if held[i] == 0:
+                    b[i] -= H[i, j] * u[j]
+        solve_positive(A, b)
+        share, first = 1.0, -1
+        for i in range(m):
+            if held[i] == 0:
+                room = limit[i] - u[i] if b[i] > 0.0 else -u[i]
+                if abs(b[i]) * share > abs(room):
+                    share, first = room / b[i], i
+        for i in range(m):
+            if held[i] == 0:
+                u[i] += share * b[i]
+        if first >= 0:
+            held[first] = 1 if b[first] > 0.0 else -1
+            u[first] = limit[first] if b[first] > 0.0 else 0.0
+            continue
+        worst, release = 1e-12, -1
+        for i in range(m):
+            if held[i] != 0:
+                slope = -f[i]
+                for j in range(m):
+                    slope += H[i, j] * u[j]
+                gain = -slope if held[i] < 0 else slope  # what the function would fall by, per newton inwards
+                if gain > worst:
+                    worst, release = gain, i
+        if release < 0:
+            return
+        held[release] = 0

@@ -1,0 +1,138 @@
+"""A gymnasium environment: six thrusters fly the robot, with the physics and sensors of a scenario.
+
+A step is one interval of the scenario's log, 10 ms by default: the command passes delay and lag of the thrusters, and
+the plant flies on, in as many integration steps as its air needs. Needs `pip install aerobat-pinocchio[gym]`.
+
+| action | range | |
+|---|---|---|
+| 0 to 5 | -1 .. 1 | commands of thrusters 1 to 6: -1 is off, 1 is the full thrust |
+
+| observation | unit | as the sensors show it |
+|---|---|---|
+| 0 to 2 | m | position less the course's: world x, y, z |
+| 3 to 5 | rad | twice the vector part of the quaternion from the course's attitude to the body's, its axes |
+| 6 to 8 | m/s | velocity over ground less the course's, world axes |
+| 9 to 11 | rad/s | body rate, body axes |
+| 12, 13 | - | sine and cosine of the crank angle |
+| 14 to 19 | - | modelled thrusts as shares of the full ones |
+
+The course is the scenario's start, flown on with its velocity and heading, at the pitch of the table `control`. The
+reward is 1 less what the course is missed by, `MISS` times (errors of position, attitude, velocity and rate)^2; an
+episode is terminated where the body is farther than `FARTHEST_OFF` from its course or lies on its side, and truncated
+after the scenario's duration. `reset(seed=...)` seeds all noise, of forces and sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pinocchio as pin
+from gymnasium import spaces
+
+from aerobat_pin.control.allocation import Allocation
+from aerobat_pin.control.nominal import control_of, nominal_flight
+from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import believed_robot, load_robot
+from aerobat_pin.scenario import load_scenario
+
+MISS = (4.0, 1.0, 0.1, 0.01)  # [1/m2, 1/rad2, s2/m2, s2/rad2]: of position, attitude, velocity, rate
+FARTHEST_OFF = 1.0  # [m]
+SIZE = 20
+
+
+class AerobatEnv(gymnasium.Env[Array, Array]):
+    """Fly Aerobat by its six thrusters.
+
+    Args:
+        scenario: name of a scenario with a table `control`, or path of a TOML file.
+        settings: `dotted.key=value` texts, as for `load_scenario`.
+        dt: time of a step [s].
+        render_mode: nothing is drawn; write a log with `simulate` and replay it.
+
+    Attributes:
+        scenario: the scenario that is flown.
+        neutral: (6,) action of the nominal flight.
+
+    Raises:
+        ScenarioError: the scenario is not found, or has no table `control`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 100}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scenario: str = "hover_closed_loop",
+        settings: Iterable[str] = (),
+        dt: float = 0.01,
+        render_mode: str | None = None,
+    ) -> None:
+        """Load the robot and warm up its air."""
+        self.scenario = load_scenario(scenario, [f"simulation.dt={dt}", *settings])
+        control_of(self.scenario)
+        self.render_mode = render_mode
+        self._plant = Plant(load_robot(self.scenario), self.scenario)
+        self._thrusters = thrusters_of(self._plant.robot.morphology)
+        nominal = nominal_flight(self.scenario, believed_robot(self.scenario))
+        self._trim = Allocation(self._thrusters).thrusts(nominal.wrench)
+        self._course = pin.Quaternion(nominal.quaternion)
+        self.neutral: Array = 2.0 * self._trim / self._thrusters.limit - 1.0
+        self._edges = np.arange(self.scenario.simulation.count + 1) * self.scenario.simulation.dt
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self._thrusters.limit),), np.float64)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (SIZE,), np.float64)
+        self._done = -1
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Start an episode; without a seed, its noise follows from that of the episodes before."""
+        super().reset(seed=seed)
+        noise = int(self.np_random.integers(2**31))
+        plant, scenario = self._plant, self.scenario
+        self._q, self._v = plant.start(interval_means(plant.forces, self._edges, noise))
+        self._sensing = Sensing(plant.robot, scenario.sensors, self._edges, noise)
+        dt = scenario.simulation.dt
+        self._thrust = LaggedThrust(self._thrusters, scenario.thrusters, dt, self._trim)
+        self._done = 0
+        return self._observation()
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Fly one interval with commanded thrusts; actions beyond -1 .. 1 are clipped."""
+        if not 0 <= self._done < len(self._edges) - 1:
+            raise SimulationError("the episode is over or has not begun: reset() must come before step()", 0.0)
+        command = 0.5 * (np.clip(np.asarray(action, float), -1.0, 1.0) + 1.0) * self._thrusters.limit
+        lost = False
+        try:
+            self._q, self._v = self._plant.step(self._thrust.advance(command))
+        except SimulationError:
+            lost = True
+        self._done += 1
+        seen, info = self._observation()
+        miss = [float(part @ part) for part in np.split(seen[:12], 4)]
+        reward = 1.0 - sum(weight * part for weight, part in zip(MISS, miss, strict=True))
+        lost = lost or miss[0] > FARTHEST_OFF**2 or miss[1] > 2.0  # 2 sin(45 deg) squared: it lies on its side
+        truncated = self._done == len(self._edges) - 1
+        return seen, float(max(reward, -100.0)), lost, truncated and not lost, info
+
+    def _observation(self) -> tuple[Array, dict[str, Any]]:
+        """Return what the sensors show, and in `info` the time [s] and the configuration q and velocity v they make."""
+        k, flight = self._done, self.scenario.flight
+        time = float(self._edges[k])
+        q, v = self._sensing.read(k, self._q, self._v)
+        attitude = pin.Quaternion(q[3:7])
+        error = (self._course.conjugate() * attitude).coeffs()
+        assert self._plant.flight is not None
+        crank = self._plant.flight.crank_angle
+        seen = np.concatenate(
+            [
+                q[:3] - flight.position - time * np.array(flight.velocity),
+                (2.0 if error[3] >= 0.0 else -2.0) * error[:3],
+                attitude.matrix() @ v[:3] - flight.velocity,
+                v[3:6],
+                [np.sin(crank), np.cos(crank)],
+                self._thrust.thrust / self._thrusters.limit,
+            ]
+        )
+        return seen, {"time": time, "q": q, "v": v, "crank_angle": crank}

@@ -1,0 +1,149 @@
+"""The nominal flight: which wrench of the thrusters a believed robot needs on its course, and how heavy it turns.
+
+The body heaves and pitches about its course as the wings let it, under a constant wrench w, and comes back to where it
+was after each flap. The rows of the base of inverse dynamics and air say both, w and the motion:
+
+    (M a + C v + g - u_air)_base = w        over a flap, with a velocity and a position without drift
+
+Beginning with a body that keeps still, `PASSES` corrections of its acceleration by M_bb^-1 of what the left side misses
+of its mean find them; each is some five times smaller than the one before.
+
+Gravity is in it: the body's centre of mass, about which thrusters count, is not the robot's, and so the wrench has a
+moment. An observer counts gravity as known and does not see it; nominal wrench and observer share one belief.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation import AirStream
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.robot import BASE_SIZE, Aerobat
+from aerobat_pin.scenario import ControlSection, Scenario
+
+FLAP_SAMPLES = 240  # in a flap
+PASSES = 4
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """The nominal flight of a believed robot.
+
+    Attributes:
+        wrench: (6,) mean wrench that the thrusters must make, at the body's centre of mass, body axes [N, N m].
+        air: (6,) mean wrench of the air, added mass included, the same way.
+        inertia: (3,) of the whole robot about its centre of mass, body axes, mean over a flap [kg m2].
+        mass: of the robot [kg].
+        quaternion: (4,) attitude xyzw to keep: heading of the start, and the pitch of the table `control`.
+    """
+
+    wrench: Array
+    air: Array
+    inertia: Array
+    mass: float
+    quaternion: Array
+
+
+@guarded()
+def control_of(scenario: Scenario) -> ControlSection:
+    """Return the table `control` of a scenario. Raises ScenarioError if it has none."""
+    if scenario.control is None:
+        raise ScenarioError(f"scenario {scenario.name}: no table control; a closed loop needs one")
+    return scenario.control
+
+
+@guarded()
+def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
+    """Return the nominal flight of a scenario's believed robot in believed air, at the start's velocity and heading.
+
+    Raises ScenarioError if the scenario has no table `control`.
+    """
+    control = control_of(scenario)
+    flight, crank, model = scenario.flight, scenario.crank, robot.model
+    attitude = pin.rpy.rpyToMatrix(0.0, -np.radians(control.pitch_deg), np.radians(flight.yaw_deg))
+    quaternion = pin.Quaternion(attitude).coeffs()
+    placement = np.concatenate([flight.position, quaternion])
+    twist = np.concatenate([attitude.T @ np.array(flight.velocity), np.zeros(3)])
+    rate = 2.0 * np.pi * crank.frequency
+    dt = 1.0 / (FLAP_SAMPLES * crank.frequency) if rate > 0.0 else 1e-3
+    time = np.arange(FLAP_SAMPLES + 1) * dt
+    angle = np.radians(crank.start_deg) + rate * time
+    closed = robot.linkage.solve(angle, rate)
+    twists, accelerations = np.tile(twist, (len(time), 1)), np.zeros((len(time), BASE_SIZE))
+    placements = np.tile(placement, (len(time), 1))
+    placements[:, :3] += time[:, None] * np.array(flight.velocity)
+    steady = scenario.believed_air.model_copy(update={"gust": None})
+    stream, data = AirStream(robot, steady, dt), model.createData()
+    for left in reversed(range(PASSES)):
+        q = robot.configuration(placements, closed.theta_s, closed.theta_e)
+        v = robot.velocity(twists, closed.theta_s_dot, closed.theta_e_dot)
+        a = robot.velocity(accelerations, closed.theta_s_ddot, closed.theta_e_ddot)
+        needed, inertia, air = (
+            np.zeros((FLAP_SAMPLES, BASE_SIZE)),
+            np.zeros(3),
+            _blown(stream, time, q, v, angle[0], rate),
+        )
+        inverse = np.zeros((FLAP_SAMPLES, BASE_SIZE, BASE_SIZE))
+        for k in range(FLAP_SAMPLES):
+            needed[k] = pin.rnea(model, data, q[k], v[k], a[k])[:BASE_SIZE]
+            pin.ccrba(model, data, q[k], v[k])
+            inertia += np.diag(attitude.T @ data.Ig.inertia @ attitude) / FLAP_SAMPLES
+            inverse[k] = np.linalg.inv(pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE])
+        wrench = np.mean(needed - air, axis=0)
+        if left:
+            miss = np.einsum("kij,kj->ki", inverse, needed - air - wrench)
+            accelerations -= np.append(miss, miss[:1], axis=0)
+            twists, placements = _without_drift(accelerations, twist, placement, np.array(flight.velocity), time)
+    air = np.mean(air, axis=0)
+    return Nominal(wrench, air, inertia, robot.mass, quaternion)
+
+
+def _blown(stream: AirStream, time: Array, q: Array, v: Array, angle: float, rate: float) -> Array:
+    """Return the wrench of the air (FLAP_SAMPLES, 6) at the samples of a flap; a flap is flown before, for the wake.
+
+    A stream gives means over intervals; the mean of the two neighbours is the value at a sample, to second order.
+    """
+    stream.reset(0.0, q[0], v[0], angle, rate)
+    ahead = q[-1, :3] - q[0, :3]
+    made = np.zeros((2 * FLAP_SAMPLES, BASE_SIZE))
+    for k in range(2 * FLAP_SAMPLES):
+        at = k % FLAP_SAMPLES + 1
+        here = q[at].copy()
+        here[:3] += ahead if k >= FLAP_SAMPLES else 0.0
+        made[k] = stream.update(time[at], here, v[at]).sum(axis=0)[:BASE_SIZE]
+    return np.asarray(0.5 * (made[FLAP_SAMPLES - 1 : -1] + made[FLAP_SAMPLES:]))
+
+
+def _without_drift(
+    accelerations: Array, twist: Array, placement: Array, velocity: Array, time: Array
+) -> tuple[Array, Array]:
+    """Integrate base accelerations over a flap to twists and placements that come back; accelerations are corrected."""
+    accelerations -= _mean(accelerations)
+    swing = _integral(accelerations, time)
+    swing -= _mean(swing)
+    turn = _integral(swing[:, 3:], time)
+    turn -= _mean(turn)
+    course = pin.Quaternion(placement[3:])
+    attitudes = [course * pin.Quaternion(pin.exp3(row)) for row in turn]
+    twists = twist + swing
+    over_ground = np.array([one.matrix() @ row[:3] for one, row in zip(attitudes, twists, strict=True)])
+    extra = _mean(over_ground) - velocity
+    twists[:, :3] -= np.array([one.matrix().T @ extra for one in attitudes])
+    places = _integral(over_ground - extra - velocity, time)
+    places += placement[:3] - _mean(places) + time[:, None] * velocity
+    return twists, np.concatenate([places, [one.coeffs() for one in attitudes]], axis=1)
+
+
+def _mean(rows: Array) -> Array:
+    """Return the mean over a flap, whose first and last rows are the same sample."""
+    return np.asarray(np.mean(rows[:-1], axis=0))
+
+
+def _integral(rows: Array, time: Array) -> Array:
+    """Integrate rows over time, from 0, by trapezia."""
+    steps = 0.5 * (rows[1:] + rows[:-1]) * np.diff(time)[:, None]
+    return np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(steps, axis=0)])

@@ -1,0 +1,93 @@
+"""A controlled flight in a few numbers: how far from its course, at which effort, how fast the loop was."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.control.controller import Controller
+from aerobat_pin.control.margins import Margins, loop_margins
+from aerobat_pin.control.nominal import control_of
+from aerobat_pin.flight import FlightLog, thrusters_of
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.robot import euler_angles
+from aerobat_pin.scenario import Scenario
+
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class ControlSummary:
+    """The entry `control` of `metrics.json`.
+
+    Attributes:
+        slew_rms: root mean square of the commands' rate of change, over time and thrusters [N/s].
+        saturated_share: share of all commands that are at a limit.
+        unrealised_rms: of what the limits left of the wanted wrench: lift [N]; roll, pitch, yaw [N m].
+        seen_rms: of the disturbance that the controller saw: three forces [N], three moments [N m], body axes.
+        loop_p50_s, loop_p99_s: processor time from a sample to its command [s], median and 99th percentile.
+        loop_worst_s: the longest [s].
+        margins: axis -> its margins, computed from the gains; infinite ones are None.
+    """
+
+    slew_rms: float
+    saturated_share: float
+    unrealised_rms: dict[str, float]
+    seen_rms: tuple[float, ...]
+    loop_p50_s: float
+    loop_p99_s: float
+    loop_worst_s: float
+    margins: dict[str, Margins]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry as plain values."""
+        margins = {
+            axis: {key: value if np.isfinite(value) else None for key, value in asdict(found).items()}
+            for axis, found in self.margins.items()
+        }
+        return {**asdict(self), "seen_rms": list(self.seen_rms), "margins": margins}
+
+
+@guarded()
+def control_summary(scenario: Scenario, log: FlightLog, pilot: Controller) -> ControlSummary:
+    """Summarise how a flight was controlled."""
+    assert log.truth is not None
+    command, unrealised = log.measured["thruster_command"].values, log.truth["unrealised_wrench"].values
+    limit = thrusters_of(pilot.morphology).limit
+    steps = np.diff(command, axis=0) / scenario.simulation.dt
+    times = pilot.loop_times[: len(command)]
+    left = dict(zip(("lift", "roll", "pitch", "yaw"), _rms(unrealised[:, 2:]).tolist(), strict=True))
+    return ControlSummary(
+        slew_rms=float(np.sqrt(np.mean(steps**2))) if len(steps) else 0.0,
+        saturated_share=float(np.mean((command <= 0.0) | (command >= limit))),
+        unrealised_rms=left,
+        seen_rms=tuple(_rms(log.truth["seen_disturbance"].values).tolist()),
+        loop_p50_s=float(np.median(times)),
+        loop_p99_s=float(np.percentile(times, 99.0)),
+        loop_worst_s=float(np.max(times)),
+        margins=loop_margins(scenario),
+    )
+
+
+@guarded()
+def course_rms(scenario: Scenario, log: FlightLog) -> dict[str, float]:
+    """Return the root mean square of a flight's errors about its course: x, y, z [m], roll, pitch, yaw [rad].
+
+    The course is that of a controller: start, velocity and heading of the table `flight`, the pitch of `control`, no
+    roll. Pitch is positive nose up. The true motion counts, where a log has it. Raises ScenarioError if the scenario
+    has no such table.
+    """
+    control = control_of(scenario)
+    source = log.measured if log.truth is None or "q" not in log.truth else log.truth
+    q, flight = source["q"].values, scenario.flight
+    course = np.array(flight.position) + log.time[:, None] * np.array(flight.velocity)
+    angles = euler_angles(q) - np.radians([0.0, control.pitch_deg, flight.yaw_deg])
+    angles = np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
+    rms = _rms(np.concatenate([q[:, :3] - course, angles], axis=1))
+    return dict(zip(AXES, rms.tolist(), strict=True))
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -1,0 +1,146 @@
+"""A flight under way: one interval after the other, with a wrench on the body that may change between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight.crank import RateControlledMotor
+from aerobat_pin.flight.plant.divergence import HOPELESS, checked_flight
+from aerobat_pin.flight.plant.kernels import advance_stage
+from aerobat_pin.flight.plant.memory import Forces, split_forces
+from aerobat_pin.flight.plant.tables import FlightTables, Flown, Flyer, State
+from aerobat_pin.flight.point_forces import interval_means
+from aerobat_pin.numerics import Array, checked, lie_step, shaped
+from aerobat_pin.robot import BASE_SIZE
+
+
+class SteppedFlight:
+    """A flight of a plant, interval by interval.
+
+    Args:
+        plant: the plant that flies.
+        held: (2, f, n) mean noise and mean signal of each unknown force [N].
+        dt: length of an interval [s].
+        start: the state at the beginning.
+        endless: whether the flight goes on after n intervals, see `Plant.start`.
+
+    Attributes:
+        q: (nq,) configuration after the last interval.
+        done: number of intervals flown.
+        tables: the tables of the last n intervals, or of all of them.
+    """
+
+    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, endless: bool) -> None:
+        """Lay out the tables, and put the state into the kernel's memory."""
+        self.plant, self.endless, self.done, self._window = plant, endless, 0, 0
+        fields = plant.fields
+        begin = np.concatenate([start.twist, start.air, start.crank])
+        fields.start[:] = fields.state[:] = shaped(begin, (len(fields.start),), "start")
+        fields.command[:], fields.holds[...] = 0.0, plant.hold is not None
+        if isinstance(plant.drive, RateControlledMotor):
+            fields.motor.rate[...] = plant.drive.rate  # a flight before may have changed it
+        self.tables = FlightTables(plant, held, dt, start)
+        self.q = plant.robot.configuration(start.placement, *self.tables.motion[0, 0])
+        fields.v[:] = plant.robot.velocity(start.twist, *self.tables.motion[0, 1])
+        self._lay_out()
+
+    @property
+    def v(self) -> Array:
+        """Velocity (nv,) after the last interval."""
+        return np.array(self.plant.fields.v)
+
+    @property
+    def time(self) -> float:
+        """Time flown [s]."""
+        return self.done * self.tables.dt
+
+    @property
+    def crank_angle(self) -> float:
+        """Absolute crank angle t1 [rad] after the last interval."""
+        tables, at = self.tables, self.done - self._window
+        if tables.free:
+            return float(tables.states[at, BASE_SIZE + self.plant.air.state_size])
+        return float(tables.closed.crank_angle[2 * tables.parts * at])
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether the state has left all limits; the flight can end, and `flown` says where it left the first one."""
+        return not np.all(np.abs(self.plant.fields.start) <= HOPELESS)
+
+    def push(self, wrench: Array) -> None:
+        """Replace the attitude hold by a wrench (6,) on the body, at its centre of mass and in body axes."""
+        fields = self.plant.fields
+        ready = isinstance(wrench, np.ndarray) and wrench.shape == (BASE_SIZE,) and wrench.dtype == float
+        fields.command[:] = wrench if ready else checked(wrench, BASE_SIZE, "command")
+        fields.holds[...] = 0.0
+
+    def advance(self) -> None:
+        """Fly the next interval."""
+        tables, at = self.tables, self.done - self._window
+        if at == tables.intervals:
+            self._next_window()
+            tables, at = self.tables, 0
+        q, first = self.q, at * tables.parts
+        for k in range(first, first + tables.parts):
+            q = lie_step(self._stages(k), self._retract, q)
+        self.q, self.done = q, self.done + 1
+        tables.placement[at + 1], tables.states[at + 1] = q[:7], self.plant.fields.start
+
+    def step(self) -> tuple[Array, Array]:
+        """Fly the next interval and return q (nq,) and v (nv,). Raises SimulationError where the flight diverged."""
+        self.advance()
+        v = self.v
+        if not v @ v < HOPELESS * HOPELESS:
+            self.flown(self.done - self._window + 1)
+        return self.q, v
+
+    def flown(self, samples: int | None = None) -> Flown:
+        """Return the flight so far, or its first samples. Raises SimulationError if it diverged."""
+        return checked_flight(self.tables, self.done - self._window + 1 if samples is None else samples)
+
+    def last_forces(self) -> Forces:
+        """Return the means of all forces over the last interval, with n = 1."""
+        tables, at = self.tables, self.done - self._window
+        return split_forces(self.plant.fields.forces, tables.means[at - 1 : at] / tables.parts)
+
+    def _lay_out(self) -> None:
+        """Bind what every stage needs to a function of the step."""
+        plant, tables = self.plant, self.tables
+        model, data, memory, fields, v = plant.model, plant.data, plant.memory, plant.fields, plant.fields.v
+        crba, nle, tangents = pin.crba, pin.nonLinearEffects, (fields.tangent[0], fields.tangent[1])
+        motion, wind, held, means, loads = tables.motion, tables.wind, tables.held, tables.means, tables.loads
+        dt, parts, k = tables.step, tables.parts, 0
+
+        def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
+            crba(model, data, here)
+            nle(model, data, here, v)
+            advance_stage(memory, motion, wind, held, dt, k, number, parts, means, loads)
+            return tangents
+
+        def stages(step: int) -> Callable[[int, Array], tuple[Array, Array]]:
+            nonlocal k
+            k = step
+            return evaluate_stage
+
+        self._stages: Any = stages
+        self._retract = partial(pin.integrate, model)
+        tables.placement[0], tables.states[0] = self.q[:7], fields.start
+
+    def _next_window(self) -> None:
+        """Begin the tables anew after their last interval."""
+        if not self.endless:
+            raise SimulationError(f"the flight has ended after {self.done} steps: endless=True goes on", self.time)
+        plant, tables = self.plant, self.tables
+        edges = (self.done + np.arange(tables.intervals + 1)) * tables.dt
+        settings = plant.scenario.simulation
+        held = interval_means(plant.forces, edges, settings.seed + self.done)
+        air = BASE_SIZE + plant.air.state_size
+        state = State(self.q[:7], plant.fields.start[:BASE_SIZE], np.zeros(0), np.array(plant.fields.start[air:]))
+        self.tables, self._window = FlightTables(plant, held, tables.dt, state, self.done), self.done
+        self._lay_out()

@@ -1,0 +1,138 @@
+"""The tables of a flight: what the integrator reads and writes at every step, and the flight that they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerodynamics import STRIP_ROWS, RobotAir
+from aerobat_pin.flight.attitude_hold import AttitudeHold
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
+from aerobat_pin.flight.plant.memory import Forces, split_forces
+from aerobat_pin.flight.point_forces import PointForce
+from aerobat_pin.linkage import Closure
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
+from aerobat_pin.scenario import Scenario
+
+
+class Flyer(Protocol):
+    """What a flight needs of the plant that flies: see `aerobat_pin.flight.plant.plant.Plant`."""
+
+    robot: Aerobat
+    scenario: Scenario
+    model: pin.Model
+    data: pin.Data
+    air: RobotAir
+    drive: CrankDrive | RateControlledMotor
+    forces: tuple[PointForce, ...]
+    hold: AttitudeHold | None
+    crank_start: Array
+    memory: Array
+    fields: Any
+
+    def substeps(self, dt: float) -> int:
+        """Return the number of integration steps in an interval [s]."""
+        ...
+
+    def wind(self, time: Array) -> Array:
+        """Return wind velocity and its rate of change (n, 2, 3), world axes."""
+        ...
+
+    def closure(self, time: Array) -> Closure:
+        """Close the linkage at the crank angles of times (n,) [s]."""
+        ...
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,), and the crank.
+
+    `crank` (4,) is the state of a crank that a motor turns: angle, rate, motor torque, integral; (0,) for other drives.
+    """
+
+    placement: Array
+    twist: Array
+    air: Array
+    crank: Array = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A simulated flight of n equal intervals, as arrays: samples at the n + 1 edges, means over the n intervals.
+
+    Attributes:
+        crank_angle, crank_rate: (n + 1,) absolute crank angle t1 [rad] and its rate [rad/s].
+        q, v: configuration (n + 1, nq) and velocity (n + 1, nv).
+        air: (n + 1, 3N) aerodynamic state.
+        forces: means of all forces over the intervals.
+        loads: (n, 9, N) strip loads at the start of each interval; `strips_of` names the rows.
+    """
+
+    crank_angle: Array
+    crank_rate: Array
+    q: Array
+    v: Array
+    air: Array
+    forces: Forces
+    loads: Array
+
+
+class FlightTables:
+    """The tables of n intervals, each integrated in equal steps; "half" marks tables with a row at every half step.
+
+    Args:
+        plant: the plant that flies.
+        held: (2, f, n) mean noise and mean signal of each unknown force [N].
+        dt: length of an interval [s].
+        start: state at the beginning.
+        before: intervals flown before; the drive and the wind are tabulated for the time after them.
+
+    Attributes:
+        motion: (half, 3, 2) angle, rate and acceleration of shoulder and elbow. A free crank's flight writes its own
+            motion after the first row.
+        wind: (half, 2, 3) velocity of the air and its rate of change, world axes [m/s, m/s2].
+        means: (n, size) sums of the forces' means over the steps of an interval, see `split_forces`.
+        loads: (n, 9, N) strip loads at the start of each interval.
+        placement, states: (n + 1, 7) and (n + 1, 6 + S) at the intervals' edges.
+    """
+
+    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, before: int = 0) -> None:
+        """Tabulate crank and wind, and make room for the rest."""
+        self.plant, self.held, self.dt = plant, held, dt
+        self.intervals, self.parts = held.shape[2], plant.substeps(dt)
+        steps, self.step = self.intervals * self.parts, dt / self.parts
+        first = 2 * before * self.parts
+        halves = np.arange(first, first + 2 * steps + 1) * 0.5 * self.step
+        self.free = len(plant.crank_start) > 0
+        self.wind = plant.wind(halves)
+        self.closed = (
+            plant.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves)))
+            if self.free
+            else plant.closure(halves)
+        )
+        self.motion = joint_table(self.closed)
+        size = len(plant.fields.start)
+        self.means = np.zeros((self.intervals, sum(part.size for part in plant.fields.forces)))
+        self.loads = np.zeros((self.intervals, STRIP_ROWS, plant.air.line.strips))
+        self.placement, self.states = np.zeros((self.intervals + 1, 7)), np.zeros((self.intervals + 1, size))
+
+    def flown(self, kept: int) -> Flown:
+        """Return the first samples of the flight, of which there are `kept`."""
+        robot, free = self.plant.robot, self.free
+        placement, states, air = self.placement[:kept], self.states[:kept], BASE_SIZE + self.plant.air.state_size
+        samples, whole = slice(None, 2 * self.parts * kept, 2 * self.parts), slice(max(kept - 1, 0))
+        joints, closed = self.motion[samples], self.closed
+        crank = (closed.crank_angle[samples], closed.crank_velocity[samples])
+        return Flown(
+            crank_angle=states[:, air] if free else crank[0],
+            crank_rate=states[:, air + 1] if free else crank[1],
+            q=robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
+            v=robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
+            air=states[:, BASE_SIZE:air],
+            forces=split_forces(self.plant.fields.forces, self.means[whole] / self.parts),
+            loads=self.loads[whole],
+        )
