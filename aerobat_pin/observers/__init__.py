@@ -13,13 +13,15 @@ from aerobat_pin.observers.analysis.noise_and_lag import (
 from aerobat_pin.observers.analysis.point_of_action import PointOfAction, locate_series
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.friction import FRICTION_COEFFICIENTS, JointFriction, fit_friction
 from aerobat_pin.observers.identifiability import Identifiability
+from aerobat_pin.observers.kalman.innovation import Innovation
 from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample
 from aerobat_pin.observers.kalman.smoother import SmootherObserver
 from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.redundancy import Redundancy
-from aerobat_pin.observers.rows import AllBut, Rows, Tie, moving_weight, tie_joints
+from aerobat_pin.observers.redundancy import Redundancy, redundancy_of, slow_part
+from aerobat_pin.observers.rows import MOMENT_ARM, AllBut, Rows, Tie, moving_weight, tie_joints
 from aerobat_pin.observers.super_twisting import SuperTwistingObserver
 
 OBSERVERS: dict[str, type[Observer]] = {
@@ -36,6 +38,8 @@ OBSERVERS: dict[str, type[Observer]] = {
 
 __all__ = [
     "DEFAULT_GAIN",
+    "FRICTION_COEFFICIENTS",
+    "MOMENT_ARM",
     "OBSERVERS",
     "AllBut",
     "Application",
@@ -46,6 +50,8 @@ __all__ = [
     "Event",
     "ForceLevelObserver",
     "Identifiability",
+    "Innovation",
+    "JointFriction",
     "KalmanObserver",
     "KalmanSample",
     "LevelDetector",
@@ -65,11 +71,14 @@ __all__ = [
     "bias_of",
     "calibrate_cusum",
     "calibrate_level",
+    "fit_friction",
     "gain_for_deviation",
     "gain_for_lag",
     "locate",
     "locate_series",
     "moving_weight",
     "predict",
+    "redundancy_of",
+    "slow_part",
     "tie_joints",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -13,19 +14,19 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.identifiability import Identifiability
 from aerobat_pin.observers.kalman.innovation import Innovation
-from aerobat_pin.observers.redundancy import Redundancy
+from aerobat_pin.observers.redundancy import Redundancy, redundancy_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 
 class Sample:
-    """The estimate for one interval: the unknown components, the generalised residual, and what no force explains."""
+    """The estimate for one interval: the unknown components and the generalised residual."""
 
     __slots__ = ("_count", "_nv", "_values")
 
     def __init__(self, values: Array, nv: int, count: int) -> None:
-        """Store the values: the residual (nv), the components (count), what no force explains (nv), one pivot."""
+        """Store the values: the residual (nv), the components (count), and what only one kind of observer has."""
         self._values, self._nv, self._count = values, nv, count
 
     @property
@@ -42,12 +43,6 @@ class Sample:
     def residual(self) -> Array:
         """Generalised residual (nv,)."""
         return self._values[: self._nv]
-
-    @property
-    def unexplained(self) -> Array:
-        """Weighted rows [N] that no force explains (nv,), padded with zeros; see `aerobat_pin.observers.redundancy`."""
-        start = self._nv + self._count
-        return self._values[start : start + self._nv]
 
     def __repr__(self) -> str:
         """Show the components."""
@@ -68,10 +63,14 @@ class Estimate:
         units: (c,) unit of each component, `N` or `N m`.
         residual: (m, nv) estimated generalised force.
         identifiability: which components can be determined from the rows used.
-        redundancy: what no force explains, and what this says about the belief.
+        unexplained: (m, nv) weighted rows [N] that no force explains, padded with zeros; see `redundancy`.
+        rows_in_use: number of rows that the observer uses.
+        weight: weight of everything that moves [N].
         standard_deviation: (m, c) standard deviations of the components, if the observer computes them, else None;
             infinite for a component of a pattern that leaves no trace.
         innovation: how well a Kalman filter predicts the samples, else None.
+        notes: lines of text about what the observer chose or found beside the forces.
+        warnings: lines of text about what spoils the estimate.
     """
 
     observer: str
@@ -83,9 +82,26 @@ class Estimate:
     units: tuple[str, ...]
     residual: Array
     identifiability: Identifiability
-    redundancy: Redundancy
+    unexplained: Array
+    rows_in_use: int
+    weight: float
     standard_deviation: Array | None = None
     innovation: Innovation | None = None
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def redundancy(self) -> Redundancy:
+        """What no force explains, and what this says about the belief."""
+        return redundancy_of(
+            self.time, self.unexplained, self.rows_in_use, self.identifiability.rank, self.weight, self.frames
+        )
+
+    @property
+    def redundancy_series(self) -> Array:
+        """Size (m,) [N] of what no force explains in each interval, per redundant row."""
+        share = max(self.redundancy.redundant, 1)
+        return np.asarray(np.sqrt(np.sum(self.unexplained**2, axis=1) / share))
 
     @property
     def are_world_forces(self) -> bool:
@@ -152,7 +168,7 @@ class Estimate:
                     self.residual[None], ("observer", "interval", "v_axis"), "N, N m", "estimated generalised force"
                 ),
                 "redundancy": variable(
-                    self.redundancy.series[None],
+                    self.redundancy_series[None],
                     ("observer", "interval"),
                     "N",
                     "what no force explains, per redundant row",

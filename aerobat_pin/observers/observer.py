@@ -38,7 +38,6 @@ from aerobat_pin.observers.joints import serial_model
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
-from aerobat_pin.observers.redundancy import redundancy_of
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, modes
 
@@ -70,6 +69,7 @@ class Observer:
     project_first: ClassVar[bool] = True
     kind: ClassVar[int] = FIRST_ORDER
     slope: float = 0.0  # [N/s], used by the super-twisting filter only
+    _result: ClassVar[type[Sample]] = Sample
     _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
     @guarded(gain="any", rows="free")
@@ -103,12 +103,12 @@ class Observer:
             directions=len(self._directions),
             believed=self.believed.count,
         )
-        self._width, self._nv = nv + count + nv + 1, nv
+        self._width, self._nv, self._count = nv + count, nv, count
         self._memory = new_memory(observer_in, *self._sizes)
         self._fill(fields_of(observer_in, self._memory))
         self._update: Any = kernels.update_observer
         self._time = float("nan")
-        self._latest = self._sample(np.zeros(self._width))
+        self._latest = self._result(np.zeros(self._width), self._nv, self._count)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a new observer that is not yet reset: views of Pinocchio's results cannot be pickled."""
@@ -151,7 +151,7 @@ class Observer:
         _compute(self.model, self.data, q, v)
         self._start(v)
         self._time = time
-        self._latest = self._sample(np.zeros(self._width))
+        self._latest = self._result(np.zeros(self._width), self._nv, self._count)
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
@@ -201,7 +201,7 @@ class Observer:
             if not self._update(self._memory, q, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
-        self._latest = latest = self._sample(out)
+        self._latest = latest = self._result(out, self._nv, self._count)
         return latest
 
     @guarded(q="any", v="any", tau="any", known="any")
@@ -238,12 +238,8 @@ class Observer:
 
     @property
     def _rest(self) -> int:
-        """First column of a result after residual and components: what `fit_forces` writes."""
-        return self._nv + len(self.applications.components)
-
-    def _sample(self, out: Array) -> Sample:
-        """Return one result as a `Sample`."""
-        return Sample(out, self._nv, len(self.applications.components))
+        """First column of what `fit_forces` writes for each interval of a record, after residual and components."""
+        return self._nv + self._count
 
     def _start(self, v: Array) -> None:
         """Start the filter at the sample for which Pinocchio has just computed M, C and g."""
@@ -252,10 +248,10 @@ class Observer:
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         """Filter a checked record; return the results (m, width) and the samples in the form that kernels need."""
         memory = self._memory.copy()  # so that a running stream is not disturbed
-        samples = np.empty((len(time), 3 + len(self.applications.components), self._nv))
+        samples = np.empty((len(time), 3 + self._count, self._nv))
         fields_of(observer_in, memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
         self._each_sample(kernels.record_sample, memory, q, v)
-        out = np.empty((len(u), self._width))
+        out = np.empty((len(u), self._width + self._nv + 1))
         self._refuse_huge(kernels.observe_all(samples, time, u, memory, out), time)
         return out, samples
 
@@ -270,7 +266,7 @@ class Observer:
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
         """Return the results of a record as an `Estimate`."""
-        nv, count = self._nv, len(self.applications.components)
+        nv, count = self._nv, self._count
         rest = out[:, self._rest : self._rest + nv + 1]  # what no force explains, and the smallest pivot
         known = judge(self.applications, samples[:, 3 : 3 + count], samples[:, 2], self.believed, rest[:, nv])
         return Estimate(
@@ -283,9 +279,9 @@ class Observer:
             units=self.applications.units,
             residual=out[:, :nv],
             identifiability=known,
-            redundancy=redundancy_of(
-                time, rest[:, :nv], self.believed.count, known.rank, moving_weight(self.model), self.applications.frames
-            ),
+            unexplained=rest[:, :nv],
+            rows_in_use=self.believed.count,
+            weight=moving_weight(self.model),
         )
 
     def _refuse_huge(self, bad: int, time: Array) -> None:

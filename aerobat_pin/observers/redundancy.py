@@ -16,9 +16,9 @@ mass at the very point at which a force is sought, for example.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal
 
 import numpy as np
 
@@ -29,6 +29,7 @@ ALLOWED = 0.005  # of the robot's weight, per redundant row: what still counts a
 SENSOR_MARGIN = 1.5  # the same in units of what the sensors explain: noise also enters the known forces
 SCATTER_GAIN = 0.6745 * np.sqrt(924.0)  # median |fifth difference| of a derivative of white noise, over its deviation
 SHARE_OF_ERROR = 2.5  # a force that is smaller than this times the belief's error can be made up by it
+NOTHING = 1e-18  # a weight in a sum that double precision does not notice
 
 Verdict = Literal["consistent", "inconsistent", "blind"]
 
@@ -38,8 +39,7 @@ class Redundancy:
     """What no force explains, over a record; sizes in N per redundant row, moments over a lever arm of 50 mm.
 
     Attributes:
-        series: (m,) size in each interval.
-        rms: root mean square of `series`.
+        rms: root mean square of the size in each interval, see `Estimate.redundancy_series`.
         rows: number of rows in use.
         redundant: number of rows beyond the rank of the unknown components; 0 if the verdict is `blind`.
         sensors: the part of the low-passed residual that noise of the velocity sensors explains.
@@ -48,7 +48,6 @@ class Redundancy:
         points: frames at which forces are sought.
     """
 
-    series: Array
     rms: float
     rows: int
     redundant: int
@@ -75,6 +74,16 @@ class Redundancy:
         size = f"belief off by about {_millinewtons(self.belief)} a row"
         return f"{size}: forces below {least} are not to be trusted; {unseen}"
 
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values, with the verdict and its words."""
+        return {**asdict(self), "points": list(self.points), "verdict": self.verdict, "words": self.describe()}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Redundancy:
+        """Read what `to_json` wrote."""
+        own = {item.name: values[item.name] for item in fields(cls)}
+        return cls(**{**own, "points": tuple(own["points"])})
+
     def __repr__(self) -> str:
         """Show the verdict in words."""
         return f"Redundancy: {self.describe()}"
@@ -93,16 +102,10 @@ def redundancy_of(
         weight: weight of everything that moves [N].
         points: frames at which forces are sought.
     """
-    from scipy.signal import lfilter  # takes as long to import as everything else together
-
     redundant = max(rows - rank, 0) if rank else 0
-    series = np.sqrt(np.sum(unexplained**2, axis=1) / max(redundant, 1))
-    steps = np.diff(time)
-    dt = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else SLOW_TIME
+    dt = typical_step(time)
     share = -np.expm1(-dt / SLOW_TIME)
-    slow = unexplained
-    for _ in range(2):
-        slow = lfilter([share], [1.0, share - 1.0], slow, axis=0)
+    slow = slow_part(time, unexplained)
     sensors = 0.0
     if len(unexplained) > 6:
         scatter = np.median(np.abs(np.diff(unexplained, 5, axis=0)), axis=0) / SCATTER_GAIN
@@ -112,8 +115,7 @@ def redundancy_of(
         sensors = float(np.sqrt(power / max(redundant, 1)))
     seen = float(np.mean(slow**2) * slow.shape[1] / max(redundant, 1))
     return Redundancy(
-        series=series,
-        rms=float(np.sqrt(np.mean(series**2))),
+        rms=float(np.sqrt(np.sum(unexplained**2) / (max(redundant, 1) * len(unexplained)))),
         rows=rows,
         redundant=redundant,
         sensors=sensors,
@@ -121,6 +123,33 @@ def redundancy_of(
         allowed=float(np.hypot(ALLOWED * weight, SENSOR_MARGIN * sensors)),
         points=tuple(points),
     )
+
+
+def low_passed(values: Array, share: float) -> Array:
+    """Filter the columns of `values` (m, k) by y_n = (1 - share) y_(n-1) + share x_n, from rest.
+
+    The sum over the past, share (1 - share)^j x_(n-j), is built by doubling its length until what is older than that
+    no longer counts. `scipy.signal` would do the same, and takes as long to import as everything else together.
+    """
+    result, decay, reach = share * values, 1.0 - share, 1
+    while reach < len(values) and decay > NOTHING:
+        result[reach:] += decay * result[:-reach]
+        decay, reach = decay * decay, 2 * reach
+    return result
+
+
+def slow_part(time: Array, values: Array) -> Array:
+    """Return values (m, k) of the intervals of `time` (m + 1,) behind two low-passes of `SLOW_TIME`, from zero on."""
+    share = -np.expm1(-typical_step(time) / SLOW_TIME)
+    for _ in range(2):
+        values = low_passed(values, share)
+    return values
+
+
+def typical_step(time: Array) -> float:
+    """Return the median step [s] of sample times (m + 1,), repeated ones left out."""
+    steps = np.diff(time)
+    return float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else SLOW_TIME
 
 
 def _millinewtons(force: float) -> str:

@@ -6,18 +6,19 @@ is
 
     z <- a z + noise,   p <- p + dt (u + mean(C^T v - g)) + dt G^T z,   then p is measured: M v, covariance B B^T
 
-where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. Patterns of forces that
-leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken from the record itself
-(see `learning`): s is what the sixth differences of the velocities show, at most what is stated; and the rows get white
-noise as large as what no force explains. The update uses the Cholesky factor of the innovation's covariance S = L L^T,
-with T = L^-1 P_p and P <- P - T^T T.
+where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. C^T v is that of the
+filter's own velocity: h(v_m) + D (M^-1 p - v_m) at the measured v_m, with D the derivative of C^T v (see `slopes`).
+Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
+from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
+and the rows get white noise as large as what no force explains. The update uses the Cholesky factor of the innovation's
+covariance S = L L^T, with T = L^-1 P_p and P <- P - T^T T.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inner, kernel, mirror
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, factorise, kernel, mirror
 from aerobat_pin.observers.kalman.learning import (
     MISFIT_TIME,
     drop_unseen,
@@ -27,30 +28,18 @@ from aerobat_pin.observers.kalman.learning import (
     misfit_variance,
 )
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
+from aerobat_pin.observers.kalman.noisy_sample import write_noisy_sample
 from aerobat_pin.observers.kalman.process_noise import add_unknown_torques, set_walk_by_gain
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (
     TOO_LARGE,
-    dynamics_of,
     is_configuration,
     mean_residual,
     next_in_record,
     repeat_interval,
-    write_sample,
 )
 from aerobat_pin.observers.rows import UNSEEN_SHARE
-
-
-@inner
-def write_noisy_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
-    """Write a sample: the rows (3 + c, nv) that `write_sample` writes, then M (nv, nv)."""
-    M, nv = dynamics_of(observer).M, v.shape[0]
-    top = sample.shape[0] - nv
-    write_sample(observer, v, sample[:top])
-    for k in range(nv):
-        for i in range(nv):
-            sample[top + k, i] = M[i, k]
 
 
 @kernel
@@ -60,8 +49,8 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     The estimate does not change yet. Returns False if the innovation is NaN or huge.
 
     Args:
-        before: (3 + c + nv, nv) sample at the start.
-        after: (3 + c + nv, nv) sample at the end.
+        before: (3 + c + 2 nv, nv) sample at the start.
+        after: (3 + c + 2 nv, nv) sample at the end.
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
         filter_: the filter.
@@ -99,7 +88,17 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
         now = step.decay[a] * z[a]
         for i in range(nv):
             e[i] -= now * shear[a, i]
+    starts, ends, bent, missed = before[3 + c + nv :], after[3 + c + nv :], filter_.inverse[0], filter_.inverse[1]
+    for i in range(nv):  # C^T v of the filter's own velocity, not of the measured one
+        missed[i], bent[i] = e[i], 0.0
+        for j in range(filter_.hidden.shape[0]):  # behind an unknown torque, the measured one
+            missed[i] -= filter_.hidden[i, j] * e[j]
     for i in range(nv):
+        for j in range(nv):
+            step.turn[i, j] = 0.5 * dt * (starts[i, j] + ends[i, j])
+            bent[i] += starts[i, j] * (x[j] - before[0, j]) - ends[i, j] * missed[j]
+    for i in range(nv):
+        e[i] -= 0.5 * dt * bent[i]
         if not abs(e[i]) < TOO_LARGE * min(dt, 1.0):  # NaN too
             return False
     return True
@@ -135,7 +134,15 @@ def predict_covariance(
                 row[b] += grown * filter_.walk[a, b]
     if step.blind[0] > 0.0:
         drop_unseen(step, filter_, nv)
+    turn, turned = step.turn, filter_.turned
+    for i in range(nv):
+        copy_values(P[i], turned[i])
     add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
+    add_product(P[:nv], turn, turned, 1.0)
+    for j in range(n):
+        copy_values(P[j, :nv], turned[0, :nv])
+        for i in range(nv):
+            P[j, i] += dot(turn[i], turned[0, :nv])
     add_product(P, P[:, nv:], shear, 1.0)
     if nz > step.z.shape[0]:
         decay = step.decay[nz - 1] if filter_.elapsed[0] > 0.0 else 0.0
@@ -208,8 +215,8 @@ def filter_interval(
     """Advance the filter over one interval. If the innovation is NaN or huge, change no estimate and return False.
 
     Args:
-        before: (3 + c + nv, nv) sample at the start.
-        after: (3 + c + nv, nv) sample at the end.
+        before: (3 + c + 2 nv, nv) sample at the start.
+        after: (3 + c + 2 nv, nv) sample at the end.
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
         observer: memory of the observer; scratch, and what `fit_forces` writes.
@@ -265,7 +272,7 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
     if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE or not is_configuration(kalman.observer, q):
         return False
     before, after = filter_.samples[newest], filter_.samples[1 - newest]
-    write_noisy_sample(kalman.observer, v, after)
+    write_noisy_sample(kalman.observer, filter_, v, after)
     if not filter_interval(before, after, u, dt, kalman.observer, filter_, step, out):
         return False
     report(step, dt, out)
@@ -277,15 +284,15 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
 def start_filter(memory: Array, v: Array) -> None:
     """Write the first sample of a stream."""
     kalman = kalman_in(memory)
-    write_noisy_sample(kalman.observer, v, kalman.filter.samples[0])
+    write_noisy_sample(kalman.observer, kalman.filter, v, kalman.filter.samples[0])
 
 
 @kernel
 def record_noisy_sample(memory: Array) -> None:
-    """Write the next sample (3 + c + nv, nv) of a record, for which Pinocchio has just computed M, C and g."""
+    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M, C, g and `slopes`."""
     kalman = kalman_in(memory)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
-    write_noisy_sample(kalman.observer, v, sample)
+    write_noisy_sample(kalman.observer, kalman.filter, v, sample)
 
 
 @kernel
@@ -293,7 +300,7 @@ def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Arr
     """Apply `filter_interval` to a whole record; return the first interval that is not finite, or -1.
 
     Args:
-        samples: (m + 1, 3 + c + nv, nv) samples; one with a repeated time is overwritten by the previous sample.
+        samples: (m + 1, 3 + c + 2 nv, nv) samples; one with a repeated time is overwritten by the previous sample.
         time: (m + 1,) sample times [s].
         u: (m, nv) known generalised force, interval means.
         errors: (ne, m, nv) the known forces that have an uncertain factor.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, take
+from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, take, take_integers
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_fields, observer_sizes
 
 
@@ -15,6 +15,7 @@ class Step(NamedTuple):
     """
 
     shear: Array  # dt G, padded with zero columns
+    turn: Array  # dt D M^-1, mean of both ends: what an error of the momentum adds to itself by C^T v
     decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
     rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
@@ -53,7 +54,10 @@ class Filter(NamedTuple):
     doubt: Array  # running mean square of the possible errors of known forces and mass, for each row
     x: Array  # estimate of the state
     P: Array  # covariance of the estimate
-    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M
+    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and D M^-1
+    derivatives: Integers  # addresses of two matrices of `slopes`, from which D is made
+    inverse: Array  # scratch, like the field below
+    turned: Array
     blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
     phi: Array  # scratch, like the field below
     seen: Array
@@ -74,6 +78,7 @@ def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step
     width = (nv + 2 * n + 8) // 8 * 8  # rounded up to a multiple of 8 doubles, the size of a processor's vectors
     return Step(
         shear=take(cursor, (nz, n)),
+        turn=take(cursor, (nv, nv)),
         decay=take(cursor, (nz,)),
         e=take(cursor, (nv,)),
         rows=take(cursor, (nv, width)),
@@ -138,7 +143,10 @@ def kalman_in(memory: Array) -> KalmanMemory:
             doubt=take(cursor, (nv,)),
             x=take(cursor, (nv + nz,)),
             P=take(cursor, (nv + nz, nv + nz)),
-            samples=take(cursor, (2, 3 + c + nv, nv)),
+            samples=take(cursor, (2, 3 + c + 2 * nv, nv)),
+            derivatives=take_integers(cursor, (2,)),
+            inverse=take(cursor, (nv, 2 * nv)),
+            turned=take(cursor, (nv, nv + nz)),
             blurred=take(cursor, (nv, nv)),
             phi=take(cursor, (nv,)),
             seen=take(cursor, (c, nv + nz)),

@@ -4,7 +4,7 @@ The smoother carries an adjoint l (n,) and its covariance N (n, n) backward over
 those of the filter's update, K^T = L^-T T, and the index p marks the rows of the momentum:
 
     update, backwards:   l_p <- l_p + L^-T e - K^T l,   N <- C^T N C + [S^-1 in pp],   C = I - [K in columns p]
-    interval, backwards: l <- F^T l,                    N <- F^T N F
+    interval, backwards: l <- F^T l,                    N <- F^T N F,       F = [I + turn, shear^T; 0, decay]
 
 With the filter's estimate x, P after an update, the smoothed estimate is x + P l with covariance P - P N P. No
 covariance is inverted.
@@ -75,25 +75,33 @@ def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Ar
 
 
 @kernel
-def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array) -> None:
+def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array, old: Array) -> None:
     """Carry the adjoint (n,) and its covariance N (n, n) backward over the shear and decay of a step.
 
     Args:
         step: the filter's step.
         adjoint: (n,) changes.
         N: (n, n) changes.
-        mirrored: (nv, n) scratch, zero at first.
+        mirrored: (nv, n) scratch.
+        old: (n, n) scratch.
     """
     decay = step.decay
     nv, nz = mirrored.shape[0], decay.shape[0]
-    shear, right = step.shear[:, :nv], mirrored[:, nv:]
+    right = mirrored[:, nv:]
+    for i in range(nv):
+        copy_values(step.turn[i], mirrored[i, :nv])
     for a in range(nz):
         row = step.shear[a]
         for i in range(nv):
             right[i, a] = row[i]
-    add_row_product(adjoint, adjoint[:nv], mirrored, 1.0)
-    add_product(N[nv:], shear, N[:nv], 1.0)
-    add_product(N, N[:, :nv], mirrored, 1.0)
+    copy_values(adjoint, old[0])
+    add_row_product(adjoint, old[0, :nv], mirrored, 1.0)
+    for i in range(nv):
+        copy_values(N[i], old[i])
+    add_product(N, mirrored.T, old[:nv], 1.0)
+    for i in range(nv + nz):
+        copy_values(N[i, :nv], old[i, :nv])
+    add_product(N, old[:, :nv], mirrored, 1.0)
     if step.blind[0] > 0.0:
         drop_unseen_backward(step, adjoint, N, mirrored)
     for a in range(nz):
@@ -141,7 +149,7 @@ def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
     latest = kalman_in(memory).step
     n, nv, h = latest.shear.shape[1], latest.e.shape[0], latest.z.shape[0]
     adjoint, N, K, work = np.zeros(n), np.zeros((n, n)), np.empty((n, n)), np.empty((nv, n))
-    smoothing, mirrored = np.empty((h, n + h)), np.zeros((nv, n))
+    smoothing, mirrored, old = np.empty((h, n + h)), np.zeros((nv, n)), np.empty((n, n))
     for k in range(out.shape[0] - 1, -1, -1):
         dt = time[k + 1] - time[k]
         if dt > 0.0:
@@ -149,4 +157,4 @@ def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
             smooth(step, adjoint, N, smoothing)
             report(step, dt, out[k])
             back_through_update(step, adjoint, N, K, work)
-            back_through_interval(step, adjoint, N, mirrored)
+            back_through_interval(step, adjoint, N, mirrored, old)

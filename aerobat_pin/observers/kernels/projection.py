@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, eigenvectors, inner, kernel, solve_positive
+from aerobat_pin.numerics import Array, eigenvectors, inner, merged, solve_positive
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
@@ -88,7 +88,7 @@ def tied_equations(tied: Array, J: Array, generalized: Array, A: Array, b: Array
                 A[i, j] += row[i] * row[j]
 
 
-@kernel
+@merged
 def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> float:
     """Write the components (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
 
@@ -118,7 +118,7 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
     return least / trace if trace > 0.0 else 0.0
 
 
-@inner
+@merged
 def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalized: Array, rest: Array) -> None:
     """Split a generalised force into what forces can explain and what no force explains.
 

@@ -10,7 +10,7 @@ Jacobian of the c unknown components (see `applications`). From two samples, the
 Without measured joint torques the joint rows of phi contain no information, and f is fitted only to the six rows of
 the base. If one motor drives all joints and its power is measured, one more row can be used: v_j . phi_j. For tied
 coordinates, the sums of their rows are used. The kind of observer determines whether phi or f is filtered, and how.
-Every observer also writes what no force explains: the weighted rows of phi - J^T f.
+For a whole record, every observer also writes what no force explains: the weighted rows of phi - J^T f.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel
+from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel, merged
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
 from aerobat_pin.observers.kernels.projection import fit_forces, project
@@ -93,7 +93,7 @@ def in_world_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float,
     )
 
 
-@inner
+@merged
 def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, residual: Array) -> bool:
     """Write phi (nv,) and `observer.jacobian` of an interval; return False if phi is NaN or huge."""
     if not dt < TOO_LARGE:
@@ -119,16 +119,20 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
         u: (nv,) known generalised force, mean over the interval.
         dt: length of the interval [s].
         observer: memory of the observer; the filter's state changes.
-        out: (nv + c + nv + 1,) written: generalised residual, components, then what `fit_forces` writes.
+        out: (nv + c,) written: generalised residual, components. With nv + 1 more columns, the result of `fit_forces`
+            is written there; a stream leaves it out, as it costs `momentum` a second projection.
     """
     nv, end = u.shape[0], u.shape[0] + observer.sizes.components
-    residual, force = out[:nv], out[nv:end]
+    residual, force, rest = out[:nv], out[nv:end], out[end:]
     if not mean_residual(before, after, u, dt, observer, residual):
         return False
     J, project_first = observer.jacobian, observer.sizes.project_first > 0
-    fit_forces(observer, before, after, residual, out[end:])
-    if project_first:
-        copy_values(observer.fitted, force)
+    if rest.shape[0] > 0:
+        fit_forces(observer, before, after, residual, rest)
+        if project_first:
+            copy_values(observer.fitted, force)
+    elif project_first:
+        project(observer, before, after, residual, force)
     filtered = force if project_first else residual
     if observer.basis.shape[0] > 0:
         rotate(observer.basis, filtered, observer.value, False)
@@ -146,7 +150,7 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
     return True
 
 
-@inner
+@merged
 def is_configuration(observer: ObserverMemory, q: Array) -> bool:
     """Return whether every coordinate is finite and near, and quaternions and other directions have length one."""
     for i in range(q.shape[0]):
@@ -222,7 +226,7 @@ def repeat_interval(samples: Array, out: Array, k: int) -> None:
 
 @kernel
 def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
-    """Apply `observe` to a record, writing out (m, 2 nv + c + 1); return the first bad interval, or -1."""
+    """Apply `observe` to a record, writing out (m, nv + c + nv + 1); return the first bad interval, or -1."""
     observer = observer_in(memory)
     observer.filtered[:, :] = 0.0
     for k in range(u.shape[0]):

@@ -1,0 +1,110 @@
+"""Friction and rotor inertia of joints as a known torque, and their fit to a record without unknown forces.
+
+A joint torque is measured at the motor, or follows from its current. What reaches the link is less by
+
+    tau_f = -(coulomb s(v) + viscous v + inertia a + offset)        s(v) = tanh(v / rate)
+
+with v and a the joint's velocity and acceleration. `inertia` is that of the rotor times the gear ratio squared, where
+the model's links do not contain it; `offset` is the bias of the sensor. Given to an observer as one more known force,
+tau_f keeps friction from being taken for contact. The model is linear in its four coefficients per joint; s is smooth,
+because the sign of a noisy velocity near zero is a coin (the fit at standstill would be arbitrary).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array, guarded
+
+SMOOTH_RATE = 0.02  # [rad/s, m/s]: where Coulomb friction has reached 76 %
+STILL = 1.0e-3  # [rad, m]: a joint that moved less shows only its offset
+LEAST_SHARE = 1.0e-3  # of a regressor that is not explained by the joint's others: below, it is not identifiable
+FRICTION_COEFFICIENTS = ("coulomb", "viscous", "inertia", "offset")
+
+
+@guarded(coulomb=("n",), viscous=("n",), inertia=("n",), offset=("n",), deviation="any", rate="positive")
+@dataclass(frozen=True)
+class JointFriction:
+    """Friction of n joints.
+
+    Attributes:
+        coulomb: (n,) friction that does not depend on the speed [N m; N where a joint slides].
+        viscous: (n,) friction per speed [N m s/rad].
+        inertia: (n,) inertia of what turns with the joint beside the links, seen at the joint [kg m2].
+        offset: (n,) what the measured torque shows too much [N m].
+        rate: speed at which Coulomb friction has reached 76 % of its size [rad/s].
+        deviation: (n, 4) standard deviations of the four, in this order, if they were fitted; infinite where the record
+            does not show one.
+    """
+
+    coulomb: Array
+    viscous: Array
+    inertia: Array
+    offset: Array
+    rate: float = SMOOTH_RATE
+    deviation: Array | None = None
+
+    @guarded(v=(..., "n"), a=(..., "n"))
+    def torque(self, v: Array, a: Array) -> Array:
+        """Return the torque (..., n) [N m] that friction adds to the motors', for rates and accelerations (..., n)."""
+        resisting = self.coulomb * np.tanh(v / self.rate) + self.viscous * v + self.inertia * a + self.offset
+        return np.asarray(-resisting)
+
+    @property
+    def unseen(self) -> list[str]:
+        """The coefficients that the record does not show, such as `coulomb of joint 2`; they are zero."""
+        if self.deviation is None:
+            return []
+        return [f"{FRICTION_COEFFICIENTS[k]} of joint {joint}" for joint, k in np.argwhere(np.isinf(self.deviation))]
+
+
+@guarded(q=("m", "n"), v=("m", "n"), a=("m", "n"), residual_torque=("m", "n"), rate="positive")
+def fit_friction(q: Array, v: Array, a: Array, residual_torque: Array, rate: float = SMOOTH_RATE) -> JointFriction:
+    """Fit friction to a record in which no unknown force acts, by least squares for each joint.
+
+    Coulomb and viscous friction and inertia are not negative. What the motion does not show is zero with an infinite
+    deviation: Coulomb friction cannot be told from the offset in a joint that turns one way only, and a joint that
+    stands still shows nothing but its offset.
+
+    Args:
+        q: (m, n) joint angles.
+        v: (m, n) joint rates, means over the intervals.
+        a: (m, n) joint accelerations, means over the intervals.
+        residual_torque: (m, n) torque that the model leaves unexplained, interval means: the rows of these joints in an
+            observer's generalised residual.
+        rate: see `JointFriction`.
+
+    Raises:
+        ObserverError: there are fewer than ten intervals.
+    """
+    from scipy.optimize import lsq_linear  # takes as long to import as everything else together
+
+    if len(v) < 10:
+        raise ObserverError(f"friction: {len(v)} intervals: ten or more were expected")
+    count = q.shape[1]
+    found, deviation = np.zeros((count, 4)), np.full((count, 4), np.inf)
+    for joint in range(count):
+        regressors = -np.column_stack([np.tanh(v[:, joint] / rate), v[:, joint], a[:, joint], np.ones(len(v))])
+        seen = [3] if np.ptp(q[:, joint]) < STILL else _independent(regressors)
+        columns, target = regressors[:, seen], residual_torque[:, joint]
+        lowest = np.where(np.array(seen) == 3, -np.inf, 0.0)
+        found[joint, seen] = lsq_linear(columns, target, (lowest, np.inf), method="bvls").x
+        left = target - regressors @ found[joint]
+        variance = float(np.sum(left**2)) / max(len(v) - len(seen), 1)
+        deviation[joint, seen] = np.sqrt(variance * np.diag(np.linalg.inv(columns.T @ columns)))
+    coulomb, viscous, inertia, offset = found.T
+    return JointFriction(coulomb, viscous, inertia, offset, rate, deviation)
+
+
+def _independent(regressors: Array) -> list[int]:
+    """Return the regressors that the others do not explain, offset first, then viscous, Coulomb and inertia."""
+    kept: list[int] = []
+    for k in (3, 1, 0, 2):
+        column = regressors[:, k]
+        left = column - regressors[:, kept] @ np.linalg.lstsq(regressors[:, kept], column, rcond=None)[0]
+        if np.linalg.norm(left) > LEAST_SHARE * np.linalg.norm(column) > 0.0:
+            kept.append(k)
+    return sorted(kept)
