@@ -113,18 +113,37 @@ class AirAlongMotion:
         motion = joint_table(self.robot.linkage.solve(angle + turning * back, turning))
         return self.in_air.warmed_up(*body, motion, duration / count)
 
-    def fly(self, moved: Motion) -> tuple[Array, Array]:
+    def fly(self, moved: Motion, inertia: Array | None = None) -> tuple[Array, Array]:
         """Integrate the aerodynamic model along the motion.
+
+        Args:
+            moved: the recorded motion.
+            inertia: (m, nv, nv) written, if given: the inertia of the added mass in each interval.
 
         Returns:
             Interval means (m, nv) of the aerodynamic force and of the force of the added mass.
         """
-        model, data, memory, fields = self.robot.model, self.in_air.data, self.in_air.memory, self.in_air.fields
-        nle, steps = pin.nonLinearEffects, self.steps(moved)
-        q, v, a, wind = _half_steps(moved, self.robot, steps)
+        fields, steps = self.in_air.fields, self.steps(moved)
         fields.start[:] = fields.state[:] = self.start(moved)
+        return self.advance(half_steps(moved, self.robot, steps), steps, np.diff(moved.time) / steps, inertia)
+
+    def advance(
+        self, motion: tuple[Array, Array, Array, Array], steps: Integers, dt: Array, inertia: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Integrate from the aerodynamic state in `in_air.fields`; the last one is left there.
+
+        Args:
+            motion: q, v, acceleration and wind, as `half_steps` returns them.
+            steps: (m,) number of integration steps of each interval.
+            dt: (m,) their length [s].
+            inertia: as in `fly`.
+
+        Returns:
+            As `fly`.
+        """
+        model, data, memory, fields = self.robot.model, self.in_air.data, self.in_air.memory, self.in_air.fields
+        nle, (q, v, a, wind) = pin.nonLinearEffects, motion
         means = np.zeros((len(steps), 2, model.nv))
-        dt = np.diff(moved.time) / steps
         nle(model, data, q[0], v[0])
         half = 0
         for k, count in enumerate(steps.tolist()):
@@ -134,6 +153,8 @@ class AirAlongMotion:
                     advance_air_stage(memory, wind[i], a[i + 1], dt[k], 0, means[k])
                     nle(model, data, q[i + 1], v[i + 1])
                     advance_air_stage(memory, wind[i + 1], a[i + 1], dt[k], 1, means[k])
+                    if inertia is not None:
+                        inertia[k] = fields.H
                     nle(model, data, q[i + 2], v[i + 2])
                     advance_air_stage(memory, wind[i + 2], a[i + 1], dt[k], 2, means[k])
                 means[k] /= count
@@ -141,7 +162,7 @@ class AirAlongMotion:
         return means[:, 0], means[:, 1]
 
 
-def _half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, Array, Array, Array]:
+def half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, Array, Array, Array]:
     """Return q, v, acceleration and wind at the beginning of every half step, and at the end of the last.
 
     Between two samples the body moves along a straight line and turns at a constant rate; velocities and wind are

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerobat_pin.estimation.contradiction import Contradiction
+from aerobat_pin.estimation.raw_contradictions import raw_contradictions
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, Aerobat, rotations
@@ -44,28 +46,6 @@ FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
 REGULAR = 0.95  # share of repeats that must come at even intervals; a rounded slow signal repeats irregularly
 UPRIGHT = 0.5  # mean cosine of the tilt beyond which a flight counts as upright
-
-
-@dataclass(frozen=True)
-class Contradiction:
-    """Two channels of a log that do not fit, or one that cannot be a sensor's.
-
-    Attributes:
-        name: name of the kind of contradiction.
-        text: one sentence that begins with the name and says what is wrong and what to check.
-        figure: the measured figure.
-        unit: its unit.
-        threshold: the value of the figure from which on the log is called contradictory.
-    """
-
-    name: str
-    text: str
-    figure: float
-    unit: str
-    threshold: float
-
-    def __str__(self) -> str:
-        return self.text
 
 
 @dataclass(frozen=True)
@@ -100,6 +80,8 @@ def contradictions(log: FlightLog, robot: Aerobat) -> list[Contradiction]:
     Raises:
         LinkageError: the assumed linkage cannot close at a recorded crank angle.
     """
+    if log.is_raw:
+        return raw_contradictions(log)
     rising = np.diff(log.time, prepend=-np.inf) > 0.0
     found = list(_held(log))
     time = log.time[rising]

@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from aerobat_pin.errors import ScenarioError
+from aerobat_pin.errors import CalibrationError, ScenarioError
+from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
 from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs, noted_air
+from aerobat_pin.estimation.motion import motion
 from aerobat_pin.flight import FlightLog, read_csv
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
@@ -54,8 +56,11 @@ def belief_about(
     robot: dict[str, Any] = {"morphology": morphology} if morphology is not None else {}
     if morphology is None and "morphology" in noted:
         robot = {"morphology": noted["morphology"], "changes": json.loads(noted.get("morphology_changes", "{}"))}
-    joints = "motor_torque" in channels or "joint_torque" in channels
-    torque = "measured" if joints else "motor_only" if "crank_torque" in channels else "none"
+    joints = any(name in channels for name in ("motor_torque", "joint_torque", "joint_torque_sample"))
+    crank = "crank_torque" in channels or "crank_torque_sample" in channels
+    torque = "measured" if joints else "motor_only" if crank else "none"
+    if log is not None and log.is_raw and not names:
+        names = ("smoother",)
     values: dict[str, Any] = {
         "name": name,
         "robot": robot,
@@ -94,7 +99,11 @@ def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable
 
 @guarded()
 def estimate_log(
-    log: FlightLog, robot: Aerobat, belief: Scenario, progress: Callable[[float], None] | None = None
+    log: FlightLog,
+    robot: Aerobat,
+    belief: Scenario,
+    progress: Callable[[float], None] | None = None,
+    calibration: Calibration | None = None,
 ) -> tuple[KnownInputs, dict[str, Estimate]]:
     """Run observers on a flight log.
 
@@ -103,22 +112,35 @@ def estimate_log(
         robot: the assumed robot.
         belief: scenario of which the observers and the assumed air are used.
         progress: called with the share of the observers that are done.
+        calibration: what free flights showed about this belief.
 
     Returns:
         The inputs of the observers, and observer -> estimate.
 
     Raises:
         ScenarioError: there is no observer of a given name.
+        CalibrationError: the calibration belongs to another belief, or the log lacks the crank's angle.
         LogError, ObserverError, FrameNotFoundError: as raised by `known_inputs` and by the observers.
     """
-    section = belief.observers
+    section, air = belief.observers, belief.believed_air
     check_names(section.names)
+    if log.is_raw:
+        from aerobat_pin.estimation.raw import estimate_raw  # compiles kernels that other logs do not need
+
+        if calibration is not None:
+            raise CalibrationError("raw samples: a calibration of interval means was given; leave it out")
+        return estimate_raw(log, robot, belief, progress)
+    if calibration is not None:
+        calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
+        robot, air = calibration.believed(robot, air)
     rows = ROWS_OF_TORQUE[section.torque]
     observers = [
         OBSERVERS[name](robot.model, section.frames, section.gain, rows, **section.settings(name))
         for name in section.names
     ]
-    inputs = known_inputs(log, robot, section.torque, belief.believed_air)
+    inputs = known_inputs(log, robot, section.torque, air)
+    if calibration is not None:
+        inputs = calibration.applied(inputs, robot, motion(log, robot, air))
     estimates = {}
     for i, observer in enumerate(observers):
         if progress is not None:

@@ -34,6 +34,8 @@ class FlightSummary:
         aerodynamic_lift_over_weight: mean aerodynamic lift, added mass included, divided by the weight.
         motor_power_mean: mean power of the motor.
         incidence_range: smallest and largest angle of attack of any strip.
+        rms: of a controlled flight, the root mean square of its errors about its course: x, y, z [m], roll, pitch, yaw
+            [rad].
     """
 
     duration: float = field(metadata=_in("s"))
@@ -47,6 +49,7 @@ class FlightSummary:
     motor_power_mean: float | None = field(default=None, metadata=_in("W"))
     incidence_range: Range | None = field(default=None, metadata=_in("rad"))
     diverged_at: float | None = field(default=None, metadata=_in("s"))
+    rms: dict[str, float] | None = field(default=None, metadata=_in("m, rad"))
 
     def to_json(self) -> dict[str, Any]:
         """Return all numbers that are not None, as written to `metrics.json`."""

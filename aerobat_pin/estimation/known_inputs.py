@@ -22,6 +22,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.believed_air import reconstructed_air
+from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.motion import Motion, motion
 from aerobat_pin.flight import KNOWN, FlightLog
 from aerobat_pin.numerics import Array, guarded
@@ -46,6 +47,8 @@ class KnownInputs:
         rows: rows of the equations of motion that the observer can use.
         source: input -> its source. This is `measured` or `reconstructed` for `q`, `v`, `wind` and the known forces
             (the wind can also be `believed`, that is, assumed), and the chosen kind of torque for `motor_torque`.
+        calibration: how a calibration was used, if there is one.
+        crank: (m + 1,) crank angle [rad], if it was estimated together with the motion; else None.
     """
 
     time: Array
@@ -55,6 +58,8 @@ class KnownInputs:
     known: Mapping[str, Array]
     rows: Rows
     source: Mapping[str, str]
+    calibration: CalibrationUse | None = None
+    crank: Array | None = None
 
     def __repr__(self) -> str:
         sources = ", ".join(f"{name} {source}" for name, source in self.source.items())

@@ -1,33 +1,32 @@
-"""Score estimates against the true forces (R2, error and lag for each axis); `Scores` is all of `metrics.json`."""
+"""Score estimates against the true forces: R2, error and lag for each axis, and what each observer says of itself."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.contradictions import Contradiction
-from aerobat_pin.estimation.flight_summary import FlightSummary
+from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.trust import (
-    BeliefScore,
+    POINT_SUFFIX,
     ComponentSize,
+    FoundEvent,
     InnovationScore,
-    belief_score,
     component_sizes,
+    found_events,
     innovation_score,
     warnings_about,
 )
 from aerobat_pin.estimation.truth import true_force
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers import Estimate
+from aerobat_pin.observers import Estimate, Redundancy
 
 FORCE_AXES = ("Fx", "Fy", "Fz")
 NO_SIGNAL = 1.0e-3  # [N]: if the true force has a smaller standard deviation, R2 is meaningless
 LONGEST_LAG = 0.05  # [s]: the longest lag that the search can find
-TABLE_HEADER = ("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag", "deviation")
 
 
 def _quantity(unit: str, meaning: str) -> dict[str, str]:
@@ -71,6 +70,8 @@ class ObserverScores:
             None if the observer states none.
         innovation: how well a filter predicts the samples; None for other observers.
         warnings: a line of text about each property of this observer that spoils the estimate.
+        notes: a line of text about each thing that the observer chose or found beside the forces.
+        events: contacts that were found; None where they were not sought, as without a calibration.
     """
 
     points: Mapping[str, Mapping[str, AxisScore]]
@@ -80,15 +81,18 @@ class ObserverScores:
     condition: float | None
     null_direction: list[Any] | None
     unseen: list[str]
-    redundancy: BeliefScore
+    redundancy: Redundancy
     deviation: Mapping[str, list[float | None]] | None
     innovation: InnovationScore | None
     warnings: list[str]
+    notes: list[str]
+    events: list[FoundEvent] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
         rest = asdict(self)
-        return {**rest.pop("points"), **rest, "components": list(rest["components"])}
+        rest |= {"components": list(rest["components"]), "redundancy": self.redundancy.to_json()}
+        return {**rest.pop("points"), **rest}
 
     @classmethod
     def from_json(cls, entry: Mapping[str, Any]) -> ObserverScores:
@@ -101,118 +105,22 @@ class ObserverScores:
         }
         made = {
             "components": tuple(ComponentSize(**size) for size in rest["components"]),
-            "redundancy": BeliefScore(**rest["redundancy"]),
+            "redundancy": Redundancy.from_json(rest["redundancy"]),
+            "events": None if rest["events"] is None else [FoundEvent(**event) for event in rest["events"]],
             "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
         }
         return cls(points, **{**rest, **made})
 
 
-@dataclass(frozen=True, repr=False)
-class Scores:
-    """The content of `metrics.json`; `print` shows it as the table that the commands print.
-
-    Attributes:
-        scenario: name of the scenario, or of the recorded flight.
-        seed: seed of the random numbers; None for a recorded flight.
-        versions: package -> version.
-        torque: which joint torque the observers knew, as `observers.torque` of the scenario.
-        inputs: input of the observers -> its source, such as `measured`.
-        note: a line about the flight.
-        observers: name -> scores of the observer.
-        contradictions: those between the channels of the log.
-        flight: summary of the flight; None for a recorded flight.
-    """
-
-    scenario: str
-    seed: int | None
-    versions: Mapping[str, str]
-    torque: str
-    inputs: Mapping[str, str]
-    note: str
-    observers: Mapping[str, ObserverScores]
-    contradictions: tuple[Contradiction, ...] = ()
-    flight: FlightSummary | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the content of `metrics.json`."""
-        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
-        values |= {"versions": dict(self.versions), "inputs": dict(self.inputs)}
-        values["observers"] = {name: found.to_json() for name, found in self.observers.items()}
-        values["warnings"] = self.warnings
-        del values["contradictions"]
-        flight = values.pop("flight")
-        return values if flight is None else {**values, "flight": flight.to_json()}
-
-    @property
-    def verdicts(self) -> dict[str, list[str]]:
-        """What the redundancy says about the belief: line of text -> observers that say it."""
-        lines: dict[str, list[str]] = {}
-        for name, found in self.observers.items():
-            lines.setdefault(found.redundancy.words, []).append(name)
-        return lines
-
-    @property
-    def warnings(self) -> list[str]:
-        """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
-        lines = [contradiction.text for contradiction in self.contradictions]
-        lines += [
-            f"{', '.join(names)}: {words}"
-            for words, names in self.verdicts.items()
-            if self.observers[names[0]].redundancy.verdict == "inconsistent"
-        ]
-        return lines + [f"{name}: {line}" for name, found in self.observers.items() for line in found.warnings]
-
-    def rows(self) -> Iterator[tuple[str, ...]]:
-        """Yield the rows of the table, with the columns of `TABLE_HEADER`; none if the true forces are unknown."""
-        for name, found in self.observers.items():
-            yield from _table_rows(name, found)
-
-    @property
-    def title(self) -> str:
-        """One line about the flight: scenario, seed, note and joint torque."""
-        seed = "" if self.seed is None else f", seed {self.seed}"
-        return f"{self.scenario}{seed}: {self.note}; motor torque {self.torque}"
-
-    @property
-    def worse_than_nothing(self) -> bool:
-        """Whether any R2 is below 0, as with strong sensor noise: the true mean would then be a better estimate."""
-        points = [axes for found in self.observers.values() for axes in found.points.values()]
-        return any((score.r2_noise_free or 0.0) < 0.0 for axes in points for score in axes.values())
-
-    def __repr__(self) -> str:
-        """Return title, warnings and table as text; forces that cannot be estimated precede an observer's rows."""
-        lines = [self.title, *(f"warning: {contradiction.text}" for contradiction in self.contradictions)]
-        if any(found.points for found in self.observers.values()):
-            lines.append(_line(TABLE_HEADER))
-        for name, found in self.observers.items():
-            lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
-            lines += [_line(row) for row in _table_rows(name, found)]
-            if found.innovation is not None:
-                lines.append(
-                    f"{name}: innovations {found.innovation.nis:.2g} of their variance (1 if exact), correlation of "
-                    f"neighbours {found.innovation.whiteness:.2f} (0 if exact)"
-                )
-            lines += [f"{name}: {line}" for line in found.warnings]
-        for words, names in self.verdicts.items():
-            lines.append(words if len(self.verdicts) == 1 else f"{', '.join(names)}: {words}")
-        return "\n".join(lines)
-
-
-def _table_rows(observer: str, found: ObserverScores) -> Iterator[tuple[str, ...]]:
-    certainties = iter(size.certainty for size in found.components)
-    for point, axes in found.points.items():
-        for axis, score in axes.items():
-            yield (observer, point, axis, *score.texts(), next(certainties))
-
-
-def _line(cells: tuple[str, ...]) -> str:
-    name, point, axis, r2, noise_free, error, lag, sure = cells
-    return f"{name:<12} {point:<12} {axis:<4} {r2:>9} {noise_free:>14} {error:>10} {lag:>9} {sure:>10}"
-
-
 @guarded()
-def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
-    """Score an estimate; R2, error and lag are included only if the log contains the true forces."""
+def observer_scores(estimate: Estimate, log: FlightLog, use: CalibrationUse | None = None) -> ObserverScores:
+    """Score an estimate; R2, error and lag are included only if the log contains the true forces.
+
+    Args:
+        estimate: the estimate.
+        log: the flight.
+        use: how a calibration was used, with the contacts that were found.
+    """
     found = estimate.identifiability
     points = {}
     if log.truth is not None:
@@ -236,17 +144,19 @@ def observer_scores(estimate: Estimate, log: FlightLog) -> ObserverScores:
         condition=found.condition if np.isfinite(found.condition) else None,
         null_direction=None if found.null_direction is None else found.null_direction.tolist(),
         unseen=found.describe(),
-        redundancy=belief_score(estimate.redundancy),
+        redundancy=estimate.redundancy,
         deviation=by_point,
         innovation=innovation_score(estimate),
         warnings=warnings_about(estimate),
+        events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
+        notes=list(estimate.notes),
     )
 
 
 @guarded()
 def point_label(frame: str) -> str:
     """Return the short name of a force point: `left` for `left_force_point`."""
-    return frame.removesuffix("_force_point")
+    return frame.removesuffix(POINT_SUFFIX)
 
 
 def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> AxisScore:

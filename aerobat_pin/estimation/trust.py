@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.observers import Estimate, MomentumObserver, Redundancy
+from aerobat_pin.estimation.calibration.use import Contact
+from aerobat_pin.observers import Estimate, MomentumObserver
+
+POINT_SUFFIX = "_force_point"
 
 
 @dataclass(frozen=True)
@@ -37,28 +41,19 @@ class ComponentSize:
 
 
 @dataclass(frozen=True)
-class BeliefScore:
-    """What no force explains, in N per redundant row; see `aerobat_pin.observers.Redundancy`.
+class FoundEvent:
+    """A contact as `calibration.use.Contact`, with the largest force estimated during it [N]."""
 
-    Attributes:
-        rms: root mean square of the residual that no force explains.
-        rows: number of rows in use.
-        redundant: number of rows beyond the rank.
-        sensors: part of the slow residual that sensor noise explains.
-        belief: the rest of it.
-        allowed: largest `belief` that counts as consistent.
-        verdict: `consistent`, `inconsistent` or `blind`.
-        words: the verdict in words.
-    """
+    point: str
+    onset: float
+    alarm: float
+    end: float | None
+    size: float
 
-    rms: float
-    rows: int
-    redundant: int
-    sensors: float
-    belief: float
-    allowed: float
-    verdict: str
-    words: str
+    def __str__(self) -> str:
+        """Return the event in words."""
+        until = "to the end" if self.end is None else f"to {self.end:.3f} s"
+        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} mN"
 
 
 @dataclass(frozen=True)
@@ -80,23 +75,32 @@ def component_sizes(estimate: Estimate) -> tuple[ComponentSize, ...]:
     return tuple(map(ComponentSize, found.components, sizes, estimate.units, sure, np.isinf(found.deviation).tolist()))
 
 
-def belief_score(redundancy: Redundancy) -> BeliefScore:
-    """Return the numbers and words of what no force explains."""
-    numbers = {item.name: getattr(redundancy, item.name) for item in fields(BeliefScore) if item.name != "words"}
-    return BeliefScore(**numbers, words=redundancy.describe())
-
-
 def innovation_score(estimate: Estimate) -> InnovationScore | None:
     """Return the summary of a filter's innovations; None for other observers."""
     found = estimate.innovation
     return None if found is None else InnovationScore(found.mean, found.whiteness)
 
 
+def found_events(estimate: Estimate, contacts: Sequence[Contact]) -> list[FoundEvent]:
+    """Return contacts with the largest force that an observer estimates there during each."""
+    found = []
+    for contact in contacts:
+        if contact.frame in estimate.frames and estimate.are_world_forces:
+            end = np.inf if contact.end is None else contact.end
+            during = (estimate.time[:-1] < end) & (estimate.time[1:] > contact.onset)
+            force = estimate.force[during, estimate.frames.index(contact.frame)]
+            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
+            point = contact.frame.removesuffix(POINT_SUFFIX)
+            found.append(FoundEvent(point, contact.onset, contact.alarm, contact.end, size))
+    return found
+
+
 def warnings_about(estimate: Estimate) -> list[str]:
     """Return what spoils this estimate although the rows determine it."""
     if estimate.observer == MomentumObserver.name and estimate.rows == "base+power":
         return [
+            *estimate.warnings,
             "filters the rows before it combines them with the motor's power, which holds at each instant only: the "
-            "force between the points is wrong; force_level, kalman and smoother project first"
+            "force between the points is wrong; force_level, kalman and smoother project first",
         ]
-    return []
+    return list(estimate.warnings)

@@ -9,15 +9,19 @@ import numpy as np
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array, guarded
 
+SUM = "sum"  # instead of a frame: the sum of the forces at all points
+
 
 @guarded()
 def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
     """Return the true unknown force at a frame and its noise-free part, (m, 3) each, in world axes [N].
 
-    Both are zero if no unknown force acts at the frame.
+    Both are zero if no unknown force acts at the frame. The frame `sum` stands for all points together.
     """
     assert log.truth is not None
     points = [str(name) for name in log.truth["point"].values]
+    if frame == SUM:
+        return log.truth["force_W"].values.sum(axis=1), log.truth["force_noise_free_W"].values.sum(axis=1)
     if frame not in points:
         zero = np.zeros((log.truth.sizes["interval"], 3))
         return zero, zero

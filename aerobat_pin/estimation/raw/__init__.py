@@ -1,0 +1,21 @@
+"""Raw laboratory sensors: from samples of motion capture, inertial unit, crank encoder and torque to forces."""
+
+from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord, raw_record
+from aerobat_pin.estimation.raw.filter import JointFilter, JointSample
+from aerobat_pin.estimation.raw.offsets import ClockOffset
+from aerobat_pin.estimation.raw.results import estimate_raw
+from aerobat_pin.estimation.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.estimation.raw.tuning import Tuning
+
+__all__ = [
+    "ClockOffset",
+    "JointEstimate",
+    "JointFilter",
+    "JointSample",
+    "JointSmoother",
+    "RawChannel",
+    "RawRecord",
+    "Tuning",
+    "estimate_raw",
+    "raw_record",
+]

@@ -1,0 +1,93 @@
+"""The air along a nominal motion, and its change with the body's twist."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.estimation.believed_air import AirAlongMotion, half_steps
+from aerobat_pin.estimation.motion import Motion
+from aerobat_pin.estimation.raw.nominal import NominalMotion
+from aerobat_pin.flight import wind_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import BASE_SIZE, Aerobat
+from aerobat_pin.scenario import AirSection
+
+SHIFTS = (0.02, 0.02, 0.02, 0.2, 0.2, 0.2)  # [m/s, rad/s] by which the twist is shifted
+
+
+@dataclass(frozen=True)
+class AirForces:
+    """The air of m intervals.
+
+    Attributes:
+        force: (m, nv) generalised force, added mass included, interval means.
+        added_mass: (m, nv, nv) inertia of the added mass, at the middle.
+        by_twist: (m, nv, 6) derivative of `force` by the body's twist.
+    """
+
+    force: Array
+    added_mass: Array
+    by_twist: Array
+
+
+class AirAboutNominal:
+    """The believed air, flown along nominal motions: along whole records, or interval by interval.
+
+    The derivative by the body's twist is that of flights whose twist is shifted from the first interval on, so it
+    contains the wake that the shift has made. Only its present size counts, not its history.
+    """
+
+    def __init__(self, robot: Aerobat, section: AirSection) -> None:
+        """Set up the aerodynamic model."""
+        self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
+        self.wind = wind_of(section)
+        self._states = np.zeros((1 + len(SHIFTS), self.along.air.state_size))
+
+    def motion(self, nominal: NominalMotion) -> Motion:
+        """Return a nominal motion in the form of a recorded one."""
+        closure = self.robot.linkage.solve(*nominal.crank.T)
+        q = self.robot.configuration(nominal.placements(), closure.theta_s, closure.theta_e)
+        v = self.robot.velocity(nominal.twist, closure.theta_s_dot, closure.theta_e_dot)
+        return Motion(nominal.time, q, v, nominal.crank.T.copy(), self.wind.field(nominal.time), {})
+
+    def fly(self, nominal: NominalMotion, by_twist: Array | None = None) -> AirForces:
+        """Return the air along a motion.
+
+        Args:
+            nominal: the motion.
+            by_twist: derivative by the twist, if it is known from an earlier motion; flown anew when omitted.
+        """
+        moved, nv = self.motion(nominal), self.robot.model.nv
+        state, inertia = self.along.in_air.fields.state, np.zeros((len(nominal.time) - 1, nv, nv))
+        force = np.add(*self.along.fly(moved, inertia))
+        self._states[0] = state
+        if by_twist is None:
+            by_twist = np.empty((len(force), nv, BASE_SIZE))
+            for i, shift in enumerate(SHIFTS):
+                v = moved.v.copy()
+                v[:, i] += shift
+                shifted = Motion(moved.time, moved.q, v, moved.crank, moved.wind, {})
+                by_twist[:, :, i] = (np.add(*self.along.fly(shifted)) - force) / shift
+                self._states[1 + i] = state
+        return AirForces(force, inertia, by_twist)
+
+    def go_on(self, nominal: NominalMotion) -> AirForces:
+        """Return the air of one more interval, from where `fly` (with its derivative) or `go_on` has ended."""
+        moved, nv = self.motion(nominal), self.robot.model.nv
+        fields, inertia, by_twist = self.along.in_air.fields, np.zeros((1, nv, nv)), np.empty((1, nv, BASE_SIZE))
+        steps = self.along.steps(moved)
+        dt = np.diff(moved.time) / steps
+        q, v, a, wind = half_steps(moved, self.robot, steps)
+        force = np.zeros((1, nv))
+        for i, shift in enumerate((0.0, *SHIFTS)):
+            fields.start[:] = fields.state[:] = self._states[i]
+            if i == 0:
+                force = np.add(*self.along.advance((q, v, a, wind), steps, dt, inertia))
+            else:
+                v[:, i - 1] += shift
+                by_twist[:, :, i - 1] = (np.add(*self.along.advance((q, v, a, wind), steps, dt)) - force) / shift
+                v[:, i - 1] -= shift
+            self._states[i] = fields.state
+        return AirForces(force, inertia, by_twist)

@@ -1,0 +1,218 @@
+"""The causal filter of the joint smoother's model: one set of samples in, motion and forces out.
+
+Each update linearises one interval about the latest estimate and takes the samples of that interval: an extended Kalman
+filter. It starts when the first poses have come, from the smoother's result on them. What it loses against the smoother
+is what later samples would have said; see docs/raw_sensors.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.estimation.known_inputs import Torque
+from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR
+from aerobat_pin.estimation.raw.linear import LinearRecord
+from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
+from aerobat_pin.estimation.raw.prior import first_prior
+from aerobat_pin.estimation.raw.recursion import MOVING, advance, take_samples
+from aerobat_pin.estimation.raw.smoother import JointSmoother
+from aerobat_pin.estimation.raw.tuning import Tuning
+from aerobat_pin.numerics import Array
+
+FIRST_POSES = 8  # with which the filter starts
+OVER_INTERVAL = ("accelerometer", "torque")  # sensors that average over an interval: their stamp is its middle
+
+
+@dataclass(frozen=True)
+class JointSample:
+    """The filter's estimate at the time of an update.
+
+    Attributes:
+        time: [s].
+        placement: (7,) of the body in the world, position and quaternion xyzw.
+        twist: (6,) of the body, body axes.
+        crank: (3,) angle, rate and acceleration.
+        force: (points, 3) in world axes, over the latest interval [N].
+        covariance: (3 points, 3 points) of the forces [N2].
+        deviation: (15,) standard deviations of pose (body axes), twist and crank.
+        innovation: sum of the latest samples' innovations squared over their variance, and their number.
+    """
+
+    time: float
+    placement: Array
+    twist: Array
+    crank: Array
+    force: Array
+    covariance: Array
+    deviation: Array
+    innovation: tuple[float, int]
+
+
+class JointFilter:
+    """Take samples one interval after the other.
+
+    Args:
+        smoother: robot, air, frames and settings; also used to start.
+        tuning: of forces and crank, as a smoother has found it or as the settings state it.
+        sensors: the sensors; of each channel, noise, place and turn are used.
+        torque: which torque the samples have.
+    """
+
+    def __init__(
+        self, smoother: JointSmoother, tuning: Tuning, sensors: Mapping[str, RawChannel], torque: Torque
+    ) -> None:
+        """Wait for the first samples."""
+        self.smoother, self.tuning, self.sensors, self.torque = smoother, tuning, dict(sensors), torque
+        self.layout, self._nv = smoother.layout, smoother.robot.model.nv
+        self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []
+        self._here: NominalMotion | None = None
+        self._x, self._P, self._rate = np.zeros(0), np.zeros((0, 0)), np.zeros(6)
+        white = self.layout.white
+        self._fresh = np.array([white.start, white.stop], dtype=np.intp)
+        self._scratch = np.empty((MOVING + 1, self.layout.size))
+
+    @property
+    def started(self) -> bool:
+        """Whether enough poses have come."""
+        return self._here is not None
+
+    def update(
+        self,
+        time: float,
+        samples: Mapping[str, ArrayLike | tuple[float, ArrayLike]],
+        known: ArrayLike | None = None,
+    ) -> JointSample | None:
+        """Take the samples that have come since the last update.
+
+        Args:
+            time: now [s]; later than at the last update.
+            samples: sensor (`position`, `orientation` as a quaternion xyzw, `gyro`, `accelerometer`, `crank`, `torque`)
+                -> its sample, or stamp and sample. Without a stamp, accelerometer and torque belong to the middle of
+                the time since the last update, the others to now.
+            known: (nv,) known generalised force since the last update; zero when omitted.
+
+        Returns:
+            The estimate, or None until the filter has started.
+
+        Raises:
+            ObserverError: an unknown sensor, a sample of the wrong size, or one stamped outside the time since the last
+                update.
+        """
+        last = self._here.time[0] if self._here is not None else self._waiting[-1][0] if self._waiting else None
+        if last is not None and not time > last:
+            raise ObserverError(f"joint filter: time = {time:g} s after {last:g} s: a later one was expected")
+        taken = {name: self._checked(name, sample, time, last) for name, sample in samples.items()}
+        force = np.zeros(self._nv) if known is None else np.asarray(known, float)
+        if self._here is not None:
+            return self._step(self._here, time, taken, force)
+        self._waiting.append((time, taken, force))
+        if sum("position" in one for _, one, _ in self._waiting) >= FIRST_POSES and "position" in taken:
+            return self._start()
+        return None
+
+    def run(self, record: RawRecord) -> tuple[list[JointSample | None], Array]:
+        """Filter a record as a stream; return what each update returned, and the times of the updates (m + 1,)."""
+        places = {
+            name: np.searchsorted(channel.time, record.time + 1e-9, side="right")
+            for name, channel in record.channels.items()
+        }
+        found: list[JointSample | None] = []
+        for k, time in enumerate(record.time.tolist()):
+            known = record.known[max(k - 1, 0)]
+            samples: dict[str, ArrayLike | tuple[float, ArrayLike]] = {}
+            for name, channel in record.channels.items():
+                at = int(places[name][k])
+                if at > (int(places[name][k - 1]) if k else 0):  # of several, the latest
+                    samples[name] = float(channel.time[at - 1]), channel.values[at - 1]
+            found.append(self.update(time, samples, known))
+        return found, record.time
+
+    def _checked(
+        self, name: str, sample: ArrayLike | tuple[float, ArrayLike], time: float, last: float | None
+    ) -> tuple[float, Array]:
+        if name not in self.sensors:
+            raise ObserverError(f"joint filter: no sensor '{name}': {', '.join(self.sensors)} were expected")
+        stamp = time if name not in OVER_INTERVAL or last is None else 0.5 * (time + last)
+        values: ArrayLike
+        if isinstance(sample, tuple) and len(sample) == 2:
+            stamp, values = sample
+        else:
+            values = sample
+        array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
+        if array.shape != (size,) or not np.all(np.isfinite(array)):
+            raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
+        if stamp > time + 1e-9 or (last is not None and stamp <= last):
+            raise ObserverError(f"joint filter: {name} is stamped {stamp:g} s, at an update from {last} to {time:g} s")
+        return float(stamp), array
+
+    def _record(self, times: list[float], each: list[dict[str, tuple[float, Array]]], known: Array) -> RawRecord:
+        channels = {}
+        for name, sensor in self.sensors.items():
+            taken = [one[name] for one in each if name in one]
+            if taken:
+                stamps, values = np.array([s for s, _ in taken]), np.array([v for _, v in taken])
+                channels[name] = replace(sensor, time=stamps, values=values)
+        return RawRecord(np.array(times), channels, known, self.torque)
+
+    def _start(self) -> JointSample:
+        times, each, known = (list(part) for part in zip(*self._waiting, strict=True))
+        record = self._record(times, each, np.array(known[1:]))
+        guess = first_guess(record)
+        smoother = self.smoother
+        prior = first_prior(self.layout, guess, smoother.weight, smoother.settings)
+        solved = smoother.solve(record, guess, prior, self.tuning, {})
+        smoother.air.fly(solved.motion)
+        count = len(times) - 1
+        self._here = solved.motion.part(count, count)
+        self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.covariances[-1].copy()
+        self._x[:MOVING] = 0.0
+        self._rate = (solved.motion.twist[-1] - solved.motion.twist[-2]) / (times[-1] - times[-2])
+        return self._sample(self._here, self._x[self.layout.walk], self._block(), (0.0, 0))
+
+    def _step(
+        self, here: NominalMotion, time: float, taken: dict[str, tuple[float, Array]], known: Array
+    ) -> JointSample:
+        dt = time - float(here.time[0])
+        x, P, smoother, layout = self._x, self._P, self.smoother, self.layout
+        motion = here.extended(dt, self._rate)
+        air = smoother.air.go_on(motion)
+        record = self._record(motion.time.tolist(), [taken], known[None])
+        force = x[layout.walk].reshape(1, -1, 3)
+        linear: LinearRecord = smoother.linear(record, motion, air, force, {}, layout)
+        rows, d = linear.rows, linear.dynamics
+        noise = linear.noise(self.tuning)[0]
+        P[layout.white, layout.white] = np.diag(noise[layout.white])
+        gains, innovations = np.empty((len(rows.e), layout.size)), np.empty((len(rows.e), 2))
+        first, middle, last = rows.start.tolist()
+        take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, first, middle)
+        found, block = x[layout.walk].copy(), self._block()
+        self._rate = self._rate + d.push[0] + d.acceleration[0] @ x
+        advance(x, P, d.transition[0], d.shift[0], noise, self._fresh, self._scratch)
+        take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, middle, last)
+        self._here = motion.part(1, 1).moved(x[None, :MOVING])
+        x[:MOVING] = 0.0
+        ratio = float(np.sum(innovations[:, 0] ** 2 / innovations[:, 1]))
+        return self._sample(self._here, found, block, (ratio, len(rows.e)))
+
+    def _block(self) -> Array:
+        return self._P[self.layout.walk, self.layout.walk].copy()
+
+    def _sample(self, here: NominalMotion, force: Array, block: Array, innovation: tuple[float, int]) -> JointSample:
+        deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOVING], 0.0))
+        assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOVING)
+        return JointSample(
+            float(here.time[0]),
+            here.placements()[0],
+            here.twist[0].copy(),
+            here.crank[0].copy(),
+            force.reshape(-1, 3).copy(),
+            block,
+            deviation,
+            innovation,
+        )

@@ -1,0 +1,269 @@
+"""Compiled recursions of the joint smoother: a Kalman filter of scalar samples, and Bryson and Frazier's way back.
+
+    x+ = F x + s + noise,   sample: e = h x + white noise of variance R
+
+Only the first `MOVING` rows of F differ from the identity; forces that are drawn anew in every interval have zero rows.
+Each sample is one number. With the filter's P h = g and S = h P h + R, the way back carries an adjoint l and its
+covariance N:
+
+    over a sample:     l <- l - h (g l / S + e / S),   N <- C^T N C + h h^T / S,   C = I - g h^T / S
+    over an interval:  l <- F^T l,                     N <- F^T N F
+
+A smoothed state is x - P l, with covariance P - P N P (G. J. Bierman, Fixed interval smoothing with discrete
+measurements, Int. J. Control 18, 1973). No covariance is inverted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, Integers, kernel
+
+MOVING = 15  # pose error (6), twist error (6), crank angle, rate and acceleration
+
+
+@kernel
+def take_samples(
+    x: Array, P: Array, h: Array, e: Array, R: Array, gains: Array, innovations: Array, first: int, last: int
+) -> float:
+    """Update x (n,) and P (n, n) by the samples `first` to `last` (excluded); return their log-likelihood.
+
+    Args:
+        x: (n,) state, changes.
+        P: (n, n) covariance, changes.
+        h: (k, n) rows of the samples.
+        e: (k,) samples less their prediction at x = 0.
+        R: (k,) variances of their noise.
+        gains: (k, n) written: P h.
+        innovations: (k, 2) written: innovation and its variance.
+        first: first row.
+        last: the row after the last one.
+    """
+    n, score = x.shape[0], 0.0
+    for i in range(first, last):
+        row, gain = h[i], gains[i]
+        for a in range(n):
+            gain[a] = 0.0
+        for j in range(n):
+            if row[j] != 0.0:
+                for a in range(n):
+                    gain[a] += row[j] * P[j, a]
+        innovation, variance = e[i], R[i]
+        for j in range(n):
+            if row[j] != 0.0:
+                innovation -= row[j] * x[j]
+                variance += row[j] * gain[j]
+        innovations[i, 0], innovations[i, 1] = innovation, variance
+        score -= 0.5 * (innovation * innovation / variance + np.log(variance))
+        for a in range(n):
+            share = gain[a] / variance
+            x[a] += share * innovation
+            for b in range(n):
+                P[a, b] -= share * gain[b]
+    return score
+
+
+@kernel
+def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Integers, W: Array) -> None:
+    """Advance x (n,) and P (n, n) over one interval.
+
+    Args:
+        x: (n,) state, changes.
+        P: (n, n) covariance, changes.
+        F: (MOVING, n) rows of the transition; the others are the identity.
+        shift: (MOVING,) shift of these states.
+        noise: (n,) variances that the interval adds; of a fresh state: its variance.
+        fresh: (2,) first and last (excluded) of the states that are drawn anew.
+        W: (MOVING + 1, n) scratch.
+    """
+    n, m = x.shape[0], F.shape[0]
+    for i in range(m):
+        total = shift[i]
+        for j in range(n):
+            W[i, j] = 0.0
+        for j in range(n):
+            if F[i, j] != 0.0:
+                total += F[i, j] * x[j]
+                for a in range(n):
+                    W[i, a] += F[i, j] * P[j, a]
+        W[m, i] = total
+    for i in range(m):
+        x[i] = W[m, i]
+        for a in range(m, n):
+            P[i, a] = W[i, a]
+            P[a, i] = W[i, a]
+        for k in range(i + 1):
+            total = 0.0
+            for j in range(n):
+                total += W[i, j] * F[k, j]
+            P[i, k] = total
+            P[k, i] = total
+    for a in range(fresh[0], fresh[1]):
+        x[a] = 0.0
+        for j in range(n):
+            P[a, j] = 0.0
+            P[j, a] = 0.0
+    for a in range(n):
+        P[a, a] += noise[a]
+
+
+@kernel
+def filter_record(
+    x: Array,
+    P: Array,
+    F: Array,
+    shift: Array,
+    noise: Array,
+    fresh: Integers,
+    start: Integers,
+    h: Array,
+    e: Array,
+    R: Array,
+    gains: Array,
+    innovations: Array,
+    states: Array,
+    covariances: Array,
+) -> float:
+    """Filter a record of m intervals; return the log-likelihood of all samples.
+
+    Args:
+        x: (n,) first state; the last one afterwards.
+        P: (n, n) first covariance; the last one afterwards.
+        F: (m, MOVING, n) transitions.
+        shift: (m, MOVING) shifts.
+        noise: (m, n) variances that each interval adds.
+        fresh: (2,) see `advance`.
+        start: (m + 2,) first sample of each knot.
+        h: (k, n) rows of the samples, see `take_samples`.
+        e: (k,) samples less their prediction.
+        R: (k,) variances.
+        gains: (k, n) or (1, n) written.
+        innovations: (k, 2) written.
+        states: (m + 1, n) written: state at each knot after its samples; or (0, n).
+        covariances: (m + 1, n, n) written likewise; or (0, n, n).
+    """
+    m, score, W = F.shape[0], 0.0, np.empty((F.shape[1] + 1, x.shape[0]))
+    keep, one = states.shape[0] > 0, gains.shape[0] == 1
+    for k in range(m + 1):
+        if one:
+            for i in range(start[k], start[k + 1]):
+                score += take_samples(
+                    x, P, h[i : i + 1], e[i : i + 1], R[i : i + 1], gains, innovations[i : i + 1], 0, 1
+                )
+        else:
+            score += take_samples(x, P, h, e, R, gains, innovations, start[k], start[k + 1])
+        if keep:
+            states[k] = x
+            covariances[k] = P
+        if k < m:
+            advance(x, P, F[k], shift[k], noise[k], fresh, W)
+    return score
+
+
+@kernel
+def smooth_record(
+    F: Array,
+    fresh: Integers,
+    start: Integers,
+    h: Array,
+    gains: Array,
+    innovations: Array,
+    states: Array,
+    covariances: Array,
+    block: Integers,
+    deviations: Array,
+    blocks: Array,
+) -> None:
+    """Smooth a record that `filter_record` has filtered: replace `states` by smoothed ones.
+
+    Args:
+        F: (m, MOVING, n) transitions.
+        fresh: (2,) states that are drawn anew.
+        start: (m + 2,) first sample of each knot.
+        h: (k, n) rows of the samples.
+        gains: (k, n) of the filter.
+        innovations: (k, 2) of the filter.
+        states: (m + 1, n) filtered states; smoothed afterwards.
+        covariances: (m + 1, n, n) filtered covariances.
+        block: (2,) first and last (excluded) state of the block whose covariance is wanted.
+        deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves most time.
+        blocks: (m + 1, b, b) written: smoothed covariance of the block.
+    """
+    m, moving, n = F.shape[0], F.shape[1], states.shape[1]
+    adjoint, old = np.zeros(n), np.zeros(n)
+    wanted = deviations.shape[0] > 0
+    N, T, w = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    for k in range(m, -1, -1):
+        if k < m:
+            for j in range(n):
+                old[j] = adjoint[j]
+                adjoint[j] = 0.0 if (j < moving or fresh[0] <= j < fresh[1]) else adjoint[j]
+            for i in range(moving):
+                for j in range(n):
+                    adjoint[j] += F[k, i, j] * old[i]
+            if wanted:
+                for i in range(n):  # T = N F
+                    for j in range(n):
+                        T[i, j] = 0.0 if (j < moving or fresh[0] <= j < fresh[1]) else N[i, j]
+                    for a in range(moving):
+                        for j in range(n):
+                            T[i, j] += N[i, a] * F[k, a, j]
+                for i in range(n):  # N = F^T T
+                    for j in range(n):
+                        N[i, j] = 0.0 if (i < moving or fresh[0] <= i < fresh[1]) else T[i, j]
+                for a in range(moving):
+                    for i in range(n):
+                        if F[k, a, i] != 0.0:
+                            for j in range(n):
+                                N[i, j] += F[k, a, i] * T[a, j]
+        P = covariances[k]
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += P[i, j] * adjoint[j]
+            states[k, i] -= total
+        if wanted:
+            for i in range(n):
+                for j in range(n):
+                    T[i, j] = 0.0
+                for a in range(n):
+                    for j in range(n):
+                        T[i, j] += P[i, a] * N[a, j]
+                total = P[i, i]
+                for j in range(n):
+                    total -= T[i, j] * P[j, i]
+                deviations[k, i] = np.sqrt(max(total, 0.0))
+            for i in range(block[0], block[1]):
+                for b in range(block[0], block[1]):
+                    total = P[i, b]
+                    for j in range(n):
+                        total -= T[i, j] * P[j, b]
+                    blocks[k, i - block[0], b - block[0]] = total
+        for i in range(start[k + 1] - 1, start[k] - 1, -1):
+            row, gain = h[i], gains[i]
+            innovation, variance = innovations[i, 0], innovations[i, 1]
+            if wanted:
+                across = 0.0
+                for a in range(n):
+                    total = 0.0
+                    for j in range(n):
+                        total += N[a, j] * gain[j]
+                    w[a] = total / variance
+                for a in range(n):
+                    across += w[a] * gain[a]
+                across = (across + 1.0) / variance
+                for a in range(n):
+                    if row[a] != 0.0:
+                        for j in range(n):
+                            N[a, j] -= row[a] * w[j]
+                            N[j, a] -= row[a] * w[j]
+                for a in range(n):
+                    if row[a] != 0.0:
+                        for j in range(n):
+                            N[a, j] += row[a] * row[j] * across
+            push = innovation
+            for a in range(n):
+                push += gain[a] * adjoint[a]
+            push /= variance
+            for a in range(n):
+                adjoint[a] -= push * row[a]

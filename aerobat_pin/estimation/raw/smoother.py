@@ -1,0 +1,282 @@
+"""The joint smoother: all raw samples of a record at once, linearised anew about its own result until that stays.
+
+A long record is smoothed in windows that overlap, so that memory stays bounded: the next window starts from what the
+filter knew before the overlap, and each window gives up its end, where later samples are still missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
+from aerobat_pin.estimation.raw.channels import RawRecord
+from aerobat_pin.estimation.raw.dynamics import linear_dynamics
+from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, GYRO_BIAS, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
+from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
+from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
+from aerobat_pin.estimation.raw.prior import Prior, first_prior, prior_at
+from aerobat_pin.estimation.raw.recursion import MOVING
+from aerobat_pin.estimation.raw.rows import sample_rows
+from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs, likely_tuning
+from aerobat_pin.linkage import SeriesSculpture
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import Aerobat
+from aerobat_pin.scenario import AirSection, RawSection
+
+LONGEST_STRETCH = 5.0  # [s]: records that are longer are smoothed in parts
+LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, and at its start for warming up
+SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends
+NEARLY = 20.0  # times this: the tuning is chosen
+CORRECTIONS = 2  # times that a clock offset is applied, for a better one, where one is found
+STALE = 0.1  # [m/s]: rms change of the twist after which the air's derivative is flown anew
+
+
+@dataclass(frozen=True)
+class JointEstimate:
+    """Motion and forces of a record, with what was found about sensors and model.
+
+    Attributes:
+        nominal: motion at the knots.
+        motion_deviation: (m + 1, 15) standard deviations of pose (body axes), twist and crank.
+        force: (m, points, 3) slowly changing forces in world axes, of each interval [N].
+        force_covariance: (m, 3 points, 3 points) their covariance.
+        bias: (6,) of gyro and accelerometer at the end.
+        factors: name (`mass`, `air`) -> factor and its standard deviation.
+        tuning: the walk in use; `chosen` says whether it was chosen by likelihood.
+        offsets: clock offsets that the samples ask for.
+        nis: sensor -> mean of innovation squared over its variance.
+        innovation: (m, 2) sum over each interval of innovations squared over their variance, and their number.
+        iterations: linearisations of the first window; `settled` says whether the last one changed nothing.
+    """
+
+    nominal: NominalMotion
+    motion_deviation: Array
+    force: Array
+    force_covariance: Array
+    bias: Array
+    factors: dict[str, tuple[float, float]]
+    tuning: Tuning
+    chosen: bool
+    offsets: tuple[ClockOffset, ...]
+    nis: dict[str, float]
+    innovation: Array
+    iterations: int
+    settled: bool
+
+
+class JointSmoother:
+    """The joint smoother of a believed robot in its believed air.
+
+    Args:
+        robot: the believed robot.
+        air: the believed air.
+        frames: frames at whose origins unknown forces act.
+        settings: the table `observers.raw`.
+    """
+
+    def __init__(self, robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection) -> None:
+        """Set up the air."""
+        self.robot = robot = replace(robot, linkage=SeriesSculpture(robot.linkage))
+        self.frames, self.settings = frames, settings
+        self.air, self.weight = (
+            AirAboutNominal(robot, air),
+            robot.mass * float(np.linalg.norm(robot.model.gravity.linear)),
+        )
+        self.weight = self.weight or robot.mass * 9.81
+        self.layout = Layout(len(frames), settings.mass_error > 0.0, settings.air_error > 0.0)
+
+    def run(self, record: RawRecord, progress: Callable[[float], None] | None = None) -> JointEstimate:
+        """Smooth a record."""
+        guess = first_guess(record)
+        prior = first_prior(self.layout, guess, self.weight, self.settings)
+        tuning, shifts, parts, offsets = None, dict[str, float](), [], tuple[ClockOffset, ...]()
+        for window in _stretches(record.time):
+            here, motion = part_of(record, window.start, window.stop), guess.part(window.start, window.stop)
+            solved = self.solve(here, motion, prior, tuning, shifts)
+            if tuning is None and self.settings.offset_error > 0.0:
+                offsets = self._offsets(here, solved)
+                if self.settings.apply_offsets and (shifts := {one.sensor: one.seconds for one in offsets if one.sure}):
+                    solved = self.solve(here, solved.motion, prior, None, shifts)
+            tuning = solved.tuning
+            parts.append((window, solved))
+            if window.next is not None:
+                k = window.next - window.start
+                smoothed = solved.smoothed
+                prior = prior_at(solved.linear.nominal, k, smoothed.filtered[k], smoothed.covariances[k])
+            if progress is not None:
+                progress(window.stop / (len(record.time) - 1))
+        return self._joined(parts, offsets)
+
+    def linear(
+        self,
+        record: RawRecord,
+        motion: NominalMotion,
+        air: AirForces,
+        force: Array,
+        shifts: dict[str, float],
+        layout: Layout,
+    ) -> LinearRecord:
+        """Linearise a record about a motion."""
+        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force)
+        return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts))
+
+    def solve(
+        self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None, shifts: dict[str, float]
+    ) -> Solved:
+        """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
+        free = free_logs(self.settings)
+        use = first_tuning(self.settings, self.weight) if tuning is None else tuning
+        to_choose = tuning is None and bool(np.any(free))
+        force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
+        by_twist: Array | None = None
+        flown_at, last, size = motion, self.settings.iterations - 1, np.inf
+        for iteration in range(self.settings.iterations):
+            if _change_of_twist(motion.twist - flown_at.twist) > STALE:
+                by_twist = None
+            if by_twist is None:
+                flown_at = motion
+            air = self.air.fly(motion, by_twist)
+            by_twist = air.by_twist
+            linear = self.linear(record, motion, air, force, shifts, self.layout)
+            if to_choose and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
+
+                def score(candidate: Tuning, linear: LinearRecord = linear) -> float:
+                    return linear.filter(candidate, prior, keep=False)[0]
+
+                use, to_choose = likely_tuning(score, use, free, self.weight), False
+            smoothed = linear.smooth(use, prior, deviations=False)
+            size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
+            motion = motion.moved(smoothed.states[:, :MOVING])
+            force = smoothed.states[:-1, self.layout.walk].reshape(len(force), -1, 3)
+            if size < SETTLED and not to_choose:
+                break
+        smoothed = linear.smooth(use, prior, deviations=True)
+        return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
+
+    def _offsets(self, record: RawRecord, solved: Solved) -> tuple[ClockOffset, ...]:
+        """Return the clock offsets that the samples of a smoothed window ask for."""
+        layout = replace(self.layout, offsets=tuple(name for name in TIMED if name in record.channels))
+        error = self.settings.offset_error
+
+        def linear(solved: Solved, shifts: dict[str, float]) -> LinearRecord:
+            force = solved.smoothed.states[:-1, self.layout.walk].reshape(-1, len(self.frames), 3)
+            return self.linear(record, solved.motion, solved.air, force, shifts, layout)
+
+        found = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
+        if not found:
+            return found
+        for _ in range(CORRECTIONS):
+            shifts = {one.sensor: one.seconds for one in found}
+            solved = self.solve(record, solved.motion, solved.prior, solved.tuning, shifts)
+            found = corrected(found, linear(solved, shifts), solved.prior, solved.tuning, error)
+        return found
+
+    def _joined(self, parts: list[tuple[RecordPart, Solved]], offsets: tuple[ClockOffset, ...]) -> JointEstimate:
+        """Join the windows' kept parts."""
+        layout, points = self.layout, len(self.frames)
+        motions, spreads, forces, blocks, counts = [], [], [], [], []
+        for window, solved in parts:
+            a, b = window.first - window.start, window.last - window.start
+            final = b if window.next is not None else b + 1
+            motions.append(solved.motion.part(a, final - 1))
+            spreads.append(solved.smoothed.deviations[a:final, :MOVING])
+            forces.append(solved.smoothed.states[a:b, layout.walk].reshape(-1, points, 3))
+            blocks.append(solved.smoothed.blocks[a:b])
+            counts.append(solved.innovation()[a:b])
+        _, first = parts[0]
+        _, end = parts[-1]
+        x, spread = end.smoothed.states[-1], end.smoothed.deviations[-1]
+        factors = {
+            name: (1.0 + float(x[at]), float(spread[at]))
+            for name, at in (("mass", layout.mass_at), ("air", layout.air_at))
+            if at is not None
+        }
+        return JointEstimate(
+            nominal=NominalMotion.joined(motions),
+            motion_deviation=np.concatenate(spreads),
+            force=np.concatenate(forces),
+            force_covariance=np.concatenate(blocks),
+            bias=np.concatenate([x[GYRO_BIAS], x[ACCELEROMETER_BIAS]]),
+            factors=factors,
+            tuning=first.tuning,
+            chosen=bool(np.any(free_logs(self.settings))),
+            offsets=offsets,
+            nis=first.nis(),
+            innovation=np.concatenate(counts),
+            iterations=first.iterations,
+            settled=all(solved.settled for _, solved in parts),
+        )
+
+
+@dataclass(frozen=True)
+class Solved:
+    """One window: its last linearisation, the smoothed states about it, and the motion with these errors added."""
+
+    linear: LinearRecord
+    smoothed: Smoothed
+    motion: NominalMotion
+    tuning: Tuning
+    prior: Prior
+    air: AirForces
+    iterations: int
+    settled: bool
+
+    def nis(self) -> dict[str, float]:
+        """Return the mean of innovation squared over variance, by sensor."""
+        rows = self.linear.rows
+        ratio = self.smoothed.innovations[:, 0] ** 2 / self.smoothed.innovations[:, 1]
+        return {name: float(np.mean(ratio[rows.sensor == i])) for i, name in enumerate(rows.names)}
+
+    def innovation(self) -> Array:
+        """Return the sum of innovations squared over variance of each interval, and their number (m, 2)."""
+        ratio = self.smoothed.innovations[:, 0] ** 2 / self.smoothed.innovations[:, 1]
+        total = np.concatenate([[0.0], np.cumsum(ratio)])[self.linear.rows.start]
+        return np.stack([np.diff(total)[:-1], np.diff(self.linear.rows.start)[:-1]], axis=1)
+
+
+@dataclass(frozen=True)
+class RecordPart:
+    """Knots `start` to `stop` of a part; those from `first` to `last` are kept; the next window starts at `next`."""
+
+    start: int
+    stop: int
+    first: int
+    last: int
+    next: int | None
+
+
+def _stretches(time: Array) -> Iterator[RecordPart]:
+    """Yield the windows of a record with knots at `time` (m + 1,)."""
+    start = first = 0
+    end = len(time) - 1
+    while True:
+        stop = int(np.searchsorted(time, time[start] + LONGEST_STRETCH))
+        if stop >= end or time[end] - time[stop] < LATE_PART:
+            yield RecordPart(start, end, first, end, None)
+            return
+        last = int(np.searchsorted(time, time[stop] - LATE_PART))
+        following = int(np.searchsorted(time, time[last] - EARLY_PART))
+        yield RecordPart(start, stop, first, last, following)
+        start, first = following, last
+
+
+def part_of(record: RawRecord, start: int, stop: int) -> RawRecord:
+    """Return the knots `start` to `stop` of a record; samples at the first knot stay out if it is not the record's."""
+    if start == 0 and stop == len(record.time) - 1:
+        return record
+    low = -np.inf if start == 0 else record.time[start] + 1e-9
+    high = np.inf if stop == len(record.time) - 1 else record.time[stop] + 1e-9
+    channels = {}
+    for name, channel in record.channels.items():
+        use = (channel.time > low) & (channel.time <= high)
+        channels[name] = replace(channel, time=channel.time[use], values=channel.values[use])
+    return replace(record, time=record.time[start : stop + 1], channels=channels, known=record.known[start:stop])
+
+
+def _change_of_twist(twist: Array) -> float:
+    """Return the rms of changes of the twist (k, 6) [m/s], 10 rad/s counted as 1 m/s."""
+    return float(np.sqrt(np.mean(twist[:, :3] ** 2) + 0.01 * np.mean(twist[:, 3:] ** 2)))

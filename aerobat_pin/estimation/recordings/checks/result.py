@@ -1,0 +1,163 @@
+"""Checks of the estimate: mean force over weight, the stretch without contact, power, fits, commands, the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from aerobat_pin.estimation.recordings.checks.compare import compare
+from aerobat_pin.estimation.recordings.checks.kinematics import CONFUSED, FOLLOWS, checked_times
+from aerobat_pin.estimation.recordings.findings import LogFinding
+from aerobat_pin.estimation.recordings.known_forces import KnownForces, command_sum, unit_direction
+from aerobat_pin.estimation.recordings.record import Record
+from aerobat_pin.estimation.recordings.run_observers import settled
+from aerobat_pin.estimation.recordings.sensor_scores import Compared
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate
+
+LATE_COMMAND = 5.0e-3  # [s]
+WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
+UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
+MANY = 20_000  # intervals of which the power is taken
+
+
+def result_findings(
+    record: Record, forces: KnownForces, estimates: Mapping[str, Estimate], sides: Mapping[str, Compared]
+) -> Iterator[LogFinding]:
+    """Yield what the estimate itself shows, and the sensor beside it."""
+    yield from _fit_findings(forces)
+    yield from _check_commands(record, forces)
+    for side in list(sides.values())[:1]:
+        yield from _sensor_findings(record, side)
+    estimate = next(iter(estimates.values()))
+    good = settled(record, estimate.time[:-1])
+    if not good.any():
+        yield LogFinding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
+        return
+    if estimate.are_world_forces:
+        yield from _mean_force(record, forces, estimate.force[good])
+        yield from _power(record, estimate, good)
+    if record.map.use.free is not None:
+        yield from _free_stretch(record, estimates, good)
+
+
+def _fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
+    """Yield fits that do not hold on the part of the record that they did not use."""
+    for fit in forces.fits:
+        if np.isnan(fit.outside):
+            yield LogFinding(
+                "fit",
+                "note",
+                f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it",
+            )
+        elif fit.outside > fit.before or fit.outside > WORSE * fit.inside:
+            sizes = (
+                f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
+                f"{fit.before:.3g} without"
+            )
+            yield LogFinding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
+
+
+def _sensor_findings(record: Record, side: Compared) -> Iterator[LogFinding]:
+    """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
+    k = int(np.argmax(side.sensor[side.scored].std(axis=0)))
+    found = compare(side.estimate[side.scored][:, [k]], side.sensor[side.scored][:, [k]], record.dt)
+    if found is None:
+        return
+    name = f"{side.point}.{side.labels[k]}"
+    text = f"the sensor's {name} is {found.factor:.3g} times the estimate, correlation {found.correlation:.2f}"
+    if found.correlation < -FOLLOWS:
+        yield LogFinding("sensor against estimate", "warning", f"{text}: check.wrench.sign", found.factor, "1")
+    elif abs(found.correlation) < CONFUSED:
+        yield LogFinding("sensor against estimate", "warning", f"{text}: other axes, another point", found.factor, "1")
+    else:
+        good = abs(found.factor - 1.0) < 0.15
+        yield LogFinding("sensor against estimate", "good" if good else "warning", text, found.factor, "1")
+
+
+def _check_commands(record: Record, forces: KnownForces) -> Iterator[LogFinding]:
+    """Yield how late the acceleration follows each thrust's commands."""
+    if "check.specific_force" not in record.channels:
+        return
+    time = checked_times(record)
+    for name, section in record.map.known.items():
+        if section.powers:
+            measured = (record.means("check.specific_force", time) @ unit_direction(section))[:, None]
+            found = compare(command_sum(record, name, time)[:, None], measured, record.dt)
+            if found is None or found.correlation < FOLLOWS:
+                continue
+            text = (
+                f"known.{name} leads the acceleration by {1e3 * found.lag:.0f} ms beyond its delay "
+                f"of {1e3 * section.delay:.0f} ms"
+            )
+            late = abs(found.lag) > max(LATE_COMMAND, record.dt)
+            yield LogFinding("lag of command", "warning" if late else "good", text, found.lag, "s")
+
+
+def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[LogFinding]:
+    """Yield the mean of all forces over the weight, for a robot whose base is free."""
+    if not record.robot.free or record.map.base.held:
+        return
+    mean = force.sum(axis=1).mean(axis=0) / record.robot.weight
+    carried = bool(forces.record.map.known)
+    expected = 0.0 if carried else 1.0
+    text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
+    off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
+    if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
+        yield LogFinding(
+            "mean force", "refused", f"{text}: about 2 if the attitude is misread and thrust points down", off, "1"
+        )
+    elif off > 0.5:
+        yield LogFinding(
+            "mean force", "warning", f"{text}; {'the weight' if expected else 'little'} was expected", off, "1"
+        )
+    else:
+        yield LogFinding("mean force", "good", text, off, "1")
+
+
+def _power(record: Record, estimate: Estimate, good: NDArray[np.bool_]) -> Iterator[LogFinding]:
+    """Yield the mean power of each force at its point: positive drives the robot, negative brakes it."""
+    model = record.robot.model
+    data, powers, count = model.createData(), np.zeros(len(estimate.frames)), 0
+    starts = estimate.time[:-1]
+    first, last = record.parts[0]
+    block = record.block(first, min(last, first + MANY))
+    offset = int(np.searchsorted(starts, block.time[0] - 1e-9))
+    for k in range(0, len(block.tau), max(1, len(block.tau) // 2000)):
+        if offset + k >= len(starts) or not good[offset + k]:
+            continue
+        pin.forwardKinematics(model, data, block.q[k], block.v[k])
+        count += 1
+        for i, frame in enumerate(estimate.frames):
+            index = model.getFrameId(frame)
+            speed = pin.getFrameVelocity(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
+            powers[i] += float(estimate.force[offset + k, i] @ speed)
+    if count:
+        means = ", ".join(
+            f"{frame} {power / count:.3g} W" for frame, power in zip(estimate.frames, powers, strict=True)
+        )
+        yield LogFinding(
+            "power", "note", f"mean power of the force at its point: {means}", float(powers.sum()) / count, "W"
+        )
+
+
+def _free_stretch(record: Record, estimates: Mapping[str, Estimate], good: NDArray[np.bool_]) -> Iterator[LogFinding]:
+    """Yield the force that is found where the map says that nothing touches the robot."""
+    free = record.map.use.free
+    assert free is not None
+    for name, estimate in estimates.items():
+        when = estimate.time[:-1] - record.start
+        inside = good & (when >= free[0]) & (when <= free[1])
+        if not inside.any():
+            yield LogFinding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
+            return
+        labels = estimate.identifiability.components
+        sizes = np.sqrt(np.mean(estimate.components[inside] ** 2, axis=0))
+        words = ", ".join(
+            f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, estimate.units, strict=True)
+        )
+        text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
+        yield LogFinding("stretch without contact", "note", text, float(sizes.max()), "N")

@@ -1,0 +1,130 @@
+"""Read any table of numbers: separator, unit and column of the time are found, or asked for."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.recordings.columns import Clock, Columns, increasing
+from aerobat_pin.estimation.recordings.map_tables import LogTable
+from aerobat_pin.numerics import Array
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
+SEPARATORS = (",", ";", "\t", " ")
+ROWS_AT_ONCE = 200_000
+
+
+def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
+    """Return the separator and the names of the columns of a table. Raises LogError if it is none."""
+    if not os.path.isfile(path):
+        raise LogError(f"log {path}: there is no such file")
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            line = file.readline(1_000_000).strip("\r\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
+    separator = log.delimiter or max(SEPARATORS, key=lambda sign: (line.count(sign), -SEPARATORS.index(sign)))
+    if log.delimiter is None and any(sign in line for sign in ",;\t"):
+        separator = max((",", ";", "\t"), key=line.count)
+    names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    if len(names) < 2:
+        raise LogError(
+            f"log {path}: its first line has {len(names)} cells: a header of two columns or more was expected"
+        )
+    return separator, names
+
+
+def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
+    """Read columns of a table.
+
+    Args:
+        path: the table. Cells such as `[1, 2, 3]` become columns `name.0`, `name.1`, `name.2`.
+        log: the table `log` of the map.
+        wanted: names to read; None reads all.
+
+    Raises:
+        LogError: it is no table, a cell is no number, or the time is not found.
+    """
+    separator, names = header_of(path, log)
+    column = None if log.time.rate else log.time.column or _time_column(path, names)
+    if column is not None and column not in names:
+        raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
+    read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
+    used = [i for i, name in enumerate(names) if read is None or name in read]
+    parts: dict[str, list[Array]] = {}
+    try:
+        chunks = pd.read_csv(
+            path, sep=separator, usecols=used, chunksize=ROWS_AT_ONCE, encoding="utf-8-sig", skipinitialspace=True
+        )
+        for chunk in chunks:
+            for i, label in zip(used, chunk.columns, strict=True):
+                for name, numbers in _numbers(path, names[i], chunk[label]).items():
+                    parts.setdefault(name, []).append(numbers)
+    except (ValueError, OSError) as error:
+        if isinstance(error, LogError):
+            raise
+        raise LogError(f"log {path}: {' '.join(str(error).split())[:200]}") from error
+    values = {name: np.concatenate(pieces) for name, pieces in parts.items()}
+    count = len(next(iter(values.values()), np.empty(0)))
+    if count < 2:
+        raise LogError(f"log {path}: {count} rows: two or more were expected")
+    time: Array = np.arange(count) / (log.time.rate or 1.0)
+    if column is not None:
+        time = np.asarray(values.pop(column) * SECONDS[log.time.unit])
+        if not np.all(np.isfinite(time)):
+            raise LogError(f"log {path}: row {int(np.argmin(np.isfinite(time))) + 2} has no time in '{column}'")
+    keep, repeated, backward = increasing(time)
+    if not keep.all():
+        time, values = time[keep], {name: column_values[keep] for name, column_values in values.items()}
+    clocks = {"table": Clock(time, repeated, backward)}
+    return Columns(path, tuple(dict.fromkeys([*names, *values])), clocks, dict.fromkeys(values, "table"), values)
+
+
+def _time_column(path: Path, names: list[str]) -> str:
+    """Return the name of the column that looks like a time. Raises LogError, which asks for it, if none does."""
+    for wanted in TIME_NAMES:
+        for name in names:
+            if name.lower() == wanted:
+                return name
+    raise LogError(
+        f"log {path}: which column is the time? Write [log] time = {{column = ..., unit = ...}} into the map, or "
+        f"time = {{rate = 1000}} if there is none; columns: {', '.join(names[:40])}"
+    )
+
+
+def _numbers(path: Path, name: str, cells: Any) -> dict[str, Array]:
+    """Return the columns that a column of cells contains: itself, or the entries of its lists. Raises LogError."""
+    if cells.dtype.kind in "fiu":
+        return {name: np.asarray(cells, float)}
+    if cells.dtype.kind == "b":
+        return {name: np.asarray(cells, float)}
+    texts = cells.astype(str)
+    if texts.iloc[0].startswith("["):
+        try:
+            table = np.array([np.ravel(json.loads(text)) for text in texts], float)
+        except ValueError as error:
+            raise LogError(f"log {path}: '{name}' has lists of different lengths or of no numbers") from error
+        if table.shape[1] == 1:
+            return {name: table[:, 0]}
+        return {f"{name}.{k}": table[:, k] for k in range(table.shape[1])}
+    numbers = pd.to_numeric(cells, errors="coerce")
+    wrong = numbers.isna() & cells.notna()
+    if wrong.any():
+        text = str(cells[wrong].iloc[0])
+        if pd.to_numeric(text.replace(",", "."), errors="coerce") == pd.to_numeric(
+            text.replace(",", "."), errors="coerce"
+        ):
+            comma = pd.to_numeric(cells.astype(str).str.replace(",", "."), errors="coerce")
+            if not (comma.isna() & cells.notna()).any():
+                return {name: np.asarray(comma, float)}
+        return {name: np.full(len(cells), np.nan)}
+    return {name: np.asarray(numbers, float)}

@@ -1,0 +1,270 @@
+"""The tables of a map file as pydantic classes: which columns of a recording mean what, in which unit and axes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from aerobat_pin.scenario import Number, Positive, Section
+
+Stretch = Annotated[tuple[Number, Number], Field()]
+Three = tuple[Number, Number, Number]
+
+
+class BodySection(Section):
+    """One rigid body by numbers; its frame `body` is at the origin of the axes in which the pose is measured."""
+
+    mass: Positive = Field(description="of the body [kg]")
+    inertia: tuple[Positive, Positive, Positive] = Field(description="about the centre of mass, body axes [kg m2]")
+    centre: Three = Field((0.0, 0.0, 0.0), description="centre of mass in body axes [m]")
+
+
+class RowsSection(Section):
+    """Which equations of the robot are not to be believed."""
+
+    ignore: tuple[str, ...] = Field((), description="joints (rail), base, or parts of it (base.Mx)")
+
+
+class RobotTable(Section):
+    """The robot: a file that Pinocchio reads, or one rigid body; exactly one of body, urdf and mjcf."""
+
+    body: BodySection | None = None
+    urdf: str | None = Field(None, description="URDF file, relative to the map")
+    mjcf: str | None = Field(None, description="MJCF file, relative to the map")
+    root: Literal["free_flyer", "fixed"] = Field("free_flyer", description="whether the base moves")
+    points: tuple[str, ...] = Field((), description="frames at whose origins an unknown force acts")
+    wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
+    rows: RowsSection = RowsSection()
+    gravity: Positive = Field(9.81, description="downward, along -z of the world [m/s2]")
+
+
+class TimeSection(Section):
+    """The column of time in a table; bags have their own clocks."""
+
+    column: str | None = Field(None, description="name of the column")
+    unit: Literal["s", "ms", "us", "ns"] = Field("s", description="of the column")
+    rate: Positive | None = Field(None, description="where there is no column: samples a second [Hz]")
+
+
+class LogTable(Section):
+    """How to read the log."""
+
+    delimiter: str | None = Field(None, description="of a table; found when left out")
+    time: TimeSection = TimeSection()
+    world: Literal["z_up", "ned"] = Field("z_up", description="world axes of the log; ned is turned to z up")
+    clock: Literal["header", "recorder"] = Field(
+        "header", description="stamps of a bag: the sensor's or the recorder's"
+    )
+    rate: Positive | None = Field(None, description="of the estimate; left out: the pose's or joints' own rate [Hz]")
+    longest_gap: Positive = Field(0.1, description="a longer hole in any channel ends a part of the record [s]")
+
+
+class ChannelSection(Section):
+    """Columns of a table, or a topic of a bag, and their unit."""
+
+    columns: tuple[str, ...] = Field((), description="names in the log, in order")
+    topic: str | None = Field(None, description="of a bag, in place of columns")
+    unit: str | None = Field(None, description="left out: SI")
+    delay: Number = Field(0.0, description="of the channel against the clock; taken off [s]")
+
+
+class PositionSection(ChannelSection):
+    """Position of the base's origin in world axes."""
+
+
+class QuaternionSection(ChannelSection):
+    """Attitude of the base."""
+
+    order: Literal["xyzw", "wxyz"] = Field("xyzw", description="of the columns")
+    sense: Literal["body_to_world", "world_to_body"] = Field("body_to_world", description="what the quaternion turns")
+
+
+class VelocitySection(ChannelSection):
+    """Velocity of the base's origin."""
+
+    axes: Literal["world", "body"] = Field("world", description="of the columns")
+    from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
+    window: Positive = Field(0.05, description="of the parabolas that differentiate (from) [s]")
+
+
+class RateSection(ChannelSection):
+    """Angular velocity of the base."""
+
+    axes: Literal["body", "world"] = Field("body", description="of the columns")
+    from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
+    window: Positive = Field(0.05, description="of the parabolas that differentiate (from) [s]")
+
+
+class BaseTable(Section):
+    """Motion of a free base."""
+
+    topic: str | None = Field(None, description="PoseStamped, TransformStamped or Odometry: pose and, if there, twist")
+    held: bool = Field(False, description="true: the base stands still at the world's origin, as on a load cell")
+    axes: Literal["flu", "frd"] = Field("flu", description="body axes of the log; frd is turned to x ahead, z up")
+    position: PositionSection | None = None
+    quaternion: QuaternionSection | None = None
+    velocity: VelocitySection | None = None
+    rate: RateSection | None = None
+
+
+class JointPositionSection(ChannelSection):
+    """Angles or places of the joints, in the order of `names`."""
+
+
+class JointVelocitySection(ChannelSection):
+    """Rates of the joints, in the order of `names`."""
+
+    from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
+    window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")
+
+
+class EffortSection(ChannelSection):
+    """What drives the joints, in the order of `names`."""
+
+    torque_per_unit: dict[str, Number] = Field(
+        default_factory=dict, description="joint -> torque per unit of the column, with its sign, such as {knee = -0.2}"
+    )
+
+
+class FrictionSection(Section):
+    """Friction of the joints, fitted in a stretch of the record and taken off everywhere."""
+
+    law: Literal["coulomb+viscous", "coulomb+viscous+inertia"] = Field(
+        "coulomb+viscous", description="and a constant; inertia: of the rotors"
+    )
+    fit: Stretch = Field(description="from and to: nothing touches the robot there, or `to` says what does [s]")
+    to: Literal["check.wrench"] | None = Field(None, description="the sensor's force counts as known in the fit")
+    scale: bool = Field(False, description="also fit a factor of each joint's effort")
+    slow: Positive = Field(0.02, description="rate below which Coulomb friction fades [rad/s, m/s]")
+
+
+class JointsTable(Section):
+    """The joints' channels."""
+
+    topic: str | None = Field(None, description="JointState: names, positions, velocities and efforts")
+    names: tuple[str, ...] = Field((), description="joints of the columns")
+    position: JointPositionSection | None = None
+    velocity: JointVelocitySection | None = None
+    effort: EffortSection | None = None
+    held: dict[str, Number] = Field(
+        default_factory=dict,
+        description='joint -> where it stands still; its row is not believed; "*": all that names leaves out [rad, m]',
+    )
+    friction: FrictionSection | None = None
+
+
+class SpecificForceSection(ChannelSection):
+    """An accelerometer at the base's origin."""
+
+    axes: Literal["body"] = Field("body", description="of the columns")
+
+
+class WrenchSection(ChannelSection):
+    """A force sensor: three columns of force, or six with the moment."""
+
+    point: str | None = Field(None, description="frame at which the sensor's force acts on the robot")
+    sign: Literal[1, -1] = Field(1, description="1: force on the robot; -1: force on the sensor")
+    axes: Literal["world", "frame"] = Field("world", description="of the columns")
+    tare: Stretch | None = Field(None, description="stretch without force, whose mean is taken off [s]")
+    filter: Positive | None = Field(
+        None, description="compare estimate and sensor behind one zero-phase second-order low-pass [Hz]"
+    )
+    part: Stretch | None = Field(None, description="compare there alone; left out: everywhere [s]")
+
+
+class CheckTable(Section):
+    """Channels that are compared with the estimate and never used by it."""
+
+    specific_force: SpecificForceSection | None = None
+    wrench: WrenchSection | None = None
+
+
+class SupplySection(ChannelSection):
+    """A channel that scales commands, such as the battery's voltage."""
+
+    column: str | None = Field(None, description="name in the log")
+    divide: bool = Field(False, description="commands are divided by it, else multiplied")
+
+
+class ThrustFitSection(Section):
+    """Where the coefficients of a law come from."""
+
+    to: Literal["check.specific_force"] = Field("check.specific_force", description="times the mass, along direction")
+    part: Stretch = Field((0.0, 0.5), description="share of the used record that is fitted; the rest tests it [-]")
+
+
+class KnownSection(ChannelSection):
+    """A known force: commands through a law, or a measured wrench (a load cell)."""
+
+    delay: Number = Field(0.0, description="of a wrench, taken off; of commands: by which their force is later [s]")
+    law: str = Field(
+        "wrench", description='"polynomial 1 2": powers of the sum of the commands; "wrench": 3 or 6 columns'
+    )
+    frame: str | None = Field(None, description="where it acts; left out: the base's origin")
+    axes: Literal["frame", "world"] = Field("frame", description="of a wrench or of direction")
+    direction: Three = Field((0.0, 0.0, 1.0), description="of the force, for a polynomial [-]")
+    sign: Literal[1, -1] = Field(1, description="1: force on the robot; -1: force on the sensor")
+    tare: Stretch | None = Field(None, description="stretch without force, whose mean is taken off [s]")
+    full_scale: Positive = Field(1.0, description="command that counts as 1 [-]")
+    supply: SupplySection | None = None
+    coefficients: tuple[Number, ...] = Field((), description="of the powers, if they are known [N]")
+    fit: ThrustFitSection | None = None
+
+    @property
+    def powers(self) -> tuple[int, ...]:
+        """The powers of a polynomial; empty for a wrench."""
+        return tuple(int(word) for word in self.law.split()[1:])
+
+    @model_validator(mode="after")
+    def _law_is_one(self) -> KnownSection:
+        words = self.law.split()
+        good = words == ["wrench"] or (
+            len(words) > 1 and words[0] == "polynomial" and all(w in "123" for w in words[1:])
+        )
+        if not good:
+            raise ValueError(f'law = "{self.law}": "wrench", or "polynomial" and powers such as "polynomial 1 2"')
+        if self.powers and bool(self.coefficients) == (self.fit is not None):
+            raise ValueError("a polynomial needs either coefficients, one for each power, or a table fit")
+        if self.powers and self.coefficients and len(self.coefficients) != len(self.powers):
+            raise ValueError(f"coefficients = {list(self.coefficients)}: one for each of the powers was expected")
+        return self
+
+
+class WhenSection(Section):
+    """Use only the part of the record in which a column is above or below a value."""
+
+    column: str | None = Field(None, description="name in the log")
+    above: Number | None = Field(None, description="least value of the column, in its own unit")
+    below: Number | None = Field(None, description="largest value of the column, in its own unit")
+    trim: Stretch = Field((0.0, 0.0), description="taken off at the start and the end of each such part [s]")
+
+
+class UseTable(Section):
+    """Which part of the record is used."""
+
+    part: Stretch | None = Field(None, description="from and to; left out: everything [s]")
+    when: WhenSection | None = None
+    free: Stretch | None = Field(
+        None, description="nothing touches the robot there: the force found is the error bar [s]"
+    )
+
+
+class ObserverTable(Section):
+    """The observers of the unknown forces; `aerobat list` names them."""
+
+    names: tuple[str, ...] = Field(("force_level",), description="observers to run")
+    gain: Positive = Field(200.0, description="K: how fast estimates follow; 1/K is the lag [1/s]")
+
+
+class Map(Section):
+    """The whole map."""
+
+    robot: RobotTable
+    log: LogTable = LogTable()
+    base: BaseTable = BaseTable()
+    joints: JointsTable = JointsTable()
+    check: CheckTable = CheckTable()
+    known: dict[str, KnownSection] = Field(default_factory=dict, description="name -> known force")
+    use: UseTable = UseTable()
+    observer: ObserverTable = ObserverTable()

@@ -1,0 +1,265 @@
+"""Suggest a map for a log: what its names and numbers look like, and questions where they do not say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.recordings.columns import Columns
+from aerobat_pin.estimation.recordings.csv_columns import SECONDS, TIME_NAMES, header_of
+from aerobat_pin.estimation.recordings.map_tables import LogTable, TimeSection
+from aerobat_pin.estimation.recordings.read import BAGS, NETCDF, read_columns
+from aerobat_pin.numerics import guarded
+
+STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
+GROUP_WORDS = {  # what a group of columns may be -> words in its name
+    "acceleration": ("acc", "specific", "linear_acceleration"),
+    "rate": ("gyro", "omega", "angular", "rate", "w"),
+    "quaternion": ("q", "quat", "orientation", "attitude"),
+    "velocity": ("v", "vel", "velocity", "linear"),
+    "position": ("p", "pos", "position", "translation", ""),
+    "force": ("f", "force", "wrench"),
+}
+PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
+    "velocity": {"vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
+    "effort": {"tau", "torque", "effort", "efforts", "current", "moment"},
+    "position": {"pos", "position", "positions", "angle", "q", ""},
+}
+LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
+
+
+@guarded()
+def suggested_map(log: Path, urdf: Path | None) -> str:
+    """Return the text of a map for a log, with questions as comments. Raises LogError if the log cannot be read."""
+    columns = _all_columns(log)
+    groups = dict(_column_groups(columns))
+    lines = [
+        f"# A map for {log.name}: what it looks like. Answer the questions, then",
+        f"#   aerobat estimate {log} --map map.toml",
+        "",
+    ]
+    lines += _robot(columns, urdf, bool(groups.get("position") or _topic(columns, "Pose", "Odometry", "Transform")))
+    lines += ["", "[log]"]
+    if not columns.kinds and not str(log).endswith(NETCDF):
+        lines += _time(log, columns)
+    lines += ['world = "z_up"  # or "ned": does z point down?', ""]
+    lines += (
+        list(_suggest_base(columns, groups))
+        + list(_suggest_joints(columns, urdf))
+        + list(_suggest_check(columns, groups))
+    )
+    lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
+    return "\n".join(lines)
+
+
+def _all_columns(log: Path) -> Columns:
+    """Read all columns; where a table's time is not found, as if there were none."""
+    try:
+        return read_columns(log, LogTable())
+    except LogError as error:
+        if log.is_dir() or log.suffix.lower() in (*BAGS, *NETCDF) or "which column is the time" not in str(error):
+            raise
+        return read_columns(log, LogTable(time=TimeSection(rate=1.0)))
+
+
+def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield kind -> columns of each group of x, y, z (and w) that belongs together, for tables."""
+    if columns.kinds:
+        return
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for name in columns.names:
+        match = STEM.match(name)
+        if match is not None:
+            key = match["stem"].lower(), (match["tail"] or "").lower()
+            found.setdefault(key, {})[match["axis"].lower()] = name
+    taken: set[str] = set()
+    for (stem, tail), axes in sorted(
+        found.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
+    ):
+        for kind, words in GROUP_WORDS.items():
+            needed = "xyzw" if kind == "quaternion" else "xyz"
+            last = stem.rstrip("_ .").rpartition("_")[2].rpartition(".")[2]
+            exact = last in words or (len(last) > 2 and any(len(word) > 2 and word in stem for word in words))
+            if (
+                kind not in taken
+                and set(needed) <= set(axes)
+                and exact
+                and (kind == "quaternion" or "w" not in axes or tail)
+            ):
+                taken.add(kind)
+                yield kind, tuple(axes[axis] for axis in needed)
+                break
+
+
+def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
+    if urdf is None:
+        lines = [
+            "[robot]",
+            "# Which robot? A file:",
+            '#   urdf = "robot.urdf"  (or mjcf = ...)',
+            "# or one rigid body by numbers, kg and kg m2:",
+        ]
+        lines += ["body = {mass = 1.0, inertia = [0.01, 0.01, 0.01]}", 'points = ["body"]  # where may something push?']
+        return [
+            *lines,
+            'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}  # are all moments on the body known? '
+            "Then leave this out",
+        ]
+    model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if free else []))
+    moved = [model.getJointId(name) for name in _joint_columns(columns, model.names.tolist()[1:])] or [
+        model.njoints - 1
+    ]
+    bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
+    ends = [frame.name for frame in bodies if frame.parentJoint == max(moved)][-1:]
+    known = ", ".join(frame.name for frame in model.frames.tolist()[1:][:60])
+    return [
+        "[robot]",
+        f'urdf = "{urdf}"',
+        f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
+        f"points = {_listed(ends)}  # where may something push? Its frames: {known}",
+    ]
+
+
+def _time(log: Path, columns: Columns) -> list[str]:
+    name = next((name for name in header_of(log, LogTable())[1] if name.lower() in TIME_NAMES), None)
+    if name is None:
+        return [
+            "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
+            '= ..., unit = "s"}'
+        ]
+    step = float(np.median(np.diff(columns.clocks["table"].time)))
+    unit = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+    return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
+
+
+def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
+    pose, imu = _topic(columns, "Pose", "Odometry", "Transform"), _topic(columns, "Imu")
+    if pose:
+        yield "[base]"
+        yield f'topic = "{pose}"  # the pose of the base link, or of markers on it?'
+        if imu:
+            yield f'rate = {{topic = "{imu}"}}  # are its axes those of the base link?'
+        yield ""
+    elif "position" in groups:
+        yield "[base]"
+        yield f'position = {{columns = {_listed(groups["position"])}, unit = "m"}}'
+        if "quaternion" in groups:
+            yield f'quaternion = {{columns = {_listed(groups["quaternion"])}, order = "xyzw", sense = "body_to_world"}}'
+        else:
+            yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
+        if "velocity" in groups:
+            yield (
+                f'velocity = {{columns = {_listed(groups["velocity"])}, unit = "m/s", axes = "world"}} '
+                ' # or axes = "body"?'
+            )
+        else:
+            yield 'velocity = {from = "pose", window = 0.05}'
+        if "rate" in groups:
+            size = float(np.nanstd(np.stack([columns.values[name] for name in groups["rate"]])))
+            unit = "deg/s" if size > 8.0 else "rad/s"
+            yield (
+                f'rate = {{columns = {_listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
+                f"scatter is {size:.3g}"
+            )
+        else:
+            yield 'rate = {from = "pose", window = 0.05}'
+        yield ""
+
+
+def _suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
+    topic = _topic(columns, "JointState")
+    if topic:
+        yield "[joints]"
+        yield (
+            f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
+            f'{{unit = "A", torque_per_unit = {{...}}}}'
+        )
+        yield ""
+        return
+    if urdf is None or columns.kinds:
+        return
+    names = pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
+    found = _joint_columns(columns, names)
+    there = [name for name in names if "position" in found.get(name, {})]
+    yield "[joints]"
+    if not there:
+        yield f"# names = {_listed(names)}"
+        yield '# position = {columns = [...], unit = "rad"}  # which columns are the angles of these joints?'
+        yield '# effort = {columns = [...], unit = "N m"}  # and which their torques?'
+        yield "# held = {joint = 0.0}  # which stand still?"
+        yield ""
+        return
+    whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
+    size = max(float(np.nanmax(np.abs(columns.values[name]))) for name in whole["position"])
+    angle = "deg" if size > LARGEST_RADIANS else "rad"
+    yield f"names = {_listed(there)}"
+    yield f'position = {{columns = {_listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
+    if len(whole["velocity"]) == len(there):
+        yield f'velocity = {{columns = {_listed(whole["velocity"])}, unit = "{angle}/s"}}'
+    else:
+        yield 'velocity = {from = "position", window = 0.02}'
+    if len(whole["effort"]) == len(there):
+        yield f'effort = {{columns = {_listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
+    if len(there) < len(names):
+        rest = ", ".join(name for name in names if name not in there)
+        yield f'held = {{"*" = 0.0}}  # do they stand still? {rest}'
+    yield ""
+
+
+def _joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
+    """Return joint -> position, velocity, effort -> column, as far as the columns' names say."""
+    found: dict[str, dict[str, str]] = {}
+    for joint in names:
+        short = joint.lower().removesuffix("_joint")
+        here = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
+        for name in columns.values:
+            if here.search(name.lower()):
+                words = set(re.split(r"[^a-z0-9]+", here.sub(" ", name.lower())))
+                part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
+                part = "position" if part is None and words <= {""} else part
+                if part is not None:
+                    found.setdefault(joint, {}).setdefault(part, name)
+    return found
+
+
+def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
+    wrench, imu = _topic(columns, "Wrench"), _topic(columns, "Imu")
+    if wrench or imu or "acceleration" in groups or "force" in groups:
+        yield "[check]"
+    if imu:
+        yield f'specific_force = {{topic = "{imu}"}}'
+    elif "acceleration" in groups:
+        size = float(
+            np.nanmedian(np.linalg.norm(np.stack([columns.values[name] for name in groups["acceleration"]]), axis=0))
+        )
+        unit = "g" if 0.5 < size < 2.0 else "m/s2"
+        yield (
+            f'specific_force = {{columns = {_listed(groups["acceleration"])}, unit = "{unit}"}}  # its '
+            f"median is {size:.3g}"
+        )
+    if wrench:
+        yield (
+            f'wrench = {{topic = "{wrench}", sign = 1}}  # force on the robot (1) or on the sensor '
+            "(-1)? At which point?"
+        )
+    elif "force" in groups:
+        yield (
+            f'wrench = {{columns = {_listed(groups["force"])}, unit = "N", sign = 1}}  # force on the '
+            "robot (1) or on the sensor (-1)?"
+        )
+    if wrench or imu or "acceleration" in groups or "force" in groups:
+        yield ""
+
+
+def _topic(columns: Columns, *kinds: str) -> str | None:
+    """Return the first topic of one of these types."""
+    return next((topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds)), None)
+
+
+def _listed(names: object) -> str:
+    return "[" + ", ".join(f'"{name}"' for name in names) + "]"  # type: ignore[attr-defined]
