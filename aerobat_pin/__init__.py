@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from aerobat_pin.flight import FlightLog as FlightLog
     from aerobat_pin.flight import simulate as simulate
     from aerobat_pin.robot import Aerobat as Aerobat
+    from aerobat_pin.robot import closed_model as closed_model
     from aerobat_pin.robot import load_aerobat as load_aerobat
     from aerobat_pin.scenario import Scenario as Scenario
     from aerobat_pin.scenario import load_scenario as load_scenario
@@ -21,7 +22,7 @@ __version__ = "0.1.0"
 _ROOMS = {
     "experiments": ["run"],
     "flight": ["FlightLog", "simulate"],
-    "robot": ["Aerobat", "load_aerobat"],
+    "robot": ["Aerobat", "closed_model", "load_aerobat"],
     "scenario": ["Scenario", "load_scenario"],
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]

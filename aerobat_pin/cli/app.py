@@ -11,15 +11,22 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from aerobat_pin.cli.console import files_in, print_files, print_scores, progress_bar
+from aerobat_pin.cli.calibrate import calibrate_command
+from aerobat_pin.cli.compare import compare_command
+from aerobat_pin.cli.console import files_in, print_files, print_scores, print_version, progress_bar
+from aerobat_pin.cli.convert import convert_command
+from aerobat_pin.cli.crank import crank_command
+from aerobat_pin.cli.describe import describe_command
 from aerobat_pin.cli.estimate import estimate_command
-from aerobat_pin.cli.options import Force, NameOrFile, ObserverNames, Settings
+from aerobat_pin.cli.options import CalibrationFile, Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.play import play_command
+from aerobat_pin.cli.seeds import run_seeds
 from aerobat_pin.cli.sweep import sweep_command
+from aerobat_pin.cli.urdf import urdf_command
 
 LONGEST_MESSAGE = 2000  # characters of an error message, which can quote a file
 
@@ -27,9 +34,17 @@ app = typer.Typer(
     name="aerobat",
     help="Fly Aerobat, and ask what is pushing on it.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+@app.callback()
+def top_command(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Fly Aerobat, and ask what is pushing on it."""
 
 
 @app.command("run")
@@ -40,12 +55,25 @@ def run_command(
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.")] = None,
     settings: Settings = None,
     observers: ObserverNames = None,
+    calibration: CalibrationFile = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Skip figures, report and replay.")] = False,
+    seeds: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Run several seeds, such as 1-5 or 1,4,9: a folder for each.")
+    ] = None,
 ) -> None:
     """Simulate a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
+    if seeds is not None:
+        run_seeds(
+            seeds,
+            seed,
+            scenario,
+            out,
+            lambda one, folder: run_command(scenario, folder, force, one, settings, observers, calibration, no_report),
+        )
+        return
     from aerobat_pin import experiments
-    from aerobat_pin.errors import SimulationError
-    from aerobat_pin.files import output_folder
+    from aerobat_pin.errors import SimulationError, output_folder
+    from aerobat_pin.estimation import read_calibration
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])
@@ -55,11 +83,12 @@ def run_command(
         quoted = ", ".join(f'"{name}"' for name in observers)
         changes.append(f"observers.names=[{quoted}]")
     loaded = load_scenario(scenario, changes)
+    learnt = None if calibration is None else read_calibration(calibration)
     target = out or Path("runs") / loaded.name
     with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
         diverged = None
         try:
-            experiment = experiments.run(loaded, show)
+            experiment = experiments.run(loaded, show, calibration=learnt)
         except SimulationError as error:
             if not isinstance(error.kept, experiments.Experiment):
                 raise
@@ -70,13 +99,16 @@ def run_command(
 
             write_figures_and_pages(experiment, folder, show)
         files = files_in(folder)
-    print_scores(experiment.scores, noisy=bool(loaded.sensors.fitted))
+    print_scores(experiment.scores)
     print_files(target, files)
     if diverged is not None:
         raise diverged
 
 
+app.command("compare")(compare_command)
 app.command("estimate")(estimate_command)
+app.command("calibrate")(calibrate_command)
+app.command("convert")(convert_command)
 app.command("sweep")(sweep_command)
 
 
@@ -92,7 +124,7 @@ def trim_command(
     The horizontal velocity is kept. The scenario's frequency, wing offset, pitch, vertical speed and pitch rate are
     only first guesses, even if they are given with --set: the search changes all of them.
     """
-    from aerobat_pin.files import check_file, write_text
+    from aerobat_pin.errors import check_file, write_text
     from aerobat_pin.flight import find_trim
     from aerobat_pin.scenario import load_scenario, scenario_toml
 
@@ -117,38 +149,8 @@ def trim_command(
         typer.echo(f"written to {out}")
 
 
-@app.command("urdf")
-def urdf_command(
-    morphology: NameOrFile = "aerobat",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="URDF file; SRDF and meshes go beside it. Else it is printed.")
-    ] = None,
-    meshes: Annotated[
-        Literal["package", "relative", "absolute"], typer.Option(help="How the URDF names its meshes.")
-    ] = "package",
-    force: Force = False,
-) -> None:
-    """Convert a morphology to URDF, SRDF and meshes for other tools."""
-    from aerobat_description.export import export, shipped_urdf
-    from aerobat_pin.errors import OutputError
-    from aerobat_pin.files import check_file, write_files
-    from aerobat_pin.robot import load_morphology
-
-    robot = load_morphology(morphology)
-    if output is None:
-        text = shipped_urdf(robot, meshes)
-        if text is None:
-            raise OutputError(f"robot {robot.name}: its meshes must be written somewhere; give --output FILE")
-        typer.echo(text, nl=False)
-        return
-    contents = export(robot, output, meshes)
-    for path in (output, *filter(os.path.exists, contents)):
-        check_file(path, force=force)
-    write_files(contents)
-    typer.echo(f"written {output} and, beside it, {len(contents) - 1} files it needs:")
-    for path in contents:
-        if path != output.absolute():
-            typer.echo(f"  {path}")
+app.command("urdf")(urdf_command)
+app.command("crank")(crank_command)
 
 
 @app.command("linkage")
@@ -160,7 +162,7 @@ def linkage_command(
     force: Force = False,
 ) -> None:
     """Draw the linkage over a turn of its crank, and print the ranges of its joints and transmission angles."""
-    from aerobat_pin.files import picture_files, write_files
+    from aerobat_pin.errors import picture_files, write_files
     from aerobat_pin.linkage import KineticSculpture
     from aerobat_pin.robot import load_morphology
     from aerobat_pin.visualization import draw_linkage, range_table, render_figure
@@ -189,12 +191,7 @@ def doctor_command() -> None:
     raise typer.Exit(0 if all(finding.ok for finding in findings) else 1)
 
 
-@app.command("describe")
-def describe_command(what: Annotated[Literal["scenario"], typer.Argument(help="What to describe.")]) -> None:
-    """Print every key of a scenario file: type, unit, default and meaning."""
-    from aerobat_pin.scenario import describe_scenario
-
-    typer.echo({"scenario": describe_scenario}[what](), nl=False)
+app.command("describe")(describe_command)
 
 
 @app.command("list")
@@ -257,6 +254,6 @@ def _show_warning(
 ) -> None:
     """Print a warning: those of this package without file and line, which users do not need, all others with them."""
     text = f"warning: {message}\n"
-    if category.__module__ != "aerobat_pin.errors":
+    if not category.__module__.startswith("aerobat_pin."):
         text = warnings.formatwarning(message, category, filename, lineno, line)
     typer.echo(text, err=True, nl=False)

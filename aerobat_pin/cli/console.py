@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,35 +12,80 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from aerobat_pin.files import cleaned
+from aerobat_pin.errors import cleaned
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Scores
 
+LINE_EVERY = 10.0  # [s] between lines about the same work, without a terminal
+QUIET = 2.0  # [s]: a command that is faster says nothing about its stages
+FIRST_OPENED = ("report.html", "replay.html")  # what a person opens first
+
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
-    """Show a progress bar during a `with` block.
+def progress_bar() -> Iterator[Callable[[str, float], None]]:
+    """Show on stderr how far a command is: a bar for each stage, or without a terminal a line for each that is slow.
+
+    What is compiled is told too, by the name of the kernel: a run then takes a minute more, once.
 
     Yields:
-        A function that updates the label and the share done, or None if standard error is not a terminal.
+        A function that updates the name of the stage and the share of it that is done.
     """
+    from aerobat_pin.numerics import told_of_compilation
+
     if sys.stderr is None or not sys.stderr.isatty():
-        yield None
+        lines = _StageLines()
+        with told_of_compilation(lines.say):
+            yield lines
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress, TaskID
 
     with Progress(transient=True, console=Console(stderr=True)) as bar, cleaned(bar.stop):
-        task = bar.add_task("starting", total=1.0)
-        yield lambda label, share: bar.update(task, description=label, completed=share)
+        stages: dict[str, TaskID] = {}
+
+        def show(label: str, share: float) -> None:
+            stage = re.sub(r"\d+", "#", label.partition(",")[0])  # numbers in a label may count on
+            if stage not in stages:
+                for done in stages.values():
+                    bar.update(done, completed=1.0)
+                stages[stage] = bar.add_task(label, total=1.0)
+            bar.update(stages[stage], description=label, completed=share)
+
+        with told_of_compilation(bar.console.print):
+            yield show
 
 
-def print_scores(scores: Scores, *, noisy: bool = False) -> None:
-    """Print the table of scores, and an advice if the sensors are noisy and an R2 is below 0."""
+class _StageLines:
+    """Print a line when a stage begins late in a command, and every ten seconds of a stage that takes longer."""
+
+    def __init__(self) -> None:
+        self._label, self._last = "", time.monotonic()
+
+    def __call__(self, label: str, share: float) -> None:
+        """Update the name of the stage and the share of it that is done."""
+        if time.monotonic() - self._last > (QUIET if label != self._label else LINE_EVERY):
+            self.say(label if share == 0.0 else f"{label}: {100.0 * share:.0f} %")
+        self._label = label
+
+    def say(self, text: str) -> None:
+        """Print a line."""
+        typer.echo(text, err=True)
+        self._last = time.monotonic()
+
+
+def print_scores(scores: Scores) -> None:
+    """Print the table of scores, with what was changed above it and hints below it."""
     typer.echo(f"\n{scores}")
-    if noisy and scores.worse_than_nothing:
-        typer.echo("R2 below 0 is worse than no estimate: a smaller observers.gain follows the sensors' noise less")
+
+
+def print_version(wanted: bool) -> None:
+    """Print the version and end the program, if it is wanted."""
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"aerobat {version('aerobat-pinocchio')}")
+        raise typer.Exit
 
 
 def files_in(folder: Path) -> list[Path]:
@@ -47,7 +94,13 @@ def files_in(folder: Path) -> list[Path]:
 
 
 def print_files(target: Path, files: list[Path]) -> None:
-    """Print the folder of the results and the files that were written into it."""
-    typer.echo(f"\nresults in {target}/")
-    for file in files:
-        typer.echo(f"  {target / file}")
+    """Print what was written, a folder in it as one name, and last which page or file to open first."""
+    names = dict.fromkeys(f"{file.parts[0]}/" if len(file.parts) > 1 else str(file) for file in files)
+    typer.echo(f"\nresults in {target}/: {', '.join(names)}")
+    pages = [name for name in FIRST_OPENED if name in names]
+    if not pages:
+        typer.echo(f"open {target / 'metrics.json'}")
+    elif len(pages) == 1:
+        typer.echo(f"open {target / pages[0]}")
+    else:
+        typer.echo(f"watch {target / pages[1]}\nopen {target / pages[0]}")

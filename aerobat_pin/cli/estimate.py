@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import files_in, print_files, print_scores, progress_bar
-from aerobat_pin.cli.options import BelievedMorphology, Force, ObserverNames, Settings
+from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
+from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Scores
@@ -17,29 +18,67 @@ if TYPE_CHECKING:
 
 def estimate_command(
     log: Annotated[
-        Path | None, typer.Argument(help="Recorded flight: `.nc` of a run, or `.csv` (columns in docs/recorded.md).")
+        Path | None,
+        typer.Argument(
+            help="Recorded flight of Aerobat (`.nc` of a run, or `.csv`, docs/recorded.md); with --map or --urdf any "
+            "robot's CSV, NetCDF, MCAP or ROS 2 bag (docs/recordings.md)."
+        ),
     ] = None,
     morphology: BelievedMorphology = None,
     observers: ObserverNames = None,
     settings: Settings = None,
+    calibration: CalibrationFile = None,
     out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<log>-estimate.")] = None,
     force: Force = False,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="What the log's columns mean (`aerobat describe map`).")
+    ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option(help="Robot of the map; alone, with --points, for a bag or Aerobat-like log.")
+    ] = None,
+    points: Annotated[str | None, typer.Option(metavar="A,B", help="Frames at which unknown forces act.")] = None,
+    out_mcap: Annotated[Path | None, typer.Option(help="Also write the forces to this MCAP file.")] = None,
+    suggest: Annotated[
+        bool, typer.Option("--suggest", help="Print a map for this log, with questions as comments.")
+    ] = False,
+    trust: Annotated[bool, typer.Option("--trust", help="Estimate also what a check would refuse.")] = False,
     self_check: Annotated[
         bool,
         typer.Option("--self-check", help="First, or without a log only, estimate known forces on a simulated flight."),
     ] = False,
 ) -> None:
-    """Estimate the unknown forces of a recorded flight, whose true forces need not be known.
+    """Estimate the unknown forces of a recording, whose true forces need not be known.
 
-    --set takes keys of robot, air and observers, and flight.gravity.
+    Of Aerobat's own tables without a map: --set takes keys of robot, air and observers, and flight.gravity.
     """
     from aerobat_pin import experiments
-    from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import belief_about, describe_belief, read_log
-    from aerobat_pin.files import output_folder
+    from aerobat_pin.errors import LogError, output_folder
+    from aerobat_pin.estimation import belief_about, describe_belief, read_calibration, read_log
 
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
+    if suggest and log is not None:
+        from aerobat_pin.estimation import suggested_map
+
+        typer.echo(suggested_map(log, urdf), nl=False)
+        return
+    if log is not None and (map_file is not None or urdf is not None):
+        if settings or morphology or self_check:
+            raise LogError("estimate: --set, --morphology and --self-check are for Aerobat's own tables, without --map")
+        chosen, folder = chosen_map(map_file, urdf, points, observers or [])
+        target = out or Path("runs") / f"{log.stem}-estimate"
+        estimate_by_map(log, chosen, folder, target, out_mcap, force=force, trust=trust)
+        return
+    if points is not None:
+        settings = [
+            *(settings or []),
+            f"observers.frames=[{', '.join(repr(name.strip()) for name in points.split(','))}]",
+        ]
+    if log is not None and (out_mcap is not None or not is_aerobats(log)):
+        raise LogError(
+            f"log {log}: --map MAP.toml says what its columns mean and which robot it was; `aerobat estimate {log} "
+            "--suggest` prints one to begin with"
+        )
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])
@@ -48,14 +87,14 @@ def estimate_command(
         raise typer.Exit(1)
     if flight is None:
         return
+    learnt = None if calibration is None else read_calibration(calibration)
     target = out or Path("runs") / f"{name}-estimate"
     with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
-        estimated = experiments.run_recorded(flight, belief, show)
+        estimated = experiments.run_recorded(flight, belief, show, learnt)
         experiments.write(estimated, folder)
-        from aerobat_pin.visualization import draw_estimation, save_figure
+        from aerobat_pin.visualization import write_figures_and_pages
 
-        (folder / "figures").mkdir()
-        save_figure(draw_estimation(flight, estimated.estimates), folder / "figures" / "estimation")
+        write_figures_and_pages(estimated, folder, show)
         files = files_in(folder)
     _print_inputs(estimated.scores)
     print_scores(estimated.scores)

@@ -2,11 +2,35 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-NameOrFile = Annotated[str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.")]
+PROJECT_FOLDER = Path(__file__).parents[2]
+SHIPPED = {  # command -> folder of what its first argument can name
+    "sweep": "aerobat_pin/experiments/sweep/shipped",
+    "urdf": "aerobat_description/morphologies",
+    "linkage": "aerobat_description/morphologies",
+}
+
+
+def complete_name(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the shipped names that begin with what was typed, for completion in a shell."""
+    folder = PROJECT_FOLDER / SHIPPED.get(ctx.info_name or "", "aerobat_pin/scenario/shipped")
+    return sorted(path.stem for path in folder.glob("*.toml") if path.stem.startswith(incomplete))
+
+
+def complete_observer(incomplete: str) -> list[str]:
+    """Return the observers that begin with what was typed, for completion in a shell."""
+    from aerobat_pin.observers import OBSERVERS
+
+    return [name for name in OBSERVERS if name.startswith(incomplete)]
+
+
+NameOrFile = Annotated[
+    str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.", autocompletion=complete_name)
+]
 BelievedMorphology = Annotated[
     str | None,
     typer.Option("--morphology", help="Robot that flew a log: shipped name or TOML file; else what the log notes."),
@@ -15,6 +39,10 @@ Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
 ]
 ObserverNames = Annotated[
-    list[str] | None, typer.Option("--observer", metavar="NAME", help="Run this observer; repeatable.")
+    list[str] | None,
+    typer.Option("--observer", metavar="NAME", help="Run this observer; repeatable.", autocompletion=complete_observer),
+]
+CalibrationFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="What `aerobat calibrate` learnt about this belief.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace files of an earlier run.")]

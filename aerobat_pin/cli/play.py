@@ -32,13 +32,13 @@ def play_command(
         Path | None, typer.Option(help="Replay any motion of any robot (columns in docs/replay.md); needs --urdf.")
     ] = None,
     urdf: Annotated[Path | None, typer.Option(help="The robot of --from-csv.")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Serve at this port; 0 takes a free one.")] = 0,
     force: Force = False,
 ) -> None:
     """Replay a flight in the browser: serve the page until Ctrl-C, or write it to a file or as pictures."""
     import numpy as np
 
-    from aerobat_pin.errors import LogError
-    from aerobat_pin.files import check_file, output_folder, write_text
+    from aerobat_pin.errors import LogError, check_file, output_folder, write_text
     from aerobat_pin.visualization import SLOW_MOTION, serve, snapshots
 
     if html is not None:
@@ -64,7 +64,7 @@ def play_command(
         write_text(html, page)
         typer.echo(f"written to {html}")
     if html is None and frames is None:
-        serve(page, lambda address: typer.echo(f"playing at {address} (Ctrl-C stops)"))
+        serve(page, lambda address: typer.echo(f"playing at {address} (Ctrl-C stops)"), port)
         typer.echo("stopped")
 
 

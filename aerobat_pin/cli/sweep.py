@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,11 +11,9 @@ from typing import Annotated
 
 import typer
 
-from aerobat_pin.cli.console import progress_bar
+from aerobat_pin.cli.console import LINE_EVERY, progress_bar
 from aerobat_pin.cli.options import NameOrFile
-from aerobat_pin.files import raising
-
-LINE_EVERY = 10.0  # [s] between progress lines if there is no terminal
+from aerobat_pin.errors import raising
 
 
 def sweep_command(
@@ -37,7 +36,7 @@ def sweep_command(
     typer.echo(f"{planned.file.name}: {size} = {len(planned.scenarios)} runs of {planned.base.name}")
     processes = len(os.sched_getaffinity(0)) if jobs is None else jobs
     with progress_bar() as bar:
-        progress = _SweepProgress(bar)
+        progress = _SweepProgress(bar if sys.stderr is not None and sys.stderr.isatty() else None)
         try:
             with raising():
                 grid = run_sweep(planned, target, jobs=processes, cluster=cluster, force=force, progress=progress)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from html import escape
@@ -13,10 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import (
     TABLE_HEADER,
+    Calibration,
     Scores,
+    calibration_bytes,
     check_names,
     contradictions,
     estimate_log,
@@ -25,13 +28,13 @@ from aerobat_pin.estimation import (
 )
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.flight import FlightLog, netcdf_bytes, simulate
+from aerobat_pin.flight import FlightLog, log_with_motion, netcdf_bytes, simulate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
-from aerobat_pin.scenario import RecordedForce, Scenario, scenario_toml
+from aerobat_pin.scenario import RecordedForce, Scenario, changed_keys, changes_text, scenario_toml
 
-FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power")
+FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power", "control")
 RESULTS = (  # all that a run or an estimate writes, as glob patterns
     "scenario.toml",
     "belief.toml",
@@ -40,6 +43,7 @@ RESULTS = (  # all that a run or an estimate writes, as glob patterns
     "flight.nc",
     "estimate.nc",
     "estimate.csv",
+    "calibration.nc",
     "metrics.json",
     *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")),
     "report.html",
@@ -59,6 +63,8 @@ class Experiment:
         log: the flight log.
         estimates: observer -> estimate.
         scores: how well the estimates match the true forces, and a summary of the flight.
+        drawn: the log that figures and replay show: `log`, or for raw samples one with the true or smoothed motion.
+        calibration: what free flights had shown about the belief; None without a calibration.
     """
 
     scenario: Scenario
@@ -66,6 +72,8 @@ class Experiment:
     log: FlightLog
     estimates: dict[str, Estimate]
     scores: Scores
+    drawn: FlightLog
+    calibration: Calibration | None = None
 
     @cached_property
     def metrics(self) -> dict[str, Any]:
@@ -95,7 +103,10 @@ class Experiment:
 
 @guarded()
 def run(
-    scenario: Scenario, progress: Progress | None = None, robots: tuple[Aerobat, Aerobat] | None = None
+    scenario: Scenario,
+    progress: Progress | None = None,
+    robots: tuple[Aerobat, Aerobat] | None = None,
+    calibration: Calibration | None = None,
 ) -> Experiment:
     """Simulate a scenario, estimate the forces and score the estimates; no file is written.
 
@@ -103,6 +114,7 @@ def run(
         scenario: the scenario to run.
         progress: called with the name of the stage and the share of the stage that is done.
         robots: the robot that flies and the robot that the observers assume; loaded from the scenario when omitted.
+        calibration: what free flights showed about the scenario's belief.
 
     Raises:
         SimulationError: the flight diverged; its attribute `kept` is the experiment until then.
@@ -110,14 +122,20 @@ def run(
     """
     check_names(scenario.observers.names)
     robot, believed = loaded(scenario) if robots is None else robots
+    pilot = None if scenario.control is None else Controller(scenario, believed)
 
     def judged(log: FlightLog) -> Experiment:
-        made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress)
+        made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress, calibration)
         scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
+        scores = replace(scores, changed=changed_keys(scenario), noisy=bool(scenario.sensors.sampled))
+        if pilot is not None:
+            flight = replace(flight_summary(log, robot.mass), rms=course_rms(scenario, log))
+            control = control_summary(scenario, log, pilot).to_json()
+            scores = replace(scores, flight=flight, control=control, notices=tuple(pilot.warnings))
         return replace(made, robot=robot, scores=scores)
 
     try:
-        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot))
+        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot, pilot=pilot))
     except SimulationError as error:
         if isinstance(error.kept, FlightLog):
             error.kept = judged(error.kept)
@@ -125,24 +143,35 @@ def run(
 
 
 @guarded()
-def run_recorded(log: FlightLog, belief: Scenario, progress: Progress | None = None) -> Experiment:
+def run_recorded(
+    log: FlightLog, belief: Scenario, progress: Progress | None = None, calibration: Calibration | None = None
+) -> Experiment:
     """Estimate the forces on a recorded flight, and score the estimates if the log contains the true forces.
 
     Args:
         log: the recorded flight.
         belief: what is assumed about the flight (robot, air, observers), as `estimation.belief_about` returns it.
         progress: as in `run`.
+        calibration: what free flights showed about this belief.
 
     Raises:
         AerobatError: the log or the belief lacks something that the observers need.
     """
     robot = believed_robot(belief)
-    return _estimated(log, robot, belief, recorded_note(log, robot), progress)
+    return _estimated(log, robot, belief, recorded_note(log, robot), progress, calibration)
 
 
-def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, progress: Progress | None) -> Experiment:
+def _estimated(
+    log: FlightLog,
+    believed: Aerobat,
+    belief: Scenario,
+    note: str,
+    progress: Progress | None,
+    calibration: Calibration | None,
+) -> Experiment:
     """Run the observers of a scenario or belief on a log, and score their estimates."""
-    inputs, estimates = estimate_log(log, believed, belief, _stage(progress, "estimating"))
+    names = belief.observers.names
+    inputs, estimates = estimate_log(log, believed, belief, progress and _observer_stages(progress, names), calibration)
     scores = Scores(
         scenario=belief.name,
         seed=None,
@@ -150,14 +179,26 @@ def _estimated(log: FlightLog, believed: Aerobat, belief: Scenario, note: str, p
         torque=belief.observers.torque,
         inputs=inputs.source,
         note=note,
-        observers={name: observer_scores(estimate, log) for name, estimate in estimates.items()},
+        observers={name: observer_scores(estimate, log, inputs.calibration) for name, estimate in estimates.items()},
+        calibration=inputs.calibration,
         contradictions=tuple(contradictions(log, believed)),
     )
-    return Experiment(belief, believed, log, estimates, scores)
+    drawn = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
+    return Experiment(belief, believed, log, estimates, scores, drawn, calibration)
 
 
 def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
     return None if progress is None else lambda share: progress(name, share)
+
+
+def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[float], None]:
+    """Return a function that takes the share of all observers that is done, and shows each as a stage of its own."""
+
+    def show(share: float) -> None:
+        at = min(int(share * len(names) + 1e-9), len(names) - 1)
+        progress(f"estimating with {names[at]}", share * len(names) - at)
+
+    return show
 
 
 def loaded(scenario: Scenario) -> tuple[Aerobat, Aerobat]:
@@ -180,7 +221,8 @@ def versions() -> dict[str, str]:
 def write(experiment: Experiment, folder: Path) -> None:
     """Write scenario, log, estimates and metrics into an existing folder.
 
-    Files that the scenario names are copied into the folder, so that the run can be repeated on any machine. For a
+    Files that the scenario names, and the calibration, are copied into the folder, so that the run can be repeated on
+    any machine. For a
     recorded flight, `belief.toml` takes the place of the scenario, and `estimate.csv` that of the log.
     """
     if experiment.is_recorded:
@@ -190,6 +232,8 @@ def write(experiment: Experiment, folder: Path) -> None:
         write_scenario(experiment.scenario, folder)
         (folder / "flight.nc").write_bytes(netcdf_bytes(experiment.log.measured, experiment.log.truth))
     (folder / "estimate.nc").write_bytes(netcdf_bytes(estimate_dataset(experiment.estimates)))
+    if experiment.calibration is not None:
+        (folder / "calibration.nc").write_bytes(calibration_bytes(experiment.calibration))
     write_metrics(experiment.metrics, folder)
 
 
@@ -205,7 +249,9 @@ def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml"
             shutil.copyfile(force.file, folder / f"unknown_force_{i}.csv")
             forces[i] = force.model_copy(update={"file": f"unknown_force_{i}.csv"})
     scenario = scenario.model_copy(update={"unknown_force": tuple(forces)})
-    (folder / name).write_text(scenario_toml(scenario), encoding="utf-8")
+    changes = changes_text(scenario.name, changed_keys(scenario)) if name == "scenario.toml" else ""
+    head = f"# {changes}\n" if changes else ""
+    (folder / name).write_text(head + scenario_toml(scenario), encoding="utf-8")
 
 
 def write_metrics(metrics: dict[str, Any], folder: Path) -> None:

@@ -16,16 +16,19 @@ def flight_note(scenario: Scenario, robot: Aerobat, log: FlightLog) -> str:
 
     For instance, `attitude held, 79 % thruster-borne` means that the attitude hold (an ideal controller, a wrench on
     the body) is active, and that its constant lift is 79 % of the weight. The metrics contain its mean lift in flight,
-    `thrusters_lift_over_weight`.
+    `thrusters_lift_over_weight`. `closed loop: PD + integral + feedforward` names what acts of a controller's law.
     """
     weight = robot.mass * scenario.flight.gravity
     note = "free flight, nothing held"
-    if scenario.hold is not None:
+    if scenario.control is not None:
+        parts = [name for name in ("integral", "feedforward") if getattr(scenario.control, name)]
+        note = f"closed loop: PD{''.join(f' + {part}' for part in parts)}"
+    elif scenario.hold is not None:
         note = "attitude held"
         if weight > 0.0:
             note += f", {100.0 * scenario.hold.lift / weight:.0f} % thruster-borne"
     unseen = sorted({force.frame for force in scenario.unknown_force} - set(scenario.observers.frames))
-    sensors = scenario.sensors.fitted
+    sensors = scenario.sensors.sampled
     note += f"; imperfect sensors: {', '.join(sensors)}" if sensors else ""
     note += f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else ""
     return note + _divergence_note(log)

@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from aerobat_pin.estimation import TABLE_HEADER
 from aerobat_pin.experiments import Experiment
+from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario import scenario_toml
 from aerobat_pin.visualization.figures.linkage_svg import linkage_animation
 from aerobat_pin.visualization.template import fill_template
@@ -38,6 +39,7 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
         scores=experiment.scores,
         table_header=TABLE_HEADER,
         identifiability={name: estimate.identifiability for name, estimate in experiment.estimates.items()},
+        observers={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in experiment.estimates},
         degrees=np.degrees,
         images={name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in images.items()},
         linkage=Markup(linkage_animation(experiment.robot.linkage, SLOWER / frequency)) if frequency > 0.0 else None,

@@ -9,6 +9,8 @@ sky blue.
 from __future__ import annotations
 
 import io
+import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +33,9 @@ PATH = GREEN
 MUTED = "#8A8F98"
 FAINT = "#C8CCD2"
 LINE_STYLES = ("-", "--", ":", "-.")
-FIELD_COLOURS = "cividis"  # for values over time and span; readable by its lightness alone
+FIELD_COLOURS = "RdBu_r"  # for signed values over time and span: white is zero, red positive
+
+LETTERS_PER_INCH = 13.5  # of a title, in the size below
 
 RC: Any = {
     "font.size": 9,
@@ -74,6 +78,21 @@ def save_figure(figure: Figure, stem: Path) -> None:
     """Write a figure to the files `stem`.png and `stem`.pdf."""
     for kind in ("png", "pdf"):
         stem.with_suffix(f".{kind}").write_bytes(render_figure(figure, kind))
+
+
+def share_limits(axes: Iterable[Axes]) -> None:
+    """Give panels the same vertical limits, wide enough for all of them."""
+    panels = list(axes)
+    limits = [panel.get_ylim() for panel in panels]
+    for panel in panels:
+        panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+
+
+def title_of(figure: Figure, title: str) -> None:
+    """Set a figure's title, broken into lines that fit its width; a line break of the text stays."""
+    columns = int(LETTERS_PER_INCH * figure.get_size_inches()[0])
+    lines = [part for line in title.splitlines() for part in textwrap.wrap(line, columns)]
+    figure.suptitle("\n".join(lines), fontsize=RC["axes.titlesize"])
 
 
 def legend_on_top(axis: Axes, ncols: int) -> None:

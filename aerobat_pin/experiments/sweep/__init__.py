@@ -6,9 +6,3 @@ sweep = load_sweep("gain_noise")
 grid = run_sweep(sweep, "runs/gain_noise", jobs=2)
 grid["r2"].sel(observer="momentum", point="left", axis="z")
 """
-
-from aerobat_pin.experiments.sweep.plan import Sweep, load_sweep
-from aerobat_pin.experiments.sweep.run_sweep import run_sweep
-from aerobat_pin.experiments.sweep.sweep_file import shipped_sweeps
-
-__all__ = ["Sweep", "load_sweep", "run_sweep", "shipped_sweeps"]

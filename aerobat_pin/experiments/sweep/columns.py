@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
+from typing import Any
 
 from aerobat_pin.estimation import AxisScore, FlightSummary
 
 SCORES = {item.name: (item.metadata["unit"], item.metadata["meaning"]) for item in fields(AxisScore)}
 JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}
-FLIGHT_UNITS = {item.name: item.metadata["unit"] for item in fields(FlightSummary)}
+CONTROL_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
+COURSE_UNITS = {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}
+FLIGHT_UNITS = {item.name: item.metadata["unit"] for item in fields(FlightSummary)} | CONTROL_UNITS | COURSE_UNITS
 LISTS: dict[int, tuple[str, list[str]]] = {2: ("bound", ["lowest", "highest"]), 3: ("axis", ["x", "y", "z"])}
 RESERVED_NAMES = frozenset(
     {"run", "failed", "warnings", "observer", "point", "axis", "bound", *SCORES, *JUDGED, *FLIGHT_UNITS}
 )
+
+
+def flight_columns(metrics: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers of a run's flight and of its control, without nested tables, as columns of the results."""
+    found = dict(metrics["flight"])
+    found |= {f"rms_{axis}": value for axis, value in found.pop("rms", {}).items()}
+    control = metrics.get("control")
+    if control is not None:
+        margins = control["margins"].values()
+        found |= {name: control[name] for name in ("slew_rms", "saturated_share")}
+        found["largest_ms"] = max(margin["ms"] for margin in margins)
+        found["delay_margin"] = min(margin["delay"] for margin in margins if margin["delay"] is not None)
+    return found

@@ -12,6 +12,7 @@ from typing import Any
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.sweep.columns import flight_columns
 from aerobat_pin.robot import Aerobat, load_aerobat
 from aerobat_pin.scenario import RobotSection, Scenario
 
@@ -28,7 +29,7 @@ def outcome_of(scenario: Scenario) -> str:
         try:
             robots = _load_once(scenario.robot, scenario), _load_once(scenario.believed_robot, scenario)
             metrics = run(scenario, robots=robots).metrics
-            outcome: dict[str, Any] = {"observers": metrics["observers"], "flight": metrics["flight"]}
+            outcome: dict[str, Any] = {"observers": metrics["observers"], "flight": flight_columns(metrics)}
             json.dumps(outcome, allow_nan=False)
         except AerobatError as error:
             outcome = {"failed": str(error)}

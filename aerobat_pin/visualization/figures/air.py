@@ -41,7 +41,7 @@ def draw_aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
     strips.grid(visible=False)
     strips.set_ylabel("along the span, left positive [mm]")
     strips.set_xlabel("time [s]")
-    figure.colorbar(drawn, ax=strips, label="along the wing's normal [N/m]", extend="both")
+    figure.colorbar(drawn, ax=strips, label="force per length,\nalong the wing's normal [N/m]", extend="both")
     return figure
 
 

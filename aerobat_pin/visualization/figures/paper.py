@@ -1,30 +1,22 @@
-"""Draw the paper's figures from a flight log and its estimates, without opening a window."""
+"""Draw the paper's figures of a flight (position, states, top view) without opening a window."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
-from aerobat_pin.estimation import point_label, true_events, true_force
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate
-from aerobat_pin.robot import FORCE_POINTS, JOINTS, Aerobat, euler_angles, world_velocity
+from aerobat_pin.robot import JOINTS, Aerobat, euler_angles, world_velocity
 from aerobat_pin.visualization import style
 
-Estimates = Mapping[str, Estimate]
 LEAST_HEIGHT = 0.1  # [m]: smallest range of a position panel; a smaller one would magnify rounding noise
-STICK_SPACING = 0.08  # [s] between two poses of the stick diagram; not a simple fraction of a flap
+POSES_PER_FLAP = 8  # of the stick diagram
+STICK_SPACING = 0.08  # [s] between two poses where no flap is known
 STICK_STRETCH = 2.5  # factor by which Y is enlarged in the stick diagram of a flight that is much longer than wide
 STICK_ROOM = (8.2, 6.0)  # largest width and height of the stick diagram's axes [in]
-SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row of the estimation figure
-ESTIMATE_LINES = ("-", ":", "--", "-.")
 
 
 def draw_position(log: FlightLog) -> Figure:
@@ -51,7 +43,7 @@ def draw_states(log: FlightLog) -> Figure:
     axes[1].set_ylabel("Euler angle [deg]")
     axes[2].set_ylabel("velocity, world [m/s]")
     for axis, values, labels in (
-        (axes[1], np.degrees(euler_angles(q.values)), ("roll", "pitch (nose up)", "yaw")),
+        (axes[1], _without_jumps(np.degrees(euler_angles(q.values))), ("roll", "pitch (nose up)", "yaw")),
         (axes[2], world_velocity(q.values, v), "XYZ"),
     ):
         for i, label in enumerate(labels):
@@ -62,108 +54,50 @@ def draw_states(log: FlightLog) -> Figure:
 
 
 def draw_stick_diagram(robot: Aerobat, log: FlightLog) -> Figure:
-    """Draw body and wings from above at fixed intervals of time (the paper's Fig. 7), as large as the figure allows."""
+    """Draw body and wings from above, several poses a flap, and the ways of the wing tips (the paper's Fig. 7)."""
     q = log.measured["q"].values
     data = robot.model.createData()
-    every = max(1, round(STICK_SPACING / float(np.median(np.diff(log.time)))))
-    poses = [_sticks(robot, data, row) for row in q[::every]]
-    along, across = np.ptp(np.concatenate([q[:, :2], *(line[:, :2] for pose in poses for line in pose)]), axis=0)
+    step = float(np.median(np.diff(log.time)))
+    period = _flap_period(log)
+    every = max(1, round((STICK_SPACING if period is None else period / POSES_PER_FLAP) / step))
+    track = [_sticks(robot, data, row) for row in q[:: max(1, every // 4)]]
+    poses = track[:: every // max(1, every // 4)]
+    along, across = np.ptp(np.concatenate([q[:, :2], *(line[:, :2] for pose in track for line in pose)]), axis=0)
     stretch = STICK_STRETCH if across * STICK_STRETCH**2 < along else 1.0
     scale = min(STICK_ROOM[0] / along, STICK_ROOM[1] / (stretch * across))
-    figure = Figure(figsize=(max(6.5, scale * along + 0.8), scale * stretch * across + 1.4), layout="constrained")
+    figure = Figure(figsize=(max(6.5, scale * along + 0.8), scale * stretch * across + 1.6), layout="constrained")
     axis = figure.add_subplot()
     axis.plot(q[:, 0], q[:, 1], color=style.MUTED, linewidth=0.8, label="path of the body")
-    for k, (left, right, spine) in enumerate(poses):
-        first = k == 0
-        axis.plot(left[:, 0], left[:, 1], "o-", ms=2, color=style.LEFT, label="left wing" if first else None)
-        axis.plot(right[:, 0], right[:, 1], "s--", ms=2, color=style.RIGHT, label="right wing" if first else None)
-        axis.plot(spine[:, 0], spine[:, 1], color=style.INK, linewidth=2.5, label="body" if first else None)
+    for side, name, colour, line in ((0, "left wing", style.LEFT, "-"), (1, "right wing", style.RIGHT, "--")):
+        tips = np.array([pose[side][-1] for pose in track])
+        axis.plot(tips[:, 0], tips[:, 1], line, color=colour, linewidth=1.2, label=f"tip of the {name}")
+        sticks = np.concatenate([[*pose[side][:, :2], (np.nan, np.nan)] for pose in poses])
+        axis.plot(*sticks.T, "-", color=colour, linewidth=0.5, alpha=0.7, label=f"{name}: shoulder, elbow, tip")
+    for k, (_, _, spine) in enumerate(poses[::POSES_PER_FLAP]):
+        axis.plot(spine[:, 0], spine[:, 1], color=style.INK, linewidth=2.5, label="body" if k == 0 else None)
     axis.set_aspect(stretch)
     axis.set_xlabel("X [m]")
     axis.set_ylabel("Y [m]")
     larger = f"; Y drawn {stretch:g} times larger than X" if stretch > 1.0 else ""
-    figure.suptitle(f"Top view, a snapshot every {STICK_SPACING:g} s{larger}")
-    figure.legend(ncols=4, loc="outside lower center")
+    shown = f"a pose every {STICK_SPACING:g} s" if period is None else f"{POSES_PER_FLAP} poses a flap, the body once"
+    style.title_of(figure, f"Top view, {shown}{larger}")
+    figure.legend(ncols=3, loc="outside lower center")
     return figure
 
 
-def draw_estimation(log: FlightLog, estimates: Estimates) -> Figure:
-    """Draw actual and estimated unknown forces (the paper's Fig. 8), one column for each frame.
-
-    The last row enlarges a part of one axis; boxes mark this part and the events.
-    """
-    frames = next(iter(estimates.values())).frames
-    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
-    figure.suptitle(f"Unknown force at each {kind}, world axes: interval means")
-    grid = figure.subplots(4, len(frames), sharex="row", squeeze=False)
-    middle = 0.5 * (log.time[1:] + log.time[:-1])
-    enlarged = _enlarged(log)
-    for column, frame in enumerate(frames):
-        for row, name in enumerate("xyz"):
-            axis = grid[row][column]
-            _force_lines(axis, middle, log, estimates, column, frame, row)
-            axis.set_ylabel(f"$F_{name}$ [N]")
-            axis.set_xlim(log.time[0], log.time[-1])
-            _draw_event_boxes(axis, log)
-            if row == enlarged.row:
-                span = (enlarged.start, enlarged.end)
-                _draw_box(axis, span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
-        grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
-        close = grid[3][column]
-        _force_lines(close, middle, log, estimates, column, frame, enlarged.row)
-        inside = (middle >= enlarged.start) & (middle <= enlarged.end)
-        values = np.concatenate([line.get_ydata()[inside] for line in close.lines])
-        pad = 0.15 * float(np.ptp(values)) + 1e-3
-        close.set_ylim(float(values.min()) - pad, float(values.max()) + pad)
-        close.set(xlim=(enlarged.start, enlarged.end), xlabel="time [s]")
-        close.set_ylabel(f"$F_{'xyz'[enlarged.row]}$ [N], enlarged")
-        _draw_event_boxes(close, log)
-        for spine in close.spines.values():
-            spine.set_visible(True)
-            spine.set_color(style.ENLARGED_ZONE)
-    handles, labels = grid[enlarged.row][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5)
-    return figure
+def _flap_period(log: FlightLog) -> float | None:
+    """Return the mean period of a flap [s]; None without a crank angle, or if the crank hardly turns."""
+    if "crank_angle" not in log.measured:
+        return None
+    turns = abs(np.ptp(np.unwrap(log.measured["crank_angle"].values))) / (2.0 * np.pi)
+    return float((log.time[-1] - log.time[0]) / turns) if turns > 1.0 else None
 
 
-@dataclass(frozen=True)
-class _Enlarged:
-    """The part of the flight that the last row enlarges: start and end [s], axis of the force (0 to 2), and label."""
-
-    start: float
-    end: float
-    row: int
-    what: str
-
-
-def _enlarged(log: FlightLog) -> _Enlarged:
-    """Choose the part of the flight to enlarge.
-
-    It is the first event; but if there is no event, or if the event is a step with noise as in the paper, a short part
-    after about a quarter of the flight.
-    """
-    time = log.time
-    for event in true_events(log)[:1]:
-        force, noise_free = true_force(log, event.frames[0])
-        if event.start >= time[-1] or (event.name == "step" and not np.array_equal(force, noise_free)):
-            continue
-        end = event.end if event.end <= time[-1] else event.start  # for an event without end, enlarge its onset
-        margin = max(0.25 * (end - event.start), 0.5 * (SHORTEST_ENLARGED - (end - event.start)))
-        start, end = _samples_around(time, event.start - margin, end + margin)
-        strongest = np.abs(noise_free[(time[:-1] >= start) & (time[1:] <= end)]).max(axis=0)
-        return _Enlarged(start, end, int(np.argmax(strongest)), str(event.name))
-    start = time[0] + 0.27 * (time[-1] - time[0])
-    points = () if log.truth is None else tuple(log.truth["point"].values)
-    noisy = any(not np.array_equal(*true_force(log, str(point))) for point in points)
-    return _Enlarged(*_samples_around(time, start, start + SHORTEST_ENLARGED), 1, "noise" if noisy else "detail")
-
-
-def _samples_around(time: Array, start: float, end: float) -> tuple[float, float]:
-    """Return the times [s] of the last sample before a stretch of time and of the first after it, within the log."""
-    first = max(int(np.searchsorted(time, start + 1e-9, side="right")) - 1, 0)
-    last = min(int(np.searchsorted(time, end - 1e-9)), len(time) - 1)
-    return float(time[min(first, last - 1)]), float(time[last])
+def _without_jumps(angles: Array) -> Array:
+    """Return angles (n, k) [deg] with NaN where they wrap, so that no vertical line joins -180 and 180."""
+    angles = angles.copy()
+    angles[1:][np.abs(np.diff(angles, axis=0)) > 180.0] = np.nan
+    return angles
 
 
 def _panels(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:
@@ -172,33 +106,6 @@ def _panels(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Ax
     figure.suptitle(title)
     axes[-1].set_xlabel("time [s]")
     return figure, axes
-
-
-def _force_lines(
-    axis: Axes, time: Array, log: FlightLog, estimates: Estimates, column: int, frame: str, row: int
-) -> None:
-    if log.truth is not None:
-        axis.plot(time, true_force(log, frame)[0][:, row], color=style.TRUTH, linewidth=2.0, label="actual")
-    for (name, estimate), colour, line in zip(estimates.items(), style.ESTIMATES, ESTIMATE_LINES, strict=False):
-        axis.plot(time, estimate.force[:, column, row], line, color=colour, linewidth=0.8, label=f"estimated: {name}")
-
-
-def _draw_event_boxes(axis: Axes, log: FlightLog) -> None:
-    """Draw a box around each event within the flight; events of the same name share one line in the legend."""
-    labelled = set()
-    for event in true_events(log):
-        if event.start < log.time[-1]:
-            span = (event.start, min(event.end, float(log.time[-1])))
-            _draw_box(axis, span, style.EVENT_ZONE, None if event.name in labelled else event.name)
-            labelled.add(event.name)
-
-
-def _draw_box(axis: Axes, span: tuple[float, float], colour: str, label: str | None) -> None:
-    """Draw a box as high as the panel, behind the lines so that it does not cover a short event."""
-    low, high = axis.get_ylim()
-    size = (span[1] - span[0], high - low)
-    axis.add_patch(Rectangle((span[0], low), *size, fill=False, edgecolor=colour, linewidth=1.4, zorder=1, label=label))
-    axis.set_ylim(low, high)
 
 
 def _sticks(robot: Aerobat, data: pin.Data, q: Array) -> tuple[Array, Array, Array]:

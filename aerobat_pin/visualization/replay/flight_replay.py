@@ -12,7 +12,9 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.recording import Recording, Sheet
+from aerobat_pin.visualization.figures.control import thrust_forces
+from aerobat_pin.visualization.replay.recording import Recording
+from aerobat_pin.visualization.replay.sheet import Sheet
 
 SLOW_MOTION = 0.1  # speed of a flight's replay relative to real time, in which a flap is too fast to be watched
 WAKE_LASTS = 0.5  # [s]: time for which each part of the wake is shown
@@ -29,7 +31,8 @@ def replay_flight(
         robot: the robot that flew.
         log: the flight log, simulated or recorded.
         air: the air of the flight. With a lifting line, the wake is shown if the log contains the circulation.
-        estimates: dataset that `estimate_dataset` returns; the forces of its first observer are shown.
+        estimates: dataset that `estimate_dataset` returns; the forces of its first observer are shown,
+            and the page lets people choose another.
         note: a line about the flight, for the title.
 
     Raises:
@@ -51,14 +54,18 @@ def replay_flight(
         floor=float(flown.q[:, 2].min()) - GROUND_BELOW,
         move=None if crank is None else move_bars,
     )
+    recording.rate = SLOW_MOTION
     if estimates is not None:
-        name = str(estimates["observer"].values[0])
-        force = estimates["force_W"].sel(observer=name)
-        estimated = {str(frame): force.sel(point=frame).values for frame in force["point"].values}
-        recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], estimated)
+        for name in map(str, estimates["observer"].values):
+            force = estimates["force_W"].sel(observer=name)
+            frames = [str(frame) for frame in force["point"].values if robot.model.existFrame(str(frame))]  # not a sum
+            estimated = {frame: force.sel(point=frame).values for frame in frames}
+            recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], estimated, choice=name)
     if log.truth is not None:
         true = {str(frame): true_force(log, str(frame))[0] for frame in log.truth["point"].values}
         recording.add_forces("true force", style.TRUTH, true, inner=True)
+        if "thrust" in log.truth:
+            recording.add_forces("thrust", style.GREEN, thrust_forces(robot, log))
         for event in true_events(log):
             points = ", ".join(point_label(frame) for frame in event.frames)
             recording.add_zone(event.start, event.end, f"{event.name} at {points}", style.EVENT_ZONE)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import belief_about, estimate_log, read_log
+from aerobat_pin.estimation import SUM, belief_about, estimate_log, read_log
 from aerobat_pin.experiments import estimate_dataset, flight_note, read_estimates, recorded_note
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.flight import FlightLog, log_with_motion
 from aerobat_pin.robot import believed_robot, load_robot
-from aerobat_pin.scenario import load_scenario
+from aerobat_pin.scenario import changed_keys, changes_text, load_scenario
 from aerobat_pin.visualization.replay.flight_replay import replay_flight
 from aerobat_pin.visualization.replay.recording import Recording
 
@@ -27,12 +27,16 @@ def replay_run(folder: Path) -> Recording:
         raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
     scenario = load_scenario(str(folder / "scenario.toml"))
     robot = load_robot(scenario)
-    log = FlightLog.load(folder / "flight.nc")
+    log = log_with_motion(FlightLog.load(folder / "flight.nc"))
     estimates = read_estimates(folder / "estimate.nc", log)
-    strangers = [str(name) for name in estimates["point"].values if not robot.model.existFrame(str(name))]
+    strangers = [
+        str(name) for name in estimates["point"].values if not (robot.model.existFrame(str(name)) or name == SUM)
+    ]
     if strangers:
         raise LogError(f"estimates {folder / 'estimate.nc'}: the robot has no frame {', '.join(strangers)}")
-    return replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
+    recording = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
+    recording.subtitle = changes_text(scenario.name, changed_keys(scenario))
+    return recording
 
 
 def replay_log(file: Path, morphology: str | None = None) -> Recording:
@@ -49,5 +53,6 @@ def replay_log(file: Path, morphology: str | None = None) -> Recording:
     log = read_log(file)
     belief = belief_about(log, file.stem, morphology, [], [])
     robot = believed_robot(belief)
-    _, estimates = estimate_log(log, robot, belief)
+    inputs, estimates = estimate_log(log, robot, belief)
+    log = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
     return replay_flight(robot, log, belief.believed_air, estimate_dataset(estimates), recorded_note(log, robot))

@@ -8,11 +8,10 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
-
-from markupsafe import Markup
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.visualization.replay.viewer import viewer_script
+from aerobat_pin.visualization.style import TRUTH
 from aerobat_pin.visualization.template import fill_template
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # offered speeds relative to real time, in which flaps are hard to see
@@ -20,12 +19,16 @@ SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # offered speeds relative to real ti
 
 @dataclass(frozen=True)
 class LegendLine:
-    """A line of the legend. The shape of its mark is `bar`, `line`, `grid`, or empty for no mark."""
+    """A line of the legend. The shape of its mark is `bar`, `line`, `grid`, or empty for no mark.
+
+    With `choices`, pairs of a node below `world/force` and its name, the line lets people choose which one is shown.
+    """
 
     shape: str
     colour: str
     text: str
     opacity: float = 1.0
+    choices: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ def replay_page(
     time: Array,
     rate: float,
     sheet: tuple[int, float] | None = None,
+    subtitle: str = "",
+    report: str = "",
 ) -> str:
     """Return the page as HTML.
 
@@ -58,11 +63,16 @@ def replay_page(
         rate: speed at which the page starts to play, in multiples of real time.
         sheet: for the trailing sheet at the node `world/air/sheet`, the number of triangles between two of its rows,
             and how long each row is shown [s]; None without a sheet.
+        subtitle: another line below the title; empty for none.
+        report: address of the report that belongs to the flight; empty for none.
     """
     start, end = float(time[0]), float(time[-1])
     return fill_template(
         "replay.html",
         title=title,
+        subtitle=subtitle,
+        report=report,
+        truth=TRUTH,
         legend=legend,
         zones=zones,
         start=start,
@@ -71,10 +81,11 @@ def replay_page(
         scene={
             "commands": [base64.b64encode(command).decode("ascii") for command in commands],
             "start": start,
+            "truth": TRUTH,
             "rate": rate,
             "step": (end - start) / (len(time) - 1),
             "times": [round(value - start, 6) for value in time.tolist()],
             "sheet": None if sheet is None else {"faces": sheet[0], "lasting": sheet[1]},
         },
-        meshcat=Markup((resources.files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")),
+        meshcat=viewer_script(),
     )

@@ -8,9 +8,9 @@ the path of the robot, and show a sheet that trails behind the robot.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 import pinocchio as pin
@@ -20,51 +20,30 @@ from scipy.signal import savgol_filter
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, frame_id, shaped
 from aerobat_pin.visualization import style
+from aerobat_pin.visualization.replay.measures import box_corners, round_number_above
 from aerobat_pin.visualization.replay.page import LegendLine, Zone, replay_page
 from aerobat_pin.visualization.replay.scene import HALO_OPACITY, SHEET_OPACITY, Scene
+from aerobat_pin.visualization.replay.sheet import Sheet
 
 KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75 Hz
 MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion
 CAMERA_SMOOTHING = 0.5  # [s]: the camera follows the path of a free base, smoothed over this time
 CAMERA = (0.7, -1.1, 0.55)  # position of the camera relative to the point it looks at, in sizes of the robot
-UNBOUNDED = 1e3  # [m]: a larger shape is treated as infinite, such as a plane
 LONGEST_ARROW = 0.6  # length of the longest arrow, in sizes of the robot
 
 PlaceParts = Callable[[pin.GeometryModel, int], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Arrows:
     """One kind of force at the keyframes: frame -> start of the arrow (m, 3) [m], and frame -> force (m, 3) [N]."""
 
     label: str
     colour: str
     inner: bool
+    choice: str
     start: dict[str, Array]
     force: dict[str, Array]
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A translucent sheet that trails behind the robot, such as its wake.
-
-    Each keyframe adds a row of points, which is then shown for a fixed time.
-
-    Attributes:
-        label: text in the legend.
-        colour: colour of the mark in the legend, hexadecimal.
-        points: (m, k, 3) points of each row where they would be without drift, world axes [m].
-        colours: (m, k, 3) red, green and blue of each point, from 0 to 1.
-        drift: (m, 3) displacement of the whole sheet at each keyframe, world axes [m].
-        lasting: time for which a row is shown [s].
-    """
-
-    label: str
-    colour: str
-    points: Array
-    colours: Array
-    drift: Array
-    lasting: float
 
 
 class Recording:
@@ -84,6 +63,9 @@ class Recording:
         index: (m,) rows of `time` and `q` that are keyframes: about 120 per second, in the first minute only. If the
             motion is longer, the title of the page says so.
         sheet: sheet that trails behind the robot, or None.
+        rate: speed in multiples of real time at which a notebook plays it.
+        subtitle: another line below the title; empty for none.
+        report: address of the report that belongs to the flight; empty for none.
         size: size of the robot: half the diagonal of its bounding box, or, if its base is fixed, of the box of all
             points that it reaches [m].
 
@@ -102,7 +84,8 @@ class Recording:
         floor: float | None = None,
         move: PlaceParts | None = None,
     ) -> None:
-        self.model, self.visual_model, self.title = model, visual_model.copy(), title
+        self.model, self.visual_model, self.title, self.subtitle = model, visual_model.copy(), title, ""
+        self.report = ""
         self._time: Array = np.asarray(time, float)
         if self._time.ndim != 1 or len(self._time) < 2 or not np.all(np.diff(self._time) >= 0.0):
             raise ShapeError("time: at least two rows were expected, never decreasing")
@@ -124,6 +107,7 @@ class Recording:
         self._arrows: list[_Arrows] = []
         self._zones: list[Zone] = []
         self.sheet: Sheet | None = None
+        self.rate = 1.0
 
     @property
     def time(self) -> Array:
@@ -135,7 +119,9 @@ class Recording:
         """Time from the first keyframe to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
-    def add_forces(self, label: str, colour: str, forces: Mapping[str, ArrayLike], *, inner: bool = False) -> None:
+    def add_forces(
+        self, label: str, colour: str, forces: Mapping[str, ArrayLike], *, inner: bool = False, choice: str = ""
+    ) -> None:
         """Show forces as arrows that begin at frames.
 
         Args:
@@ -144,6 +130,8 @@ class Recording:
             forces: frame -> (n, 3) force at each row in world axes [N], or (n - 1, 3) force in each interval between
                 rows.
             inner: draw slim arrows that remain visible inside the arrows of another kind.
+            choice: name of this kind among others that have a `choice` too. One of them is shown at a time, at first
+                the one that was added first; the page lets people choose.
 
         Raises:
             FrameNotFoundError: the model has no such frame.
@@ -160,7 +148,7 @@ class Recording:
             pin.framesForwardKinematics(self.model, self._data, self._q[k])
             for name, frame in frames.items():
                 start[name][row] = self._data.oMf[frame].translation
-        self._arrows.append(_Arrows(label, colour, inner, start, chosen))
+        self._arrows.append(_Arrows(label, colour, inner, choice, start, chosen))
 
     def add_zone(self, start: float, end: float, label: str, colour: str) -> None:
         """Mark a stretch of time, from `start` to `end` [s], with a label; `end` can be infinite."""
@@ -169,9 +157,15 @@ class Recording:
     @property
     def newtons_per_centimetre(self) -> float:
         """Scale of the arrows [N/cm]: 1, 2 or 5 times a power of ten, so that the longest fit `LONGEST_ARROW`."""
-        norms = [np.linalg.norm(rows, axis=1) for kind in self._arrows for rows in kind.force.values()]
+        shown = [kind for kind in self._arrows if kind not in self._choices[1:]]
+        norms = [np.linalg.norm(rows, axis=1) for kind in shown for rows in kind.force.values()]
         largest = max((float(np.percentile(norm, 99.0)) for norm in norms), default=0.0) or 1.0
-        return _round_up(largest / (100.0 * LONGEST_ARROW * self.size))
+        return round_number_above(largest / (100.0 * LONGEST_ARROW * self.size))
+
+    def _repr_html_(self) -> str:
+        """Return the page within a frame, as a notebook shows it."""
+        page = escape(self.html(self.rate))
+        return f'<iframe srcdoc="{page}" width="100%" height="480" style="border: 0" title="replay"></iframe>'
 
     def html(self, rate: float = 1.0) -> str:
         """Return the page as HTML; it starts to play at the speed `rate`, in multiples of real time."""
@@ -199,7 +193,7 @@ class Recording:
         whole, title = float(self._time[-1] - self._time[0]), self.title
         if self.duration < whole:
             title += f" (the first {self.duration:.3g} s of {whole:.3g} s)"
-        return replay_page(commands, title, legend, self._zones, self.time, rate, rows)
+        return replay_page(commands, title, legend, self._zones, self.time, rate, rows, self.subtitle, self.report)
 
     def _place(self, move: PlaceParts | None) -> tuple[Array, Array, Array]:
         """Place the visible parts at every keyframe.
@@ -208,7 +202,7 @@ class Recording:
             Placements (m, parts, 7), and the lowest and highest corner, (m, 3) each, of the box around all parts.
         """
         visible, placed = self.visual_model, self.visual_model.createData()
-        corners = np.array([_corners(part) for part in visible.geometryObjects]).reshape(-1, 8, 3)
+        corners = np.array([box_corners(part) for part in visible.geometryObjects]).reshape(-1, 8, 3)
         placements = np.empty((len(self.index), len(corners), 7))
         low, high = np.empty((2, len(self.index), 3))
         for row, k in enumerate(self.index):
@@ -245,8 +239,21 @@ class Recording:
             for name, start in kind.start.items():
                 tip = start + kind.force[name] / (100.0 * scale)
                 scene.arrow(f"world/force/{kind.label}/{name}", kind.colour, start, tip, self.size, inner=kind.inner)
-            legend.insert(0, LegendLine("bar", kind.colour, kind.label, 1.0 if kind.inner else HALO_OPACITY))
+            text, choices = kind.label, [(one.label, one.choice) for one in self._choices]
+            if kind in self._choices and len(choices) > 1:
+                if kind is not self._choices[0]:
+                    scene.hide(f"world/force/{kind.label}")
+                    continue
+                text = text.replace(f"({kind.choice})", "").strip()
+            else:
+                choices = []
+            legend.insert(0, LegendLine("bar", kind.colour, text, 1.0 if kind.inner else HALO_OPACITY, choices))
         return legend
+
+    @property
+    def _choices(self) -> list[_Arrows]:
+        """The kinds of force of which one is shown at a time."""
+        return [kind for kind in self._arrows if kind.choice]
 
     def _draw_zone(self, scene: Scene, node: str, zone: Zone) -> None:
         """Draw a stretch of time on the path, with balls at its start and end if these are within the recording."""
@@ -265,7 +272,7 @@ class Recording:
 
     def _draw_ground(self, scene: Scene) -> LegendLine:
         """Draw a grid on the ground."""
-        spacing, floor = _round_up(0.5 * self.size), self._floor
+        spacing, floor = round_number_above(0.5 * self.size), self._floor
         low, high = self._path.min(axis=0) - 6.0 * self.size, self._path.max(axis=0) + 6.0 * self.size
         x, y = (spacing * np.arange(np.floor(low[i] / spacing), np.ceil(high[i] / spacing) + 1) for i in (0, 1))
         across = [[[at, y[0], floor], [at, y[-1], floor]] for at in x]
@@ -301,19 +308,3 @@ def record(
     if forces:
         recording.add_forces("force", style.ESTIMATES[0], forces, inner=True)
     return recording
-
-
-def _corners(part: pin.GeometryObject) -> Array:
-    """Return the corners (8, 3) of a part's bounding box in the part's axes [m]; all zero for an infinite shape."""
-    part.geometry.computeLocalAABB()
-    box = part.geometry.aabb_local
-    ends = np.array([box.min_, box.max_]) * part.meshScale
-    if not np.all(np.abs(ends) < UNBOUNDED):
-        ends = np.zeros((2, 3))
-    return np.array(list(itertools.product(*ends.T)))
-
-
-def _round_up(value: float) -> float:
-    """Return the smallest number that is 1, 2 or 5 times a power of ten and not smaller than the value."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(digit * power for digit in (1.0, 2.0, 5.0, 10.0) if digit * power >= value * (1.0 - 1e-9)))

@@ -124,6 +124,10 @@ class Scene:
         self.move(f"{node}/shaft", position=start, quaternion=rotation, scale=np.column_stack([share, rest, share]))
         self.move(f"{node}/head", position=head_start, quaternion=rotation, scale=np.column_stack([share] * 3))
 
+    def hide(self, node: str) -> None:
+        """Hide a node until the page shows it."""
+        self.viewer[node].set_property("visible", False)
+
     def line(self, node: str, points: Array, colour: str) -> None:
         """Draw a line through points (k, 3) [m]."""
         paint = shapes.LineBasicMaterial(color=_rgb_number(colour))

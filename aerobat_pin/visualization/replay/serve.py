@@ -9,7 +9,7 @@ from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from aerobat_pin.files import raising
+from aerobat_pin.errors import OutputError, raising
 
 LOCALHOST = "127.0.0.1"
 MOST_OPEN = 64  # connections: a further one closes the oldest, so that idle ones do not use up what a process may open
@@ -34,14 +34,18 @@ class _Server(ThreadingHTTPServer):
         """Print nothing: a browser may leave in the middle of the page."""
 
 
-def serve(page: str, announce: Callable[[str], None]) -> None:
-    """Serve a page on a free port until Ctrl-C; only browsers on this machine can open it, by the announced address.
+def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
+    """Serve a page until Ctrl-C; only browsers on this machine can open it, by the announced address.
 
     A page of a foreign site, whose name was made to lead to this machine, is refused: its requests name another host.
 
     Args:
         page: HTML of the page.
         announce: called with the address as soon as the page can be opened.
+        port: port of this machine; 0 takes a free one.
+
+    Raises:
+        OutputError: the port is taken, or not free for this user.
     """
     content = page.encode()
 
@@ -64,7 +68,11 @@ def serve(page: str, announce: Callable[[str], None]) -> None:
         def log_message(self, format: str, *args: Any) -> None:
             """Print nothing."""
 
-    with _Server((LOCALHOST, 0), Handler) as server:
+    try:
+        ready = _Server((LOCALHOST, port), Handler)
+    except OSError as error:
+        raise OutputError(f"play: --port {port}: {error.strerror}; another port, or none, was expected") from error
+    with ready as server:
         hosts = [f"{name}:{server.server_address[1]}" for name in (LOCALHOST, "localhost")]
         announce(f"http://{hosts[0]}/")
         with suppress(KeyboardInterrupt), raising():

@@ -1,0 +1,89 @@
+"""The command `aerobat calibrate`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from aerobat_pin.cli.console import progress_bar
+from aerobat_pin.cli.options import BelievedMorphology, Force, Settings
+
+if TYPE_CHECKING:
+    from aerobat_pin.estimation import FreeFlight
+
+
+def calibrate_command(
+    flights: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN|LOG...", help="Runs (folders) or logs (.nc, .csv) without unknown forces."),
+    ],
+    out: Annotated[Path, typer.Option(help="File of the calibration (.nc), for `run` and `estimate --calibration`.")],
+    morphology: BelievedMorphology = None,
+    settings: Settings = None,
+    harmonics: Annotated[
+        int, typer.Option(min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing.")
+    ] = 6,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(help="Let them vary with speed, frequency or attitude (needs flights that differ); repeatable."),
+    ] = None,
+    identify: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Identify this parameter and use it in any case; `none` identifies nothing; repeatable. Default: the "
+            "usual ones, used if they explain the flights (docs/calibration.md).",
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Learn from flights without unknown forces what the belief gets wrong; print what was found and what was not.
+
+    --set takes keys of robot, air and observers, and flight.gravity. What is believed of a run is what its scenario
+    says.
+    """
+    from aerobat_pin.errors import check_file, write_files
+    from aerobat_pin.estimation import calibrate, calibration_bytes
+
+    check_file(out, force=force)
+    names = None if identify is None else [name for name in identify if name != "none"]
+    given = [_free_flight(path, morphology, settings or []) for path in flights]
+    with progress_bar() as show:
+        found = calibrate(
+            given,
+            harmonics=harmonics,
+            vary=vary or [],
+            parameters=names,
+            progress=None if show is None else lambda share: show("identifying", share),
+        )
+    for line in found.notes:
+        typer.echo(line)
+    write_files({out: calibration_bytes(found)})
+    typer.echo(f"written to {out}")
+
+
+def _free_flight(path: Path, morphology: str | None, settings: list[str]) -> FreeFlight:
+    """Read a run or a log with the belief about it."""
+    from aerobat_pin.errors import LogError
+    from aerobat_pin.estimation import FreeFlight, belief_about, describe_belief, read_log
+    from aerobat_pin.robot import believed_robot
+    from aerobat_pin.scenario import load_scenario
+
+    name = str(path)
+    if os.path.isdir(path):  # unlike `path.is_dir()`, takes names of any length
+        if not (path / "scenario.toml").is_file() or not (path / "flight.nc").is_file():
+            raise LogError(f"{path} is not the folder of a run: scenario.toml and flight.nc were expected in it")
+        if morphology is not None:
+            raise LogError(
+                "calibrate: --morphology says which robot is believed to have flown a log; a log was expected"
+            )
+        belief, log = load_scenario(str(path / "scenario.toml"), settings), read_log(path / "flight.nc")
+    else:
+        log = read_log(path)
+        belief = belief_about(log, path.stem, morphology, [], settings)
+        typer.echo(f"{name}: {describe_belief(belief, morphology, settings)}")
+    observers = belief.observers
+    return FreeFlight(name, log, believed_robot(belief), belief.believed_air, observers.torque, observers.frames)

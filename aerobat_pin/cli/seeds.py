@@ -1,0 +1,102 @@
+"""Run one scenario with several seeds: `aerobat run SCENARIO --seeds 1-5`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import typer
+
+MOST_SEEDS = 1000
+SEED_TABLE = "seeds.csv"
+SEED_SCORES = ("r2", "r2_noise_free", "rmse", "lag_s")
+
+
+def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run: Callable[[int, Path], None]) -> None:
+    """Run a scenario with several seeds, a folder `seed_N` for each, and write and print one table of all scores.
+
+    Args:
+        text: seeds as typed, such as `1-5` or `1,4,9`.
+        seed: value of `--seed`, which would contradict them.
+        scenario: scenario as typed.
+        out: output folder, or None for `runs/<scenario>-seeds`.
+        run: runs one seed, and writes its results into a folder.
+
+    Raises:
+        ScenarioError: the seeds are no list of whole numbers, or `--seed` is given too.
+        SimulationError: a flight diverged; raised after all others were run, and their results are there.
+    """
+    from aerobat_pin.errors import ScenarioError, SimulationError, write_text
+
+    if seed is not None:
+        raise ScenarioError("run: --seed and --seeds: one of them was expected")
+    target = out or Path("runs") / f"{Path(scenario).stem}-seeds"
+    rows: list[dict[str, Any]] = []
+    failed: SimulationError | None = None
+    for number in seeds_of(text):
+        folder = target / f"seed_{number}"
+        try:
+            with redirect_stdout(io.StringIO()):
+                run(number, folder)
+        except SimulationError as error:
+            failed = failed or error
+        typer.echo(f"seed {number}: {folder}/")
+        rows += _scores(number, json.loads((folder / "metrics.json").read_text(encoding="utf-8")))
+    file = io.StringIO()
+    table = csv.DictWriter(file, ("seed", "observer", "point", "axis", *SEED_SCORES), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    write_text(target / SEED_TABLE, file.getvalue())
+    typer.echo(f"\n{summary(rows)}\n\nresults in {target}/\nopen {target / SEED_TABLE}")
+    if failed is not None:
+        raise failed
+
+
+def seeds_of(text: str) -> list[int]:
+    """Return the seeds that a text such as `1-5` or `1,4,9` names. Raises ScenarioError for another text."""
+    from aerobat_pin.errors import ScenarioError
+
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        found = re.fullmatch(r"\s*(\d{1,9})(?:-(\d{1,9}))?\s*", part)
+        if found is None or (found[2] and int(found[2]) < int(found[1])):
+            raise ScenarioError(f"run: --seeds {text[:60]}: a list such as 1-5 or 1,4,9 was expected")
+        first, last = int(found[1]), int(found[2] or found[1])
+        if len(seeds) + last - first >= MOST_SEEDS:
+            raise ScenarioError(
+                f"run: --seeds {text[:60]}: at most {MOST_SEEDS} seeds were expected; see aerobat sweep"
+            )
+        seeds |= dict.fromkeys(range(first, last + 1))
+    return list(seeds)
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Return mean and range of R2 and the mean error of each axis over the seeds, as a table."""
+    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((row["observer"], row["point"], row["axis"]), []).append(row)
+    lines = [
+        f"{'observer':<12} {'point':<12} {'axis':<4} {'seeds':>5} {'R2 mean':>9} {'R2 least':>9} {'error rms':>10}"
+    ]
+    for (observer, point, axis), group in groups.items():
+        r2 = [row["r2"] for row in group if row["r2"] is not None]
+        shown = (f"{fmean(r2):9.5f}", f"{min(r2):9.5f}") if r2 else ("no signal", "no signal")
+        error = f"{1e3 * fmean(row['rmse'] for row in group):.2f} mN"
+        lines.append(f"{observer:<12} {point:<12} {axis:<4} {len(group):>5} {shown[0]} {shown[1]} {error:>10}")
+    return "\n".join(lines)
+
+
+def _scores(seed: int, metrics: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    for observer, found in metrics["observers"].items():
+        for point, axes in found.items():
+            if isinstance(axes, dict) and "Fx" in axes:
+                for axis, score in axes.items():
+                    named = {"seed": seed, "observer": observer, "point": point, "axis": axis}
+                    yield named | {key: score[key] for key in SEED_SCORES}

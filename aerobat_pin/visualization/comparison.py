@@ -1,0 +1,161 @@
+"""Set two runs side by side: what differs between their scenarios, their scores, their forces and their figures."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import matplotlib as mpl
+import xarray as xr
+from matplotlib.figure import Figure
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation import point_label, true_force
+from aerobat_pin.experiments import read_estimates
+from aerobat_pin.flight import FlightLog
+from aerobat_pin.scenario import Scenario, differing_keys, keys_text, load_scenario
+from aerobat_pin.visualization import style
+from aerobat_pin.visualization.template import fill_template
+
+HEADER = ("observer", "point", "axis", "R2", "R2", "error rms", "error rms")
+NEEDED = ("scenario.toml", "flight.nc", "estimate.nc", "metrics.json")
+
+
+@dataclass(frozen=True, repr=False)
+class ComparedRun:
+    """What a run's folder contains.
+
+    Attributes:
+        label: short name in tables and legends.
+        folder: the folder.
+        scenario: its scenario.
+        log: its flight log.
+        estimates: forces of all observers, as in `estimate.nc`.
+        observers: the entry of that name in `metrics.json`.
+    """
+
+    label: str
+    folder: Path
+    scenario: Scenario
+    log: FlightLog
+    estimates: xr.Dataset
+    observers: dict[str, Any]
+
+    @classmethod
+    def load(cls, folder: Path, label: str) -> ComparedRun:
+        """Read a run's folder. Raises LogError if it is none."""
+        missing = [name for name in NEEDED if not (folder / name).is_file()]
+        if missing:
+            raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
+        try:
+            observers = dict(json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["observers"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise LogError(f"metrics {folder / 'metrics.json'}: the scores of a run were expected") from error
+        log = FlightLog.load(folder / "flight.nc")
+        scenario = load_scenario(str(folder / "scenario.toml"))
+        return cls(label, folder, scenario, log, read_estimates(folder / "estimate.nc", log), observers)
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Two runs side by side; `print` shows what differs and the scores, `write` writes tables, figures and a page."""
+
+    FILES: ClassVar = ("comparison.html", "comparison.csv", "forces.png", "forces.pdf")
+    first: ComparedRun
+    second: ComparedRun
+
+    @property
+    def differences(self) -> dict[str, Any]:
+        """Dotted key -> value in the second run's scenario, of all that differs from the first one's."""
+        return differing_keys(self.first.scenario, self.second.scenario)
+
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """Yield the rows of the table with the columns of `HEADER`: the scores that both runs have."""
+        for name, found in self.first.observers.items():
+            for point, axes in found.items():
+                for axis in axes if isinstance(axes, dict) and "Fx" in axes else ():
+                    other = self.second.observers.get(name, {}).get(point, {}).get(axis)
+                    if other is not None:
+                        pair = (axes[axis], other)
+                        r2 = ("no signal" if one["r2"] is None else f"{one['r2']:.5f}" for one in pair)
+                        yield name, point, axis, *r2, *(f"{1e3 * one['rmse']:.2f} mN" for one in pair)
+
+    def __repr__(self) -> str:
+        a, b = self.first, self.second
+        lines = [f"{run.label}: {run.folder}" for run in (a, b)]
+        lines.append(f"in {b.label}: {keys_text(self.differences)}" if self.differences else "the scenarios are equal")
+        heads = (*HEADER[:3], f"R2 {a.label}", f"R2 {b.label}", f"error {a.label}", f"error {b.label}")
+        for name, point, axis, *numbers in (heads, *self.rows()):
+            lines.append(f"{name:<12} {point:<12} {axis:<4} " + " ".join(f"{number:>11}" for number in numbers))
+        return "\n".join(lines)
+
+    def draw(self) -> Figure:
+        """Draw true and estimated forces of both runs and the errors, a column for each point that both estimate."""
+        runs = (self.first, self.second)
+        points = [str(p) for p in self.first.estimates["point"].values if p in self.second.estimates["point"].values]
+        if not points:
+            raise LogError(f"{self.first.folder} and {self.second.folder}: forces at the same points were expected")
+        names = [str(run.estimates["observer"].values[0]) for run in runs]
+        with mpl.rc_context(style.RC):
+            figure = Figure(figsize=(max(6.5, 4.2 * len(points)), 7.4), layout="constrained")
+            grid = figure.subplots(6, len(points), sharex=True, squeeze=False, height_ratios=(2, 1) * 3)
+            for column, point in enumerate(points):
+                grid[0][column].set_title(point_label(point))
+                for k, axis in enumerate("xyz"):
+                    force, error = grid[2 * k][column], grid[2 * k + 1][column]
+                    force.set_ylabel(f"$F_{axis}$ [N]")
+                    error.set_ylabel("error [mN]")
+                    for run, name, colour, line in zip(runs, names, style.ESTIMATES, ("-", "--"), strict=False):
+                        middle = 0.5 * (run.log.time[1:] + run.log.time[:-1])
+                        values = run.estimates["force_W"].sel(observer=name, point=point).values[:, k]
+                        force.plot(middle, values, line, color=colour, lw=0.9, label=f"{run.label}: {name}", zorder=2)
+                        if run.log.truth is not None and point in run.log.truth["point"].values:
+                            truth = true_force(run.log, point)[0][:, k]
+                            label = "actual" if run is self.first else None
+                            force.plot(middle, truth, color=style.TRUTH, lw=1.8, label=label, zorder=1)
+                            error.plot(middle, 1e3 * (values - truth), line, color=colour, lw=0.7)
+                grid[-1][column].set_xlabel("time [s]")
+            for k in range(3):
+                style.share_limits(grid[2 * k])
+            style.share_limits(axis for k in range(3) for axis in grid[2 * k + 1])
+            style.title_of(figure, f"Unknown forces, {runs[0].label} and {runs[1].label}: world axes, interval means")
+            figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        return figure
+
+    def write(self, folder: Path) -> None:
+        """Write `comparison.html`, `comparison.csv` and the figure of the forces into an existing folder."""
+        style.save_figure(self.draw(), folder / "forces")
+        a, b = self.first.label, self.second.label
+        head = ",".join((*HEADER[:3], f"R2 {a}", f"R2 {b}", f"error rms {a}", f"error rms {b}"))
+        lines = [head, *(",".join(row) for row in self.rows())]
+        (folder / "comparison.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        both = [path.name for path in sorted((self.first.folder / "figures").glob("*.png"))]
+        both = [name for name in both if (self.second.folder / "figures" / name).is_file()]
+        page = fill_template(
+            "comparison.html",
+            runs=(self.first, self.second),
+            differences=keys_text(self.differences),
+            header=HEADER,
+            rows=list(self.rows()),
+            forces=_embedded(folder / "forces.png"),
+            figures={
+                Path(name).stem: [_embedded(run.folder / "figures" / name) for run in (self.first, self.second)]
+                for name in both
+            },
+        )
+        (folder / "comparison.html").write_text(page, encoding="utf-8")
+
+
+def compare_runs(first: Path, second: Path) -> Comparison:
+    """Read the folders of two runs. Raises LogError if one is none, or if they share no point of a force."""
+    names = [folder.resolve().name for folder in (first, second)]
+    labels = names if names[0] != names[1] else ["first", "second"]
+    return Comparison(*(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True)))
+
+
+def _embedded(file: Path) -> str:
+    return base64.b64encode(file.read_bytes()).decode("ascii")

@@ -1,0 +1,90 @@
+"""Open the robot in a browser, in meshcat's own viewer, with a camera that frames it; from Python it then moves.
+
+view = open_robot(load_aerobat())
+view.turn(0.7)               # crank angle [rad]: wings and linkage
+view.display(robot.q0)       # any configuration; the linkage then stays where the crank was
+"""
+
+from __future__ import annotations
+
+import meshcat
+import numpy as np
+import pinocchio as pin
+from pinocchio.visualize import MeshcatVisualizer
+
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.robot import CRANK_START, Aerobat, place_bars, visual_model_with_bars
+from aerobat_pin.visualization.replay.recording import CAMERA
+from aerobat_pin.visualization.replay.scene import SKY_COLOURS
+
+CLOSE_UP = 1.2  # distance of the camera for each distance in `CAMERA`, both in sizes of the robot
+
+
+class RobotView:
+    """The robot in a browser; `open_robot` makes one.
+
+    Attributes:
+        url: address of the page, for browsers on this machine.
+        visualizer: Pinocchio's visualizer, for anything that this class does not do.
+    """
+
+    def __init__(self, robot: Aerobat, viewer: meshcat.Visualizer) -> None:
+        """Draw the robot with the crank straight down."""
+        self.robot = robot
+        self.url = str(viewer.url())
+        self._picture = visual_model_with_bars(robot)
+        self.visualizer = MeshcatVisualizer(robot.model, pin.GeometryModel(), self._picture)
+        self.visualizer.initViewer(viewer=viewer)
+        self.visualizer.loadViewerModel(rootNodeName="aerobat")
+        self.turn(CRANK_START)
+        for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
+            viewer["/Background"].set_property(edge, colour)
+        for node in ("/Grid", "/Axes"):
+            viewer[node].set_property("visible", False)
+        x, y, z = CLOSE_UP * _reach(robot) * np.array(CAMERA)
+        viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])  # meshcat's order
+
+    @guarded()
+    def turn(self, crank_angle: float) -> None:
+        """Turn the crank to an absolute angle t1 [rad]; the body is at the origin, level.
+
+        Raises:
+            LinkageError: the linkage cannot close.
+        """
+        closure = self.robot.linkage.solve(crank_angle)
+        place_bars(self.robot, self._picture, crank_angle)
+        level = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+        self.display(self.robot.configuration(level, closure.theta_s, closure.theta_e))
+
+    def display(self, q: Array) -> None:
+        """Show a configuration (nq,); the bars keep to the body where the crank put them last."""
+        self.visualizer.display(q)
+
+    def close(self) -> None:
+        """Stop the server of the page; a browser that shows it keeps its last picture."""
+        window = self.visualizer.viewer.window
+        window.zmq_socket.close()
+        if window.server_proc is not None:
+            window.server_proc.terminate()
+            window.server_proc.wait()
+
+
+@guarded()
+def open_robot(robot: Aerobat, *, browser: bool = True) -> RobotView:
+    """Open the robot in a browser, and return the view, through which Python moves it.
+
+    Args:
+        robot: the robot.
+        browser: open a browser; if False, open `url` of the view yourself.
+    """
+    view = RobotView(robot, meshcat.Visualizer())
+    if browser:
+        view.visualizer.viewer.open()
+    return view
+
+
+def _reach(robot: Aerobat) -> float:
+    """Return how far the robot extends from the body's centre of mass: half the span, or a guard around it [m]."""
+    fixed = [item for item in robot.visual_model.geometryObjects if item.parentJoint == 1]
+    points = np.concatenate([item.geometry.vertices() for item in fixed])
+    return max(0.5 * robot.morphology.span, float(np.linalg.norm(points, axis=1).max()))
