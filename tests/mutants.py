@@ -35,6 +35,7 @@ class Mutant(NamedTuple):
 
 
 RESIDUAL, OBSERVERS = "observers/kernels/residual.py", "tests/observers/test_observers.py"
+RECORDINGS = "tests/estimation/test_recordings.py tests/estimation/test_recorded_benches.py"
 KERNELS, TWINS = "flight/plant/kernels.py", "tests/flight/test_plant_kernels.py::test_one_instant_of_the_plant"
 MUTANTS = (
     Mutant("moment lever dropped", "observers/applications.py", "MOMENT_ARM, 1.0)", "1.0, 1.0)",
@@ -82,6 +83,14 @@ MUTANTS = (
            "tests/estimation/test_scores.py"),
     Mutant("downwash upward", "aerodynamics/lifting_line.py", "w = normal_velocity - self.downwash @ circulation",
            "w = normal_velocity + self.downwash @ circulation", "tests/aerodynamics/test_lifting_line.py"),
+    Mutant("recorder's stamps for the sensors'", "estimation/recordings/bag_columns.py",
+           'header if clock == "header" and stamped else recorded', "recorded", RECORDINGS),
+    Mutant("w first read as w last", "estimation/recordings/record.py", "np.roll(turns, -1, axis=1)", "turns",
+           RECORDINGS),
+    Mutant("delay of a command on the wrong side", "estimation/recordings/channels.py",
+           "-known.delay if known.powers", "known.delay if known.powers", RECORDINGS),
+    Mutant("a load cell's sign dropped", "estimation/recordings/known_forces.py",
+           "values = section.sign * (", "values = (", RECORDINGS),
 )  # fmt: skip
 
 

@@ -23,15 +23,18 @@ SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
 def test_a_run_writes_what_it_promises(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Log, estimates, metrics and scenario; the table ends with the list of files."""
+    """Log, estimates, metrics and scenario; what was changed is said, and the last line says what to open."""
     out = tmp_path / "result"
     assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--seed", "5", *SHORT) == 0
     assert sorted(path.name for path in out.iterdir()) == ["estimate.nc", "flight.nc", "metrics.json", "scenario.toml"]
     printed = capsys.readouterr().out
     assert "attitude held, 79 % thruster-borne" in printed
     assert "force_level" in printed
-    assert str(out / "flight.nc") in printed
+    assert f"results in {out}/: estimate.nc, flight.nc, metrics.json, scenario.toml\n" in printed
+    assert printed.endswith(f"open {out / 'metrics.json'}\n")
+    assert "\nchanged from paper: air.warm_up_cycles = 1, simulation.duration = 0.02, simulation.seed = 5\n" in printed
     metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["changed"] == {"air.warm_up_cycles": 1, "simulation.duration": 0.02, "simulation.seed": 5}
     assert metrics["scenario"] == "paper"
     assert metrics["seed"] == 5
     assert set(metrics["observers"]) == {"momentum", "force_level"}
@@ -231,7 +234,7 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
     """A folder that takes no files, as one of somebody else's; the search takes a minute, the answer does not."""
     from importlib import import_module
 
-    output = import_module("aerobat_pin.files.whole_files")
+    output = import_module("aerobat_pin.errors.whole_files")
     from aerobat_pin import flight
 
     monkeypatch.setattr(flight, "trim", lambda *_: pytest.fail("it was sought"))

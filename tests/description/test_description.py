@@ -44,19 +44,20 @@ def test_the_description_needs_only_the_standard_library() -> None:
 
 
 def test_committed_files_are_small_and_what_the_generator_writes_and_nothing_more() -> None:
-    """Byte for byte, for every morphology; no stale file beside them, none over 100 kB, less than 1 MB in all."""
+    """Byte for byte, for every morphology; no stale file beside them, none over 100 kB, 1.1 MB in all."""
     made = {path: data for name in description.MORPHOLOGIES for path, data in files(Morphology.load(name)).items()}
     for path, data in made.items():
         assert (PACKAGE / path).read_bytes() == data, path
     there = {
-        f"{folder}/{file.name}"
-        for folder in ("urdf", "srdf", "meshes", "linkage")
-        for file in (PACKAGE / folder).iterdir()
+        str(file.relative_to(PACKAGE))
+        for folder in ("urdf", "srdf", "mjcf", "meshes", "linkage")
+        for file in (PACKAGE / folder).rglob("*")
+        if file.is_file()
     }
     assert there == set(made)
     sizes = [file.stat().st_size for file in PACKAGE.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
     assert max(sizes) < 100_000
-    assert sum(sizes) < 1_000_000
+    assert sum(sizes) < 1_100_000
 
 
 def test_the_constants_point_at_what_is_there() -> None:
@@ -232,7 +233,7 @@ def test_a_loaded_robot_shows_its_parts_and_takes_changes(name: str) -> None:
 
 @ROBOTS
 def test_the_srdf_says_of_every_pair_why_it_need_not_be_looked_at(name: str) -> None:
-    """Adjacent: those that a turning joint joins. Never: boxes that keep apart over a turn, by Pinocchio."""
+    """Adjacent: those that a turning joint joins. Never: all others."""
     joints = ET.parse(URDF[name]).findall("joint[@type='revolute']")
     joined = {frozenset((one.find("parent").get("link"), one.find("child").get("link"))) for one in joints}
     pairs = [
@@ -241,18 +242,21 @@ def test_the_srdf_says_of_every_pair_why_it_need_not_be_looked_at(name: str) -> 
     ]
     assert len(pairs) == len(dict(pairs)) == 10
     assert {pair for pair, reason in pairs if reason == "Adjacent"} == joined
+    assert {reason for _, reason in pairs} == {"Adjacent", "Never"}
+
+
+@ROBOTS
+def test_collision_boxes_overlap_at_no_crank_angle(name: str) -> None:
+    """By Pinocchio, in 720 poses, also of links that a joint joins; half a millimetre apart, so nothing rests on it."""
     robot = load_aerobat(name)
     boxes = robot.collision_model.copy()
     boxes.addAllCollisionPairs()
+    assert len(boxes.collisionPairs) == 10
     data, work = robot.model.createData(), boxes.createData()
-    cycle = robot.linkage.solve(np.radians(np.arange(0.0, 360.0, 2.0)))
-    met = set()
-    for q in robot.configuration(np.tile(pin.neutral(robot.model)[:7], (180, 1)), cycle.theta_s, cycle.theta_e):
-        pin.computeCollisions(robot.model, data, boxes, work, q, False)
-        for pair, result in zip(boxes.collisionPairs, work.collisionResults, strict=True):
-            if result.isCollision():
-                names = (boxes.geometryObjects[k].name for k in (pair.first, pair.second))
-                met.add(frozenset(one.removesuffix("_0") for one in names))
-    assert met
-    assert met.isdisjoint(pair for pair, reason in pairs if reason == "Never")
-    assert {reason for _, reason in pairs} == {"Adjacent", "Never"}
+    cycle = robot.linkage.solve(np.radians(np.arange(0.0, 360.0, 0.5)))
+    least = np.inf
+    for q in robot.configuration(np.tile(pin.neutral(robot.model)[:7], (720, 1)), cycle.theta_s, cycle.theta_e):
+        pin.updateGeometryPlacements(robot.model, data, boxes, work, q)
+        pin.computeDistances(boxes, work)
+        least = min(least, *(result.min_distance for result in work.distanceResults))
+    assert least > 0.5e-3

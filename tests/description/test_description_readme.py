@@ -90,13 +90,33 @@ def test_every_tool_that_is_promised_has_a_snippet() -> None:
         "Crocoddyl",
         "PlaCo",
         "MuJoCo",
+        "MuJoCo, closed linkage",
+        "MJX",
         "yourdfpy",
         "robot_descriptions",
         "MeshCat",
+        "Drake",
+        "PyBullet",
+        "viser",
+        "rerun",
+        "urchin",
+        "adam-robotics",
     }
     assert set(SNIPPETS) == tools
     assert len(re.findall("```python", PAGE)) == len(SNIPPETS)
+    assert "```js" in SECTIONS["three.js"]
     assert "colcon" in SECTIONS["ROS 2 and RViz"]
+
+
+def test_the_table_of_tools_says_when_each_was_tried_and_what_was_found() -> None:
+    """`make tools` wrote it: a date, and a row of every tool, none of which failed."""
+    table = PAGE[PAGE.index("<!-- tools") : PAGE.index("<!-- end of tools")]
+    assert re.search(r"Tried on 20\d\d-\d\d-\d\d, Python 3", table)
+    found = {title: (version, result) for title, version, result, _ in rows(table, "tool | version")}
+    titles = {re.match(r"\[(.*?)\]\(#[a-z_-]+\)", title)[1] for title in found}
+    assert titles == set(SNIPPETS) - {"RobotWrapper", "MeshCat", "MuJoCo, closed linkage"} | {"three.js"}
+    assert all(re.match(r"\d+\.\d", version) for version, _ in found.values())
+    assert not [title for title, (_, result) in found.items() if "fails" in result]
 
 
 @ROBOTS

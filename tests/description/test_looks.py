@@ -21,7 +21,7 @@ from aerobat_pin.robot.closing_bars import bar_placements, place_bars, visual_mo
 
 ROBOTS = pytest.mark.parametrize("name", description.MORPHOLOGIES)
 SIDES = ("left", "right")
-MEMBRANES = ("proximal", "distal")
+MEMBRANES = ("proximal_membrane", "distal_membrane")
 TURN = np.radians(np.arange(0.0, 360.0, 5.0))
 TILTED = pin.SE3(pin.rpy.rpyToMatrix(0.4, -0.7, 2.1), np.array([1.0, -2.0, 3.0]))
 
@@ -184,7 +184,7 @@ def test_wings_hang_on_the_shoulders_and_meet_at_the_elbows(name: str) -> None:
         assert np.array(inner) == pytest.approx(elbow + outer, abs=1e-12)
     picture = {item.name: item.geometry.vertices() for item in one.visual_model.geometryObjects}
     for panel in MEMBRANES:  # and this is what the picture shows, on both sides
-        corners = np.array(drawn[panel]).reshape(-1, 3)
+        corners = np.array(drawn[panel.removesuffix("_membrane")]).reshape(-1, 3)
         for side, sign in (("left", 1.0), ("right", -1.0)):
             away = picture[f"{side}_{panel}"][:, None] - corners * [1.0, sign, 1.0]
             assert np.linalg.norm(away, axis=2).min(axis=1).max() < 0.5e-3

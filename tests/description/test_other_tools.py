@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from os.path import join
 from pathlib import Path
-from types import ModuleType
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
@@ -164,6 +164,15 @@ class Loader:
         pin.removeCollisionPairs(self.robot.model, self.robot.collision_model, srdf)
 
 
+@pytest.mark.parametrize("name", description.MORPHOLOGIES)
+def test_a_loader_shaped_like_example_robot_datas_loads_every_morphology(name: str) -> None:
+    """A subclass a robot, as there; each has its own files and the same joints."""
+    files = {"urdf_filename": f"{name}.urdf", "srdf_filename": f"{name}.srdf"}
+    loader = type("AerobatLoader", (Loader,), files)()
+    assert set(loader.robot.model.names) == {"universe", "root_joint", *JOINTS}
+    assert np.array_equal(loader.robot.q0, pin.neutral(loader.robot.model))
+
+
 def test_a_loader_shaped_like_example_robot_datas_loads_it() -> None:
     """Folder `<package>/urdf`, `<package>/srdf`, packages beside each other, reference posture and pairs from SRDF."""
     loader = Loader()
@@ -205,23 +214,76 @@ def test_robot_descriptions_loads_it_in_yourdfpy(named_for_robot_descriptions: s
     assert len(tree.scene.geometry) == VISIBLE_PARTS
 
 
-def test_robot_descriptions_loads_it_in_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its loader wants an `MJCF_PATH`: MuJoCo reads the URDF as well, with the base fixed, since a URDF has no root."""
+def test_robot_descriptions_loads_it_in_mujoco(named_for_robot_descriptions: str) -> None:
+    """Its loader takes `MJCF_PATH`: the closed linkage on a free base, with its motor, and sites for the frames."""
     need("mujoco")
-    need("robot_descriptions")
     import mujoco
     from robot_descriptions.loaders.mujoco import load_robot_description
 
-    fixed = ModuleType("robot_descriptions.aerobat_mj_description")
-    fixed.MJCF_PATH = description.URDF_PATH
-    monkeypatch.setitem(sys.modules, fixed.__name__, fixed)
-    model = load_robot_description("aerobat_mj_description")
+    model = load_robot_description(named_for_robot_descriptions)
     assert model.body_mass.sum() == pytest.approx(MASS, rel=1e-12, abs=0)
-    assert model.nq == 4
-    assert {model.joint(i).name for i in range(model.njnt)} == JOINTS
-    assert model.nmesh == VISIBLE_PARTS
+    assert (model.nq, model.nu, model.njnt) == (7 + 14, 1, 1 + 14)
+    assert {model.joint(i).name for i in range(model.njnt)} > JOINTS
+    assert model.nmesh == VISIBLE_PARTS + 10
     data = mujoco.MjData(model)
     for joint, angle in ANGLES.items():
         data.joint(joint).qpos[0] = angle
     mujoco.mj_kinematics(model, data)
-    np.testing.assert_allclose(data.body("left_force_point").xpos, force_point(0.3, -0.8), atol=1e-12, rtol=0)
+    np.testing.assert_allclose(data.site("left_force_point").xpos, force_point(0.3, -0.8), atol=1e-12, rtol=0)
+
+
+def test_robot_descriptions_finds_the_other_morphologies_as_variants(named_for_robot_descriptions: str) -> None:
+    """Its MuJoCo loader replaces the file's name by the variant's, in the same folder."""
+    need("mujoco")
+    from robot_descriptions.loaders.mujoco import load_robot_description
+
+    masses = [
+        load_robot_description(named_for_robot_descriptions, variant=name).body_mass.sum()
+        for name in description.MORPHOLOGIES
+    ]
+    assert masses == pytest.approx([0.0421, 0.0921, 0.020], abs=5e-5)
+
+
+def test_it_is_ready_for_robot_descriptions() -> None:
+    """Names and kinds of its modules, paths that exist, and an entry of its table, with the licence that lies here."""
+    need("robot_descriptions")
+    from robot_descriptions._descriptions import Description, Format
+
+    package = Path(description.PACKAGE_PATH)
+    for name in ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "SRDF_PATH", "MJCF_PATH"):
+        path = getattr(description, name)
+        assert isinstance(path, str)
+        assert Path(path).is_absolute()
+        assert Path(path).exists()
+    assert Path(description.URDF_PATH).is_relative_to(package)
+    entry = Description(
+        formats={Format.URDF, Format.SRDF, Format.MJCF},
+        tags={"flying"},
+        robot="Aerobat",
+        maker="Northeastern University",
+        dof=7,
+        license_spdx="BSD-2-Clause",
+        license_file="aerobat_description/LICENSE",
+    )
+    assert entry.has_urdf
+    assert entry.has_mjcf
+    assert entry.has_srdf
+    licence = (package / "LICENSE").read_text()
+    assert licence == Path(description.REPOSITORY_PATH, "LICENSE").read_text()
+    assert licence.startswith("BSD 2-Clause License")
+    assert ET.parse(package / "package.xml").findtext("license") == entry.license_spdx
+
+
+@pytest.mark.parametrize("name", description.MORPHOLOGIES)
+def test_names_suit_every_tool(name: str) -> None:
+    """No visual is named like a link, every inertia has its origin, and files need nothing from outside the package."""
+    root = ET.parse(Path(description.PACKAGE_PATH, "urdf", f"{name}.urdf")).getroot()
+    links = {link.get("name") for link in root.findall("link")}
+    assert links.isdisjoint({visual.get("name") for visual in root.iter("visual")})
+    assert all(inertial.find("origin") is not None for inertial in root.iter("inertial"))
+    meshes = {mesh.get("filename") for mesh in root.iter("mesh")}
+    assert all(mesh.startswith("package://aerobat_description/meshes/") for mesh in meshes)
+    assert all(Path(description.MESHES_PATH, mesh.rpartition("/")[2]).is_file() for mesh in meshes)
+    twin = ET.parse(Path(description.PACKAGE_PATH, "mjcf", f"{name}.xml")).getroot()
+    files = [mesh.get("file") for mesh in twin.iter("mesh")]
+    assert all(Path(description.PACKAGE_PATH, "mjcf", "meshes", file).is_file() for file in files)

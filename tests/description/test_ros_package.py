@@ -75,9 +75,9 @@ def test_cmake_installs_every_data_file_where_ros_looks(
         assert done.returncode == 0, done.stderr
         assert "warning" not in (done.stdout + done.stderr).lower()
     share = prefix / "share" / "aerobat_description"
-    data = {"package.xml": PACKAGE / "package.xml"}
-    for folder in ("linkage", "meshes", "morphologies", "srdf", "urdf"):
-        data |= {f"{folder}/{file.name}": file for file in (PACKAGE / folder).iterdir()}
+    data = {name: PACKAGE / name for name in ("LICENSE", "package.xml")}
+    for folder in ("linkage", "meshes", "mjcf", "morphologies", "srdf", "urdf"):
+        data |= {str(file.relative_to(PACKAGE)): file for file in (PACKAGE / folder).rglob("*") if file.is_file()}
     assert {str(file.relative_to(share)) for file in share.rglob("*") if file.is_file()} == set(data)
     assert all((share / name).read_bytes() == file.read_bytes() for name, file in data.items())
     assert (prefix / "share/ament_index/resource_index/packages/aerobat_description").exists() == ament

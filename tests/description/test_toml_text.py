@@ -12,7 +12,7 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.reading import MorphologyError
 from aerobat_description.toml_text import LARGEST_TOML, TomlError, toml_file, toml_values
 from aerobat_pin.errors import ScenarioError, SweepError
-from aerobat_pin.experiments.sweep import load_sweep
+from aerobat_pin.experiments import load_sweep
 from aerobat_pin.scenario.dotted_keys import parsed_value, with_settings
 from aerobat_pin.scenario.scenario import load_scenario
 

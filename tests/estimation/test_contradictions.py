@@ -10,6 +10,7 @@ import pytest
 from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
+from aerobat_pin.control import Controller
 from aerobat_pin.estimation.contradictions import contradictions
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.experiments.experiment import write as write_results
@@ -38,7 +39,8 @@ def changed(log: FlightLog, name: str, columns: slice | list[int], values: objec
 def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sensors(name: str) -> None:
     """`noisy_sensors` has a pose of 200 Hz that is 5 ms late, which holding makes 7 ms, and an airspeed of 50 Hz."""
     scenario = load_scenario(name)
-    found = contradictions(simulate(scenario), believed_robot(scenario))
+    pilot = Controller(scenario) if scenario.control is not None else None
+    found = contradictions(simulate(scenario, pilot=pilot), believed_robot(scenario))
     if name != "noisy_sensors":
         assert [str(one) for one in found] == []
         return

@@ -15,8 +15,8 @@ import xarray as xr
 
 from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import OutputError, WorkersLostError
+from aerobat_pin.experiments import load_sweep, run_sweep, shipped_sweeps
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.experiments.sweep import load_sweep, run_sweep, shipped_sweeps
 from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 

@@ -21,7 +21,8 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
-from aerobat_pin.experiments.sweep import executors, load_sweep, run_sweep
+from aerobat_pin.experiments import load_sweep, run_sweep
+from aerobat_pin.experiments.sweep import executors
 
 RUNS = 40
 PROGRAM = [sys.executable, "-m", "aerobat_pin", "sweep"]

@@ -10,7 +10,7 @@ import pytest
 from support.bad_folders import FORGED
 
 from aerobat_pin.errors import OutputError, ScenarioError, SweepError
-from aerobat_pin.experiments.sweep import load_sweep, run_sweep
+from aerobat_pin.experiments import load_sweep, run_sweep
 
 SHORT = 'name = "short"\nbase = "paper"\nseeds = 2\n[set]\n"simulation.duration" = 0.01\n"air.warm_up_cycles" = 1\n'
 KEY = '"observers.gain"'

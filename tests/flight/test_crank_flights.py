@@ -72,9 +72,9 @@ def test_a_function_that_says_what_the_scenario_says_flies_the_same_flight() -> 
 def test_the_air_about_resting_wings_warms_up_without_a_history_of_flapping() -> None:
     """A crank that starts at rest stood before: the air has settled, but for the old wake's last traces."""
     kept = ["crank.frequency=1.0", "air.warm_up_cycles=2"]
-    rest = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept)).start.air
-    longer = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept, "air.warm_up_cycles=6")).start.air
-    flapping = Plant(load_robot(scenario("constant")), scenario("constant", *kept)).start.air
+    rest = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept)).initial.air
+    longer = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept, "air.warm_up_cycles=6")).initial.air
+    flapping = Plant(load_robot(scenario("constant")), scenario("constant", *kept)).initial.air
     assert np.max(np.abs(rest)) > 0.01
     assert np.max(np.abs(rest - longer)) < 0.05 * np.max(np.abs(rest))
     assert np.max(np.abs(rest - flapping)) > 0.1 * np.max(np.abs(rest))
@@ -97,10 +97,10 @@ def test_crank_and_joints_exchange_the_same_power_while_the_crank_speeds_up(time
     chosen = scenario("spin_up", "air.warm_up_cycles=0")
     plant = Plant(load_robot(chosen), chosen)
     robot, closed = plant.robot, plant.closure(np.array([time]))
-    q = robot.configuration(plant.start.placement, closed.theta_s[0], closed.theta_e[0])
-    v = robot.velocity(plant.start.twist, closed.theta_s_dot[0], closed.theta_e_dot[0])
+    q = robot.configuration(plant.initial.placement, closed.theta_s[0], closed.theta_e[0])
+    v = robot.velocity(plant.initial.twist, closed.theta_s_dot[0], closed.theta_e_dot[0])
     held = np.zeros((2, len(plant.forces)))
-    forces = plant.rates(q, v, joint_table(closed)[0], plant.start.air, held)[2]
+    forces = plant.rates(q, v, joint_table(closed)[0], plant.initial.air, held)[2]
     left, right = (forces.motor[0, list(robot.idx_v[i : i + 2])] for i in (0, 2))
     crank = closed.crank_torque(*left) + closed.crank_torque(*right)
     assert abs(crank[0]) > 1e-3

@@ -80,7 +80,7 @@ def test_the_motors_torque_alone_leaves_one_redundant_row_and_is_judged_at_its_w
     assert scores(level, flight).min() > 0.99
     assert scores(momentum, flight)[1] < 0.0
     assert level.identifiability.condition > 5000.0
-    np.testing.assert_allclose(momentum.redundancy.series, level.redundancy.series)
+    np.testing.assert_allclose(momentum.redundancy_series, level.redundancy_series)
     for name in FILTERS:
         assert np.all(scores(estimated(name, flight), flight) > scores(level, flight) - 0.02)
 
@@ -89,9 +89,9 @@ def test_every_observer_reports_the_same_redundancy_and_filters_their_innovation
     """One quantity, computed in one place: sqrt(|r|^2 / (rows - rank)), with r by least squares over all rows."""
     flight = seen("wing offset 5 mm")
     found = {name: estimated(name, flight) for name in OBSERVERS}
-    series = found["force_level"].redundancy.series
+    series = found["force_level"].redundancy_series
     for name, one in found.items():
-        np.testing.assert_allclose(one.redundancy.series, series, rtol=1e-9, err_msg=name)
+        np.testing.assert_allclose(one.redundancy_series, series, rtol=1e-9, err_msg=name)
         assert (one.innovation is not None) == (name in FILTERS)
     innovation = found["kalman"].innovation
     assert innovation is not None

@@ -82,7 +82,7 @@ def test_every_path_and_name_of_the_map_is_there() -> None:
         ("`flight/simulate.py:simulate`", None),
         ("`aerobat_pin/flight/simulate.py:simulate`", None),
         ("`flight/plant/plant.py:Plant.fly`", None),
-        ("`errors.py`, `observers/`, `docs/design/`, `aerobat_description/morphologies/aerobat.toml`", None),
+        ("`errors/`, `observers/`, `docs/design/`, `aerobat_description/morphologies/aerobat.toml`", None),
         ("speeds in m/s, and/or `runs/paper`", None),
         ("`visualization/figures/*.py`, a new `observers/<name>.py`", None),
         ("`visualization/figures/*.toml`", "visualization/figures/*.toml: no such path"),

@@ -34,7 +34,7 @@ def python(*words: str) -> str:
     return subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=True).stdout
 
 
-@pytest.mark.parametrize("name", ["bench.py", "same_numbers.py"])
+@pytest.mark.parametrize("name", ["bench.py", "other_tools.py", "same_numbers.py"])
 def test_a_benchmark_starts(name: str) -> None:
     """All that it imports is there."""
     assert "usage" in python(str(ROOT / "benchmarks" / name), "--help")

@@ -11,13 +11,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
+from PIL import Image
 
 import aerobat_pin
-from aerobat_pin import load_scenario, run
+from aerobat_pin import load_aerobat, load_scenario, run, simulate
+from aerobat_pin.estimation import known_inputs
 
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text()
 NAMES = ("load_aerobat", "Aerobat", "load_scenario", "Scenario", "simulate", "run", "FlightLog")
-DOORS = ("aerobat_pin", "aerobat_pin.visualization")
+DOORS = ("aerobat_pin", "aerobat_pin.experiments", "aerobat_pin.visualization")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -56,16 +60,46 @@ def test_a_run_gives_scenario_robot_log_estimates_and_metrics() -> None:
     assert set(experiment.estimates) == set(experiment.metrics["observers"]) == {"momentum", "force_level"}
 
 
-def test_the_first_script_of_the_readme_does_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
-    """It prints the table and the score that stands beside it; the force has the shape that it names."""
+def test_the_first_script_of_the_readme_does_what_it_says(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Nine lines print the table and the score that stands beside it, and plot the force of the shape that is named."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
     names: dict[str, Any] = {}
-    exec(compile(re.findall(r"```python\n(.*?)```", README, re.DOTALL)[0], "README.md", "exec"), names)
+    script = re.findall(r"```python\n(.*?)```", README, re.DOTALL)[0]
+    assert len([line for line in script.splitlines() if line]) == 9
+    exec(compile(script, "README.md", "exec"), names)
     printed = capsys.readouterr().out
     assert "79 % thruster-borne" in printed
     score = float(re.findall(r"r2\) *# ([0-9.]+)", README)[0])
     assert names["left"]["Fy"].r2 == pytest.approx(score, abs=1e-4)
     assert names["force"].shape == (2000, 2, 3)
     assert np.isfinite(names["force"]).all()
+    assert imread(tmp_path / "left_wing.png")[..., :3].std() > 0.01
+
+
+def test_the_second_script_of_the_readme_observes_sample_by_sample() -> None:
+    """As it stands, given the samples of a short flight; the force has the shape that it names."""
+    log = simulate(load_scenario("paper", ["simulation.duration=0.02", "air.warm_up_cycles=1"]))
+    inputs = known_inputs(log, load_aerobat("aerobat_guard"))
+    known = sum(inputs.known.values())
+    first, *later = zip(inputs.time, inputs.q, inputs.v, strict=True)
+    names: dict[str, Any] = dict(zip("tqv", first, strict=True))
+    names["samples"] = [(*one, *given) for one, given in zip(later, zip(inputs.tau, known, strict=True), strict=True)]
+    exec(compile(re.findall(r"```python\n(.*?)```", README, re.DOTALL)[1], "README.md", "exec"), names)
+    assert names["force"].shape == (2, 3)
+    assert 0.01 < np.abs(names["force"]).max() < 1.0
+
+
+def test_the_animated_picture_of_the_readme_moves_and_is_small() -> None:
+    """Made by docs/scripts/animation.py: under 3 MB, two flaps in at least forty pictures."""
+    [path] = re.findall(r"\]\((\S+\.gif)\)", README)
+    file = ROOT / path
+    assert file.stat().st_size < 3_000_000
+    with Image.open(file) as picture:
+        assert picture.n_frames >= 40
+        assert picture.info["loop"] == 0
 
 
 def test_the_package_is_the_command_line() -> None:

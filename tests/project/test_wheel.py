@@ -72,7 +72,9 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix in {".py", ".toml", ".urdf", ".srdf", ".stl", ".typed", ".xml", ".txt", ".html", ".css", ".svg"}
+        if path.name == "LICENSE"
+        or path.suffix
+        in {".py", ".toml", ".urdf", ".srdf", ".stl", ".obj", ".typed", ".xml", ".txt", ".html", ".css", ".svg"}
     }
     assert {name for name in names if not name.startswith(f"{info}/")} == ours
     for one in (

@@ -8,6 +8,7 @@ from typing import get_args
 import pytest
 from support.commands import call
 
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.describe import COLUMNS, describe_scenario, kind_of, unit_and_meaning
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
 from aerobat_pin.scenario.tables import Section, SimulationSection, sections_of
@@ -25,6 +26,31 @@ def sections(section: type[Section] = Scenario) -> dict[str, type[Section]]:
 def inside(annotation: object) -> set[object]:
     """Return all types that a type is made of."""
     return {annotation}.union(*(inside(one) for one in get_args(annotation))) if get_args(annotation) else {annotation}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "first", "holds", "lines"),
+    [
+        ("observers.gain", "[observers]", "number > 0 [1/s], default 1000.0", 3),
+        ("name", "  name", "text, required", 2),
+        ("unknown_force.0.noise", "[[unknown_force]]", "number >= 0 [N]", 3),
+        ("crank", "[crank]", "[crank.motor]", 31),
+        ("air.gust", "[air.gust]", "amplitude", 9),
+    ],
+)
+def test_one_table_or_key_is_described_alone(wanted: str, first: str, holds: str, lines: int) -> None:
+    """A table with the tables in it, or a key below the name of its table; an index of a list may stand in it."""
+    text = describe_scenario(wanted)
+    assert text.startswith(first)
+    assert holds in text
+    assert len(text.splitlines()) <= lines
+    assert all(line in describe_scenario() for line in text.splitlines())
+
+
+def test_a_key_that_is_none_is_told_its_neighbours() -> None:
+    """One line, with what was probably meant."""
+    with pytest.raises(ScenarioError, match=r"observers\.gian: there is no such .* did you mean observers\.gain"):
+        describe_scenario("observers.gian")
 
 
 @pytest.mark.parametrize("name", sections())

@@ -42,14 +42,15 @@ def test_every_scenario_is_listed_with_a_line(
         assert f"  {name:<20} {description}\n" in printed
         assert 20 < len(description) < 120
     needed = {"paper", "paper_left", "paper_open_loop", "observer_benchmark", "tumble", "gust", "impact", "guard"}
-    assert needed | {"noisy_sensors", "model_error", "hover_start", "real_log_demo"} == set(SHIPPED)
+    needed |= {f"{name}_closed_loop" for name in ("paper_left", "gust", "impact", "hover")}
+    assert needed | {"noisy_sensors", "model_error", "hover_start", "real_log_demo", "raw_sensors"} == set(SHIPPED)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_scenario_flies_and_reports_finite_numbers(name: str) -> None:
     """Estimates everywhere finite, forces where the observers look, or a note that says where they do not."""
     experiment = flown(name)
-    assert np.all(np.isfinite(experiment.log.measured["q"].values))
+    assert np.all(np.isfinite(experiment.drawn.measured["q"].values))
     for observer, estimate in experiment.estimates.items():
         assert np.all(np.isfinite(estimate.force))
         assert estimate.identifiability.rank == 3 * len(estimate.frames)

@@ -99,7 +99,7 @@ class Forks:
 def fork(said: Path, words: list[str], cwd: str, largest_file: int | None, ignored: list[int]) -> int:
     """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end."""
     from aerobat_pin.cli import main
-    from aerobat_pin.files import end_on_signals
+    from aerobat_pin.errors import end_on_signals
 
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # until the program handles them
     pid = os.fork()

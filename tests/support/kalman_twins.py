@@ -47,6 +47,7 @@ class KalmanTwin:
         h, nz = blocks * c, blocks * c + len(spread)
         samples = [remembered(self.model, self.frames, *one) for one in zip(q, v, strict=True)]
         inertias = [pin.crba(self.model, self.model.createData(), one).copy() for one in q]
+        slopes = [self.slope(*one) @ np.linalg.inv(M) for *one, M in zip(q, v, inertias, strict=True)]
         weight = 9.81 * pin.computeTotalMass(self.model)
         weights = np.diag(believed(self.model, "all", v[0]))
         x = np.concatenate([samples[0][0], np.zeros(nz)])
@@ -60,7 +61,7 @@ class KalmanTwin:
         for k, torque in enumerate(tau):
             dt = time[k + 1] - time[k]
             if dt == 0.0:
-                samples[k + 1], inertias[k + 1] = samples[k], inertias[k]
+                samples[k + 1], inertias[k + 1], slopes[k + 1] = samples[k], inertias[k], slopes[k]
                 track.append(None)
                 continue
             mean = 0.5 * (samples[k] + samples[k + 1])
@@ -99,7 +100,8 @@ class KalmanTwin:
                 G[h + i] = known[name][k]
             if self.mass_error:
                 G[-1] = u + G[:h].T @ (seen @ x[nv:])[:h]
-            F = np.block([[np.eye(nv), dt * G.T @ A], [np.zeros((nz, nv)), A]])
+            turn = 0.5 * dt * (slopes[k] + slopes[k + 1])
+            F = np.block([[np.eye(nv) + turn, dt * G.T @ A], [np.zeros((nz, nv)), A]])
             noise = np.vstack([dt * G.T, np.eye(nz)]) @ seen
             square = np.sum((np.array(spread)[:, None] * G[h:]) ** 2, axis=0) if spread else np.zeros(nv)
             doubt = square if first else square + a * (doubt - square)
@@ -108,7 +110,10 @@ class KalmanTwin:
             Q[:nv, :nv] += np.diag(self.misfit**2 * dt * doubt + 0.01 * dt * disbelief / weights**2)
             if self.rows != "all":
                 Q[:nv, :nv] += self.unknown_torques(inertias[k + 1], 0.01 * dt * disbelief / weights**2)
-            ahead = F @ x + np.concatenate([dt * (u + mean[1]), np.zeros(nz)])
+            ahead = F @ x + np.concatenate([dt * (u + mean[1]) - turn @ x[:nv], np.zeros(nz)])
+            told = np.ones(nv) if self.rows == "all" else (np.arange(nv) < 6).astype(float)
+            bent = slopes[k] @ (x[:nv] - samples[k][0]) + slopes[k + 1] @ (told * (ahead[:nv] - samples[k + 1][0]))
+            ahead[:nv] += 0.5 * dt * bent
             P_ahead = F @ P @ F.T + Q
             R = inertias[k + 1] @ np.diag(sensors**2) @ inertias[k + 1]
             K = np.linalg.solve(H @ P_ahead @ H.T + R, H @ P_ahead).T
@@ -140,6 +145,15 @@ class KalmanTwin:
             if one is None:
                 found[k], sure[k] = found[k - 1], sure[k - 1]
         return np.array(found), np.array(sure)
+
+    def slope(self, q: Vector, v: Vector) -> Vector:
+        """Return d(C^T v)/dv: C^T v is quadratic in v, so differences of any size are exact."""
+        data = self.model.createData()
+
+        def drift(rate: Vector) -> Vector:
+            return pin.computeCoriolisMatrix(self.model, data, q, rate).T @ rate
+
+        return np.column_stack([0.5 * (drift(v + unit) - drift(v - unit)) for unit in np.eye(self.model.nv)])
 
     def explain(self, before: Vector, after: Vector, u: Vector, dt: float) -> tuple[Vector, Vector]:
         """Return the weighted rows (nv,) that no force explains, and the patterns (c, k) that leave no trace."""

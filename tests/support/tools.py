@@ -31,7 +31,13 @@ PROBES = {
     "placo": "import placo",
     "robot_descriptions": "import robot_descriptions.loaders.pinocchio",
 }
-PACKAGES = {"pink": "pin-pink"}  # on PyPI, where that name differs
+PACKAGES = {
+    "pink": "pin-pink",
+    "adam": "adam-robotics",
+    "jax": "mujoco-mjx",
+    "pydrake": "drake",
+    "rerun": "rerun-sdk",
+}  # on PyPI, where that name differs
 
 
 def need(tool: str) -> None:

@@ -17,7 +17,8 @@ from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.plant.memory import Forces
-from aerobat_pin.flight.plant.plant import Flown, Plant
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.robot.prescribed_joints import joint_table
@@ -136,7 +137,7 @@ def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
     robot, retract = plant.robot, pin.liegroups.SE3().integrate
     closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
     motion = joint_table(closed)
-    placement, y = plant.start.placement, np.concatenate([plant.start.twist, plant.start.air])
+    placement, y = plant.initial.placement, np.concatenate([plant.initial.twist, plant.initial.air])
     placements, states, means, loads = [placement], [y], [], []
     for k in range(count):
 

@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import tomli_w
 
-from aerobat_pin import aerodynamics, estimation, experiments, flight, linkage, observers, robot, scenario
+from aerobat_pin import aerodynamics, control, estimation, experiments, flight, linkage, observers, robot, scenario
 from aerobat_pin.errors import AerobatError, ShapeError
+from support import drone
 
-DOORS = ("observers", "linkage", "aerodynamics", "scenario", "robot", "flight", "estimation", "experiments")
+DOORS = ("observers", "linkage", "aerodynamics", "scenario", "robot", "flight", "estimation", "control", "experiments")
 
 
 class Stranger:
@@ -64,6 +66,17 @@ class Call:
         return made
 
 
+def _stepped(plant: flight.Plant) -> Callable[..., Any]:
+    """Return the first step of a flight that begins anew with every call."""
+
+    @wraps(plant.step)
+    def step(**arguments: Any) -> Any:
+        plant.start()
+        return plant.step(**arguments)
+
+    return step
+
+
 @cache
 def calls() -> dict[str, Call]:
     """Return a call of every public function and of every method that a user calls."""
@@ -82,6 +95,8 @@ def calls() -> dict[str, Call]:
     line = aerodynamics.LiftingLine(1.0, 0.2, strips=4)
     air = flight.robot_air(bat.wing, paper.air)
     plant = flight.Plant(bat, paper)
+    loop = scenario.load_scenario("hover_closed_loop", ["air.strips=4", "crank.frequency=0.0"])
+    looped = robot.believed_robot(loop)
     sculpture, dynamics = linkage.KineticSculpture(), linkage.SculptureDynamics()
     closure = sculpture.solve(np.linspace(0.0, 6.0, 5))
     rng = np.random.default_rng(1)
@@ -96,10 +111,25 @@ def calls() -> dict[str, Call]:
     sample = {"time": 1e-3, "q": q, "v": v, "tau": tau[0], "known": {"air": tau[0]}}
     made = {"model": model, "applications": [frame], "gain": 300.0, "rows": "all"}
     blank = {"robot": bat, "scenario": paper, "log": log, "air": paper.air}
-    rates = {"q": q, "v": v, "joints": np.zeros((3, 2)), "air": plant.start.air, "held": np.zeros((2, 2)), "time": 0.0}
+    rates = {
+        "q": q,
+        "v": v,
+        "joints": np.zeros((3, 2)),
+        "air": plant.initial.air,
+        "held": np.zeros((2, 2)),
+        "time": 0.0,
+    }
     wings = np.zeros((1, 3, 2))
     stroke = aerodynamics.Stroke(3.0, 0.1)
     paper_force = paper.unknown_force[0]
+    quick = ["unknown_force=[]", "simulation.dt=5e-3", "simulation.duration=0.2", "crank.frequency=20", *short[1:]]
+    free_paper = scenario.load_scenario("paper", quick)
+    free = {"robot": robot.believed_robot(free_paper), "air": free_paper.air, "torque": "measured"}
+    free_flight = estimation.FreeFlight(name="free", log=flight.simulate(free_paper), **free)
+    learnt = estimation.calibrate([free_flight], harmonics=1, parameters=["friction"])
+    (folder / "calibration.nc").write_bytes(estimation.calibration_bytes(learnt))
+    joints = {"q": np.outer(noise[:50], np.ones(2)), "v": np.ones((50, 2)), "a": np.ones((50, 2))}
+    friction = observers.fit_friction(**joints, residual_torque=np.ones((50, 2)))
     found: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         "run": (experiments.run, {"scenario": paper, "progress": None, "robots": (bat, bat)}),
         "run_recorded": (experiments.run_recorded, {"log": log, "belief": paper, "progress": None}),
@@ -296,6 +326,17 @@ def calls() -> dict[str, Call]:
                 "reference_frame": pin.ReferenceFrame.LOCAL,
             },
         ),
+        "closed_model": (robot.closed_model, {"morphology": "aerobat", "bars": "light", "gravity": 9.81}),
+        "closed_state": (
+            robot.closed_state,
+            {
+                "model": robot.closed_model()[0],
+                "linkage": sculpture,
+                "crank_angle": 0.1,
+                "crank_velocity": 1.0,
+                "crank_acceleration": 1.0,
+            },
+        ),
         "place_bars": (robot.place_bars, {"robot": bat, "picture": shown, "crank_angle": 0.1}),
         "visual_model_with_bars": (robot.visual_model_with_bars, {"robot": bat}),
         "tree_of": (robot.tree_of, {"model": model}),
@@ -306,6 +347,14 @@ def calls() -> dict[str, Call]:
         "Plant": (flight.Plant, {"robot": bat, "scenario": paper, "drive": flight.ConstantRate(0.1, 1.0)}),
         "Plant.closure": (plant.closure, {"time": edges[:3]}),
         "Plant.wind": (plant.wind, {"time": edges[:3]}),
+        "thrusters_of": (flight.thrusters_of, {"morphology": looped.morphology}),
+        "AirStream": (estimation.AirStream, {"robot": bat, "air": paper.air, "dt": 1e-3}),
+        "Controller": (control.Controller, {"scenario": loop, "robot": looped}),
+        "nominal_flight": (control.nominal_flight, {"scenario": loop, "robot": looped}),
+        "loop_margins": (control.loop_margins, {"scenario": loop}),
+        "course_rms": (control.course_rms, {"scenario": loop, "log": log}),
+        "Plant.start": (plant.start, {"held": np.zeros((2, 2, 3)), "dt": 1e-3, "start": None, "endless": False}),
+        "Plant.step": (_stepped(plant), {"command": np.zeros(6), "crank_rate": None}),
         "Plant.rates": (plant.rates, rates),
         "Plant.fly": (plant.fly, {"count": 2, "dt": 1e-3, "held": np.zeros((2, 2, 2)), "progress": None}),
         "Wake.mean_trailing": (
@@ -323,6 +372,19 @@ def calls() -> dict[str, Call]:
             estimation.belief_about,
             {"log": log, "name": "log", "morphology": "aerobat", "names": ["momentum"], "settings": []},
         ),
+        "FreeFlight": (estimation.FreeFlight, {"name": "free", "log": log, **free}),
+        "calibrate": (
+            estimation.calibrate,
+            {"flights": [free_flight], "harmonics": 1, "vary": ["speed"], "parameters": [], "progress": None},
+        ),
+        "calibration_bytes": (estimation.calibration_bytes, {"calibration": learnt}),
+        "read_calibration": (estimation.read_calibration, {"path": folder / "calibration.nc"}),
+        "JointFriction": (
+            observers.JointFriction,
+            {name: np.zeros(2) for name in ("coulomb", "viscous", "inertia", "offset")} | {"rate": 0.02},
+        ),
+        "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
+        "fit_friction": (observers.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
         "check_names": (estimation.check_names, {"names": ["momentum"]}),
         "describe_belief": (estimation.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
         "estimate_log": (estimation.estimate_log, {"log": log, "robot": bat, "belief": paper, "progress": None}),
@@ -344,8 +406,41 @@ def calls() -> dict[str, Call]:
         "recorded_note": (experiments.recorded_note, {"log": log, "robot": bat}),
         "load_sweep": (experiments.load_sweep, {"source": next(iter(experiments.shipped_sweeps()))}),
         "write": (experiments.write, {"experiment": done, "folder": folder}),
+        **_recordings(folder, model, log, done),
     }
     return {name: Call(*pair) for name, pair in found.items()}
+
+
+def _recordings(
+    folder: Path, model: pin.Model, log: Any, done: Any
+) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Return calls of what reads recordings of any robot: a second of a quadrotor."""
+    drone.flight(1.5).to_csv(folder / "drone.csv", index=False)
+    values: dict[str, Any] = {key: part for key, part in drone.MAP.items() if key not in ("known", "check")}
+    read = estimation.parse_map(values, "here")
+    (folder / "map.toml").write_text(tomli_w.dumps(values))
+    found = estimation.estimate_recording(folder / "drone.csv", read, folder)
+    data = experiments.estimate_dataset(done.estimates)
+    return {
+        "parse_map": (estimation.parse_map, {"values": values, "source": "here"}),
+        "load_map": (estimation.load_map, {"path": folder / "map.toml"}),
+        "with_options": (
+            estimation.with_options,
+            {"chosen": read, "urdf": None, "points": ["body"], "observers": ["momentum"]},
+        ),
+        "estimate_recording": (
+            estimation.estimate_recording,
+            {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False},
+        ),
+        "suggested_map": (estimation.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
+        "OnlineEstimator": (estimation.OnlineEstimator, {"chosen": read, "folder": folder, "heard": None}),
+        "write_recorded": (experiments.write_recorded, {"found": found, "folder": folder}),
+        "write_mcap": (estimation.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
+        "write_flight_mcap": (
+            estimation.write_flight_mcap,
+            {"model": model, "log": log, "estimates": data, "path": folder / "bat.mcap"},
+        ),
+    }
 
 
 def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
@@ -362,18 +457,24 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
+RESULTS = """Belief Calibration CalibrationUse
+Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
-Redundancy"""  # made by other functions
-TABLES = "AirSection RecordedForce RobotSection Scenario SensorSection SensorsSection UnknownForce"  # pydantic checks
+Redundancy JointFriction OnlineSample RecordingEstimate
+LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent"""  # made by other functions
+TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
+SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
-NOTHING = "describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
+NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 INNER = """checksums netcdf_bytes read_netcdf read_estimates contradictions joint_series moving_weight AllBut
-Contradiction"""  # called by other rooms, with what these have checked
-EXCLUDED = frozenset(f"{RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
+Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing Allocation
+DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys keys_text
+log_with_motion"""  # called by other rooms, with what these have checked
+PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
+EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
 
 

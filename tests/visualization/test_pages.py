@@ -16,7 +16,8 @@ from support.browser import needs_browser, opened
 from aerobat_pin.estimation.scores import true_force
 from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.figures.paper import draw_estimation
+from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization.figures.paper import draw_states
 from aerobat_pin.visualization.report import report_html
 from aerobat_pin.visualization.write_all import draw_all, write_figures_and_pages
 
@@ -41,7 +42,7 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
     np.testing.assert_allclose(np.radians(elbow), q.sel(q_axis="left_elbow"))
     for axis, name in zip(drawn["position"].axes, "xyz", strict=True):
         np.testing.assert_array_equal(axis.lines[0].get_ydata(), q.sel(q_axis=name))
-    right_fz = drawn["estimation"].axes[5]
+    right_fz = drawn["estimation"].axes[9]  # two columns, an error below each force
     truth = true_force(paper.log, "right_force_point")[0]
     np.testing.assert_array_equal(right_fz.lines[0].get_ydata(), truth[:, 2])
     np.testing.assert_array_equal(right_fz.lines[1].get_ydata(), paper.estimates["momentum"].force[:, 1, 2])
@@ -63,17 +64,18 @@ def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
     [
         ("impact", 2, (0.675, 0.735), ["impulse", "impulse, enlarged in the last row"]),
         ("guard", 1, (0.35, 1.25), ["push", "push, enlarged in the last row"]),
-        ("paper", 1, (0.54, 0.6), ["step", "noise, enlarged in the last row"]),
+        ("paper", 1, (0.97, 1.03), ["step", "step, enlarged in the last row"]),
+        ("gust", 1, (0.6, 1.2), ["gust", "gust, enlarged in the last row"]),
     ],
 )
 def test_the_close_up_looks_where_something_happens(
     name: str, row: int, span: tuple[float, float], legend: list[str]
 ) -> None:
-    """The axis and the time of the first event, or the paper's noise; boxes are explained, and hide no line."""
+    """The axis and the time of the first event, of a step its onset; boxes are explained, and hide no line."""
     made = run(load_scenario(name))
-    figure = draw_estimation(made.log, made.estimates)
+    figure = draw_all(made)["estimation"]
     columns = len(made.estimates["momentum"].frames)
-    close, looked_at = figure.axes[3 * columns], figure.axes[row * columns]
+    close, looked_at = figure.axes[6 * columns], figure.axes[2 * row * columns]
     assert close.get_ylabel() == f"$F_{'xyz'[row]}$ [N], enlarged"
     assert close.get_xlim() == pytest.approx(span)
     truth = looked_at.lines[0].get_ydata()
@@ -83,6 +85,40 @@ def test_the_close_up_looks_where_something_happens(
     [words] = figure.legends
     assert [text.get_text() for text in words.get_texts()][-2:] == legend
     assert all(box.get_zorder() < looked_at.lines[0].get_zorder() for box in looked_at.patches)
+
+
+def test_the_panels_of_the_forces_can_be_compared(paper: Experiment) -> None:
+    """Left and right on one scale, all errors on another; the errors are those of the estimates [mN]."""
+    axes = draw_estimation(paper.log, paper.estimates).axes
+    for row in (0, 2, 4):
+        assert axes[2 * row].get_ylim() == axes[2 * row + 1].get_ylim()
+    assert len({axes[2 * row + column].get_ylim() for row in (1, 3, 5) for column in (0, 1)}) == 1
+    np.testing.assert_allclose(np.ptp(axes[12].get_ylim()), np.ptp(axes[13].get_ylim()))
+    error = paper.estimates["momentum"].force[:, 0, 1] - true_force(paper.log, "left_force_point")[0][:, 1]
+    np.testing.assert_allclose(axes[6].lines[0].get_ydata(), 1e3 * error)
+
+
+def test_a_noisy_estimate_does_not_hide_the_truth_and_shows_its_deviation() -> None:
+    """It is drawn behind; a band of two standard deviations where the observer states them; long titles are broken."""
+    made = run(load_scenario("noisy_sensors", ["simulation.duration=0.4"]))
+    drawn = draw_all(made)
+    figure = drawn["estimation"]
+    truth, noisy = figure.axes[4].lines[:2]
+    assert noisy.get_zorder() < truth.get_zorder()
+    [band] = figure.axes[4].collections
+    assert "2 standard deviations" in str(band.get_label())
+    for picture in drawn.values():
+        picture.draw_without_rendering()
+        title = picture._suptitle.get_window_extent() if picture._suptitle else None
+        assert title is None or title.width <= picture.bbox.width
+
+
+def test_an_angle_that_wraps_leaves_a_gap(paper: Experiment) -> None:
+    """No vertical line from -180 to 180 deg: no two neighbours are further apart than half a turn."""
+    made = run(load_scenario("tumble"))
+    angles = [line.get_ydata() for line in draw_states(made.log).axes[1].lines]
+    assert any(np.isnan(one).any() for one in angles)
+    assert all(np.nanmax(np.abs(np.diff(one))) <= 180.0 for one in angles)
 
 
 @pytest.mark.parametrize(("name", "drawn"), [("paper", 2.5), ("tumble", 1.0)])
@@ -128,7 +164,7 @@ def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> N
 def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, paper_folder: Path) -> None:
     """No address to fetch, seven embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
     page = (paper_folder / "report.html").read_text()
-    assert not re.search(r'(?:src|href)="(?!data:|#)', page)
+    assert not re.search(r'(?:src|href)="(?!data:|#|replay\.html")', page)
     assert "url(" not in page
     assert page.count("data:image/png;base64,") == 7
     assert page.count("mN</td>") == 12 + 8  # errors of two observers, wings and three axes; four sizes of each belief

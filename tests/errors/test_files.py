@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from aerobat_pin.errors import OutputError, OutputWarning
-from aerobat_pin.files.output_folder import claimed, output_folder
-from aerobat_pin.files.whole_files import write_files
+from aerobat_pin.errors.output_folder import claimed, output_folder
+from aerobat_pin.errors.whole_files import write_files
 
-folders = import_module("aerobat_pin.files.output_folder")  # the door has a function of this name
+folders = import_module("aerobat_pin.errors.output_folder")  # the door has a function of this name
 REPLACES = ("a.txt", "b.txt")
 PROGRAM = [sys.executable, "-m", "aerobat_pin"]
 
@@ -148,7 +148,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["aerobat_pin.files", "typer", "numpy", "pinocchio", "numba", "xarray"])
+@pytest.mark.parametrize("module", ["aerobat_pin.errors", "typer", "numpy", "pinocchio", "numba", "xarray"])
 def test_ctrl_c_while_the_program_loads_is_one_line(module: str, tmp_path: Path) -> None:
     """From the first import of ours on, before the handlers are there and after."""
     command = [sys.executable, "-c", LOADING, module]

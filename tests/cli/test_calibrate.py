@@ -1,0 +1,76 @@
+"""`aerobat calibrate` and `--calibration`: from a free run to a run that uses it, and what mistakes cost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from support.commands import call
+
+from aerobat_pin.estimation import read_calibration
+from aerobat_pin.flight import FlightLog, write_csv
+
+QUICK = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4", "--set", "air.warm_up_cycles=1"]
+BELIEF = ["--set", "believed.air.density=1.47"]
+
+
+def fly(monkeypatch: pytest.MonkeyPatch, out: str, *words: str) -> int:
+    """Fly `paper` quickly and coarsely, with too dense an air believed."""
+    return call(monkeypatch, "run", "paper", "--out", out, "--no-report", *QUICK, *BELIEF, *words)
+
+
+def test_a_free_run_calibrates_another_run_and_its_log(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`metrics.json` names the calibration and its range, the folder has a copy; far away it says faded."""
+    monkeypatch.chdir(tmp_path)
+    free = ["--set", "unknown_force=[]", "--set", "simulation.duration=1"]
+    assert fly(monkeypatch, "free", *free) == 0
+    assert call(monkeypatch, "calibrate", "free", "--out", "c.nc", "--identify", "density") == 0
+    printed = capsys.readouterr().out
+    assert "density" in printed
+    assert "6 harmonics of the crank" in printed
+    assert read_calibration(tmp_path / "c.nc").values["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
+    assert fly(monkeypatch, "used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
+    metrics = json.loads((tmp_path / "used" / "metrics.json").read_text())
+    assert metrics["calibration"] == "inside"
+    assert set(metrics["observers"]["force_level"]["events"][0]) == {"point", "onset", "alarm", "end", "size"}
+    assert metrics["observers"]["force_level"]["redundancy"]["verdict"] == "consistent"
+    assert (tmp_path / "used" / "calibration.nc").is_file()
+    assert "calibration: inside" in capsys.readouterr().out
+    short = ["--set", "simulation.duration=0.1"]
+    assert call(monkeypatch, "calibrate", "free", "--out", "flat.nc", "--identify", "none", "--harmonics", "2") == 0
+    far = ["--set", "flight.velocity=[4.5, 0, 0]", *short]
+    assert fly(monkeypatch, "far", "--calibration", "flat.nc", *far) == 0
+    metrics = json.loads((tmp_path / "far" / "metrics.json").read_text())
+    assert metrics["calibration"] == "faded"
+    assert any("faded out" in warning for warning in metrics["warnings"])
+    assert metrics["observers"]["force_level"]["events"] is None
+    log = FlightLog.load(tmp_path / "free" / "flight.nc")
+    write_csv(log, tmp_path / "free.csv")
+    robot = ["--morphology", "aerobat_guard", "--set", "robot.changes.wing.offset_x=-0.06", "--set", "air.strips=4"]
+    assert call(monkeypatch, "calibrate", "free.csv", "--out", "hall.nc", "--identify", "none", *robot) == 0
+    assert call(monkeypatch, "estimate", "free.csv", "--calibration", "hall.nc", "--out", "hall", *robot) == 0
+    assert json.loads((tmp_path / "hall" / "metrics.json").read_text())["calibration"] == "inside"
+    assert fly(monkeypatch, "plain", *short) == 0
+    assert json.loads((tmp_path / "plain" / "metrics.json").read_text())["calibration"] is None
+    capsys.readouterr()
+    for words, message in (
+        (["calibrate", "used", "--out", "new.nc"], "an unknown force of"),
+        (["calibrate", "free", "--out", "c.nc"], "--force overwrites it"),
+        (["calibrate", "hall", "--out", "new.nc"], "is not the folder of a run"),
+        (["calibrate", "nowhere.nc", "--out", "new.nc"], "there is no such file"),
+        (["calibrate", "free", "--out", "new.nc", "--identify", "luck"], "parameters has 'luck'"),
+        (["calibrate", "free", "--out", "new.nc", "--vary", "colour"], "vary has 'colour'"),
+        (["calibrate", "free", "--out", "new.nc", "--morphology", "aerobat"], "a log was expected"),
+        (
+            ["run", "paper", "--out", "new", *short, "--calibration", "c.nc"],
+            "air.density = 1.47, but 1.225 is believed",
+        ),
+        (["run", "paper", "--out", "new", *short, "--calibration", "nowhere.nc"], "calibration nowhere.nc: cannot be"),
+    ):
+        assert call(monkeypatch, *words) == 2, words
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+    assert not (tmp_path / "new.nc").exists()

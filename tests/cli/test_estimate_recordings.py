@@ -1,0 +1,131 @@
+"""`aerobat estimate --map`, `--suggest`, `convert` and `describe map`, as a user types them."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import tomli_w
+from support.commands import call
+from support.walking_log import FEET, bag, table, table_map, urdf, walk
+
+from aerobat_pin.estimation.recordings import parse_map
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the current folder, with the quadruped, its walk and its map."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    table(walk()).to_csv(tmp_path / "walk.csv", index=False)
+    (tmp_path / "map.toml").write_text(tomli_w.dumps(table_map(Path("quadruped.urdf"))))
+    return tmp_path
+
+
+def test_a_map_gives_every_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Forces, metrics scored against the sensor, report, replay, figures, and an MCAP file that can be read back."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "out", "--out-mcap", "forces.mcap"]
+    assert call(monkeypatch, *words, "--points", "FL_FOOT,FR_FOOT,RL_FOOT,RR_FOOT") == 0
+    said = capsys.readouterr().out
+    assert re.search(r"force_level against the sensor, FL_FOOT\.Fz: R2 1\.000", said)
+    metrics = json.loads((folder / "out" / "metrics.json").read_text())
+    assert metrics["observers"]["force_level"]["FL_FOOT"]["Fz"]["r2"] > 0.999
+    assert metrics["warnings"] == []
+    with h5py.File(folder / "out" / "estimate.nc") as file:
+        assert file["force_W"].shape == (1, 1500, 4, 3)
+    assert len(pd.read_csv(folder / "out" / "estimate.csv")) == 1500
+    for name in ("report.html", "replay.html", "map.toml", "figures/forces.png", "figures/sensor.pdf"):
+        assert (folder / "out" / name).stat().st_size > 200
+    assert "http://" not in (folder / "out" / "report.html").read_text()
+    with highlevel.AnyReader([folder / "forces.mcap"]) as reader:
+        counts = {topic: info.msgcount for topic, info in reader.topics.items()}
+        connection = next(one for one in reader.connections if one.topic == "/force/force_level/FL_FOOT")
+        forces = [
+            reader.deserialize(raw, connection.msgtype).wrench.force.z for _, _, raw in reader.messages([connection])
+        ]
+    assert counts["/joint_states"] == counts["/pose"] == counts["/truth/FL_FOOT"] == 1500
+    assert counts["/arrows"] > 50
+    np.testing.assert_allclose(forces[20:], walk().force[20:-1, 0, 2], atol=0.2)
+    assert call(monkeypatch, *words) == 2  # the folder is not empty
+    assert call(monkeypatch, *words, "--force") == 0
+
+
+def test_mistakes_cost_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A foreign log without a map, a map with a misspelt key, a robot that is not there; nothing is left behind."""
+    cases = {
+        ("estimate", "walk.csv"): r"--map MAP\.toml says what its columns mean .*--suggest",
+        ("estimate", "walk.csv", "--map", "bad.toml"): r"unknown key 'base\.positions'; did you mean 'position'",
+        ("estimate", "walk.csv", "--map", "map.toml", "--urdf", "none.urdf"): r"none\.urdf: there is no such file",
+        ("estimate", "walk.csv", "--map", "map.toml", "--points", "NOSE"): r"no frame 'NOSE' .*robot\.points",
+        (
+            "estimate",
+            "walk.csv",
+            "--map",
+            "map.toml",
+            "--observer",
+            "crystal",
+        ): r"observer\.names .* choose from momentum",
+        ("estimate", "none.csv", "--map", "map.toml"): r"none\.csv: there is no such file",
+        ("estimate", "quadruped.urdf", "--map", "map.toml"): r"quadruped\.urdf: ",
+        ("convert", "walk.csv", "--mcap", "x.mcap"): r"not the folder of a run",
+    }
+    (folder / "bad.toml").write_text(
+        '[robot]\nurdf = "quadruped.urdf"\npoints = ["trunk"]\n[base.positions]\ncolumns = ["x"]\n'
+    )
+    for words, expected in cases.items():
+        assert call(monkeypatch, *words) == 2, words
+        said = capsys.readouterr().err.strip()
+        assert re.search(expected, said), (words, said)
+        assert said.count("\n") == 0
+    assert not (folder / "runs").exists()
+
+
+def test_a_suggested_map_is_a_map(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a table and of a bag; with its questions answered, it estimates."""
+    pytest.importorskip("rosbags")
+    import tomllib
+
+    bag(walk(), folder / "walk_bag")
+    for log in ("walk.csv", "walk_bag"):
+        assert call(monkeypatch, "estimate", log, "--suggest", "--urdf", "quadruped.urdf") == 0
+        text = capsys.readouterr().out
+        assert "#" in text
+        suggested = parse_map(tomllib.loads(text), log)
+        assert suggested.robot.root == "free_flyer"
+        values = tomllib.loads(text)
+        values["robot"]["points"] = list(FEET)
+        if "wrench" in values["check"]:
+            values["check"]["wrench"]["point"] = "FL_FOOT"
+        (folder / "suggested.toml").write_text(tomli_w.dumps(values))
+        assert call(monkeypatch, "estimate", log, "--map", "suggested.toml", "--out", f"out_{log}") == 0
+        found = json.loads((folder / f"out_{log}" / "metrics.json").read_text())["observers"]["force_level"]
+        assert found["FL_FOOT"]["Fz"]["r2"] > 0.99
+        capsys.readouterr()
+
+
+def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With true forces beside the estimates."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    assert call(monkeypatch, "convert", str(paper_folder), "--mcap", str(tmp_path / "paper.mcap")) == 0
+    with highlevel.AnyReader([tmp_path / "paper.mcap"]) as reader:
+        assert {"/pose", "/joint_states", "/arrows", "/truth/left_force_point"} <= set(reader.topics)
+
+
+def test_the_map_is_described(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every table with its keys."""
+    assert call(monkeypatch, "describe", "map") == 0
+    said = capsys.readouterr().out
+    assert "[joints.friction]" in said
+    assert "xyzw" in said

@@ -1,0 +1,86 @@
+"""Long work shows itself: what is compiled, which stage, and how far it is, with a terminal and without."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from aerobat_pin.cli import console
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.numerics import told_of_compilation
+from aerobat_pin.scenario.scenario import load_scenario
+
+SHORT = ["simulation.duration=0.02", "air.warm_up_cycles=1"]
+
+
+def test_what_is_compiled_is_told_by_its_name() -> None:
+    """Once, when it is compiled; not when it is called again. Kernels of others are not ours to tell."""
+
+    def doubled(x: float) -> float:
+        return 2.0 * x
+
+    doubled.__module__ = "aerobat_pin.observers.somewhere"
+    told: list[str] = []
+    compiled = numba.njit(doubled)
+    with told_of_compilation(told.append):
+        assert compiled(2.0) == 4.0
+        assert compiled(3.0) == 6.0
+    assert told == ["compiling doubled of observers, once per installation: some seconds to a minute"]
+
+
+def test_each_observer_is_a_stage_of_its_own() -> None:
+    """Named; shares begin at zero and stay below one."""
+    seen: list[tuple[str, float]] = []
+    scenario = load_scenario("paper", [*SHORT, 'observers.names=["momentum", "kalman", "smoother"]'])
+    run(scenario, lambda label, share: seen.append((label, share)))
+    labels = list(dict.fromkeys(label for label, _ in seen))
+    assert labels == ["flying", "estimating with momentum", "estimating with kalman", "estimating with smoother"]
+    assert all(0.0 <= share <= 1.0 for _, share in seen)
+
+
+def test_without_a_terminal_slow_work_is_told_in_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A quick command says nothing; a slow one its stages, and every ten seconds how far it is."""
+    clock = [0.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: clock[0])
+    with console.progress_bar() as show:
+        for now, label, share in (
+            (0.5, "flying", 0.0),
+            (1.0, "flying", 0.5),
+            (11.0, "flying", 0.6),
+            (12.0, "flying", 0.7),
+            (15.0, "drawing figures", 0.0),
+            (24.0, "drawing figures", 0.5),
+        ):
+            clock[0] = now
+            show(label, share)
+    assert capsys.readouterr().err.splitlines() == ["flying: 60 %", "drawing figures"]
+
+
+def test_on_a_terminal_each_stage_is_a_bar(tmp_path: Path) -> None:
+    """Flying, each observer; they vanish, and standard output is the table alone."""
+    ours, theirs = pty.openpty()
+    words = ["run", "paper", "--no-report", "--out", "here", *(w for one in SHORT for w in ("--set", one))]
+    with subprocess.Popen(
+        [sys.executable, "-m", "aerobat_pin", *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs
+    ) as process:
+        os.close(theirs)
+        shown = b""
+        try:
+            while part := os.read(ours, 65536):
+                shown += part
+        except OSError:  # Linux: the other end is closed
+            pass
+        assert process.stdout is not None
+        printed = process.stdout.read().decode()
+    os.close(ours)
+    for label in ("flying", "estimating with momentum", "estimating with force_level"):
+        assert label.encode() in shown
+    assert printed.startswith("\npaper, seed 1: ")

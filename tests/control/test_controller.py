@@ -1,0 +1,145 @@
+"""The law: its nominal flight, its signs, its margins, and what it says before a flight that must fail."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from aerobat_pin.control.controller import Controller
+from aerobat_pin.control.margins import loop_margins
+from aerobat_pin.errors import ControlWarning, ScenarioError
+from aerobat_pin.estimation.air_stream import AirStream
+from aerobat_pin.estimation.known_inputs import known_inputs
+from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot.load import believed_robot
+from aerobat_pin.scenario.scenario import load_scenario
+
+STEADY = ["control.lead=1.0", "control.integral=false", "control.feedforward=false", "sensors={}"]
+
+
+def controller(*settings: str) -> Controller:
+    """Build the controller of the paper's closed loop."""
+    return Controller(load_scenario("paper_left_closed_loop", settings))
+
+
+def sample(pilot: Controller, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> tuple[Array, Array]:
+    """Return a sample on the course, turned by small angles [rad], pitch positive nose up."""
+    robot = believed_robot(pilot.scenario)
+    q, v = robot.q0, np.zeros(robot.model.nv)
+    attitude = pin.rpy.rpyToMatrix(roll, -pitch, yaw)
+    q[3:7] = pin.Quaternion(attitude).coeffs()
+    v[:3] = attitude.T @ np.array(pilot.scenario.flight.velocity)
+    return q, v
+
+
+def test_the_nominal_wrench_is_gravity_less_air() -> None:
+    """0.77 N of lift; and 6.4 mN m of pitch, since the body's centre of mass is not the robot's."""
+    pilot = controller()
+    nominal, weight = pilot.nominal, pilot.nominal.mass * 9.81
+    assert nominal.wrench[2] == pytest.approx(weight - nominal.air[2], rel=1e-3)
+    assert nominal.wrench[2] == pytest.approx(0.77, abs=0.01)
+    assert nominal.wrench[4] == pytest.approx(6.4e-3, abs=0.3e-3)
+    np.testing.assert_allclose(nominal.wrench[[1, 3, 5]], 0.0, atol=1e-6)
+    np.testing.assert_allclose(pilot.allocation.map @ pilot.trim, nominal.wrench, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
+def test_a_turned_body_is_turned_back_as_stiffly_as_the_scenario_says(axis: str) -> None:
+    """Moment per angle is J w^2, about that axis alone; nose up is a negative turn about y."""
+    pilot = controller(*STEADY, f"control.{axis}=10.0")
+    q, v = sample(pilot)
+    pilot.begin(0.0, q, v, 0.0)
+    level = pilot.wrench(0.0, q, v)
+    angle, i = 1e-4, ("roll", "pitch", "yaw").index(axis)
+    turned = pilot.wrench(0.0, *sample(pilot, **{axis: angle})) - level
+    sign = 1.0 if axis == "pitch" else -1.0
+    assert turned[3 + i] == pytest.approx(sign * pilot.nominal.inertia[i] * 100.0 * angle, rel=1e-3)
+    np.testing.assert_allclose(np.delete(turned[3:], i), 0.0, atol=1e-9)
+
+
+def test_who_is_left_of_the_course_rolls_to_the_right() -> None:
+    """The rolling moment is that of the roll that pushes back m w^2 y; the lift is corrected for bank."""
+    pilot = controller(*STEADY)
+    q, v = sample(pilot)
+    pilot.begin(0.0, q, v, 0.0)
+    level = pilot.wrench(0.0, q, v)
+    q[1] = 0.01
+    roll = 2.8**2 * 0.01 / 9.81
+    moment = (pilot.wrench(0.0, q, v) - level)[3]
+    assert moment == pytest.approx(pilot.nominal.inertia[0] * 144.0 * roll, rel=0.01)
+    q, v = sample(pilot, roll=0.2)
+    assert pilot.wrench(0.0, q, v)[2] == pytest.approx(level[2] / np.cos(0.2), rel=1e-6)
+
+
+def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
+    """1 cm too low: m w^2 h of additional lift; 1 cm behind: m w^2 h forward."""
+    pilot = controller(*STEADY)
+    q, v = sample(pilot)
+    pilot.begin(0.0, q, v, 0.0)
+    level = pilot.wrench(0.0, q, v)
+    q[:3] = [-0.01, 0.0, -0.01]
+    answer = pilot.wrench(0.0, q, v) - level
+    mass = pilot.nominal.mass
+    np.testing.assert_allclose(answer[[0, 2]], [mass * 4.0 * 0.01, mass * 64.0 * 0.01], rtol=1e-9)
+
+
+def test_margins_are_those_of_the_textbook_for_a_plain_double_integrator() -> None:
+    """No lag, no delay, no observer: L = (kd s + kp) / s^2, phase margin atan(2 z wc / w), Ms from the closed form."""
+    plain = ["thrusters.lag=0.0", "thrusters.delay=0.0", "control.lead=1.0", "control.lateral=0.0"]
+    quick = ["simulation.dt=1e-5", "simulation.duration=0.001"]
+    found = loop_margins(load_scenario("paper_left_closed_loop", [*plain, *STEADY[1:3], *quick]))
+    w, z = 12.0, 0.8
+    crossover = w * np.sqrt(2.0 * z * z + np.sqrt(4.0 * z**4 + 1.0))
+    for axis in ("roll", "pitch", "yaw"):
+        assert found[axis].stable
+        assert found[axis].crossover == pytest.approx(crossover, rel=1e-3)
+        assert found[axis].phase == pytest.approx(np.arctan(2.0 * z * crossover / w), rel=2e-3)
+
+
+def test_the_shipped_loop_has_margins_with_and_without_observer() -> None:
+    """Ms below 2; an observer costs phase, as the design says; slow thrusters make the loop unstable."""
+    with_it, without = (
+        loop_margins(load_scenario("paper_left_closed_loop", more)) for more in ([], ["control.feedforward=false"])
+    )
+    assert all(axis.stable and axis.ms < 2.0 for axis in (*with_it.values(), *without.values()))
+    assert np.degrees(without["roll"].phase) == pytest.approx(42.0, abs=3.0)
+    assert np.degrees(with_it["roll"].phase) == pytest.approx(36.0, abs=3.0)
+    late = ["thrusters.delay=0.06", "believed.thrusters.delay=0.001"]
+    assert not loop_margins(load_scenario("paper_left_closed_loop", late))["roll"].stable
+
+
+def test_too_weak_thrusters_are_announced_before_the_flight() -> None:
+    """Half the thrust is 0.70 N, the robot needs 0.77 N; with all of it nothing is said."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        controller("thrusters.factor=0.5")
+    lines = [str(one.message) for one in caught if one.category is ControlWarning]
+    assert any("needs 0.779 N of lift" in line and line.endswith("the robot will fall") for line in lines)
+    assert controller().warnings == []
+
+
+def test_a_scenario_without_a_table_control_has_no_controller() -> None:
+    """And `simulate` says what is missing."""
+    with pytest.raises(ScenarioError, match="no table control"):
+        Controller(load_scenario("paper"))
+    with pytest.raises(ScenarioError, match="has a table control, but no pilot was given"):
+        simulate(load_scenario("hover_closed_loop"))
+
+
+@pytest.mark.parametrize(("dt", "bound"), [(1e-3, 1e-3), (1e-2, 0.03)])
+def test_the_air_of_a_stream_is_that_of_the_whole_record(dt: float, bound: float) -> None:
+    """Sample by sample within a thousandth of the batch reconstruction, three hundredths at 100 Hz."""
+    scenario = load_scenario("paper", ["simulation.duration=0.2", f"simulation.dt={dt}"])
+    log, robot = simulate(scenario), believed_robot(scenario)
+    batch = known_inputs(log, robot, "none", scenario.believed_air)
+    stream = AirStream(robot, scenario.believed_air, dt)
+    stream.reset(0.0, batch.q[0], batch.v[0], float(log.measured["crank_angle"][0]), 2.0 * np.pi * 4.75)
+    made = np.array([stream.update(*one) for one in zip(batch.time[1:], batch.q[1:], batch.v[1:], strict=True)])
+    for i, name in enumerate(("aerodynamic", "added_mass")):
+        np.testing.assert_allclose(
+            made[:, i, :6], batch.known[name][:, :6], atol=bound * np.abs(batch.known[name]).max()
+        )

@@ -1,0 +1,66 @@
+"""The gymnasium environment."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from aerobat_pin.control import AerobatEnv, Controller
+from aerobat_pin.errors import ScenarioError, SimulationError
+
+gymnasium = pytest.importorskip("gymnasium")
+COARSE = ["air.strips=8", "simulation.duration=0.3"]
+
+
+def test_the_checker_of_gymnasium_has_nothing_to_say() -> None:
+    """Spaces, seeds, types and shapes; its advice about infinite bounds is none of ours."""
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        check_env(AerobatEnv(settings=COARSE), skip_render_check=True)
+
+
+def test_the_shipped_controller_flies_an_episode() -> None:
+    """At 100 Hz, from what the environment shows: it stays on its course until the time is over."""
+    env = AerobatEnv(settings=["simulation.duration=1.0", "unknown_force=[]"])
+    pilot = Controller(env.scenario)
+    seen, info = env.reset(seed=3)
+    pilot.begin(0.0, info["q"], info["v"], info["crank_angle"])
+    total, steps, terminated, truncated = 0.0, 0, False, False
+    while not (terminated or truncated):
+        thrust = pilot.command(info["time"], info["q"], info["v"])
+        seen, reward, terminated, truncated, info = env.step(2.0 * thrust / pilot.thrusters.limit - 1.0)
+        total, steps = total + reward, steps + 1
+        assert np.linalg.norm(seen[:3]) < 0.05
+    assert (terminated, truncated, steps) == (False, True, 100)
+    assert total > 95.0
+
+
+def test_seeds_decide_the_noise_and_nothing_else_does() -> None:
+    """Same seed and actions, same observations to the bit; a fall terminates the episode."""
+    env = AerobatEnv(settings=["simulation.duration=2.0", "air.strips=8"])
+    episodes = []
+    for seed in (5, 5, 6):
+        seen = [env.reset(seed=seed)[0]]
+        seen += [env.step(env.neutral)[0] for _ in range(10)]
+        episodes.append(np.array(seen))
+    np.testing.assert_array_equal(episodes[0], episodes[1])
+    assert not np.array_equal(episodes[0], episodes[2])
+    env.reset(seed=1)
+    off = -np.ones(6)
+    ends = [env.step(off)[2:4] for _ in range(40)]
+    assert not ends[0][0]
+    while not env.step(off)[2]:
+        pass
+
+
+def test_what_cannot_be_flown_is_refused() -> None:
+    """A scenario without thrusters, a step before the start."""
+    with pytest.raises(ScenarioError, match="no table control"):
+        AerobatEnv("paper")
+    env = AerobatEnv(settings=COARSE)
+    with pytest.raises(SimulationError, match=r"reset\(\) must come before"):
+        env.step(env.neutral)

@@ -1,0 +1,73 @@
+"""The recursions of the joint smoother against one dense least-squares problem over all states of a record."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.estimation.raw.recursion import MOVING, filter_record, smooth_record
+
+
+def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> None:
+    """States, covariances and likelihood of a random model are those of the joint Gaussian of all states."""
+    rng = np.random.default_rng(4)
+    n, m, each = MOVING + 5, 4, 3
+    fresh = np.array([MOVING + 2, MOVING + 4], dtype=np.intp)
+    F = np.zeros((m, MOVING, n))
+    F[:, :, :MOVING] = np.eye(MOVING)
+    F += 0.1 * rng.standard_normal(F.shape)
+    shift, noise = 0.1 * rng.standard_normal((m, MOVING)), rng.uniform(0.1, 1.0, (m, n))
+    h, R = rng.standard_normal(((m + 1) * each, n)), rng.uniform(0.2, 1.0, (m + 1) * each)
+    e, x0 = rng.standard_normal((m + 1) * each), 0.3 * rng.standard_normal(n)
+    root = rng.standard_normal((n, n))
+    P0, start = root @ root.T / n + np.eye(n), (each * np.arange(m + 2)).astype(np.intp)
+
+    # The joint Gaussian: mean and covariance of all states stacked, then conditioned on the samples.
+    steps, moves = [], []
+    for k in range(m):
+        step = np.eye(n)
+        step[:MOVING] = F[k]
+        step[fresh[0] : fresh[1]] = 0.0
+        steps.append(step)
+        moves.append(np.pad(shift[k], (0, n - MOVING)))
+    mean, blocks = [x0], {(0, 0): P0}
+    for k in range(m):
+        mean.append(steps[k] @ mean[k] + moves[k])
+        for j in range(k + 1):
+            blocks[k + 1, j] = steps[k] @ (blocks[k, j] if k >= j else blocks[j, k].T)
+        blocks[k + 1, k + 1] = steps[k] @ blocks[k, k] @ steps[k].T + np.diag(noise[k])
+    size = n * (m + 1)
+    C, H = np.zeros((size, size)), np.zeros((len(e), size))
+    for (i, j), block in blocks.items():
+        C[i * n : (i + 1) * n, j * n : (j + 1) * n] = block
+        C[j * n : (j + 1) * n, i * n : (i + 1) * n] = block.T
+    for i in range(len(e)):
+        k = i // each
+        H[i, k * n : (k + 1) * n] = h[i]
+
+    def conditioned(count: int) -> tuple[np.ndarray, np.ndarray, float]:
+        G, miss = H[:count], e[:count] - H[:count] @ np.concatenate(mean)
+        S = G @ C @ G.T + np.diag(R[:count])
+        gain = np.linalg.solve(S, G @ C).T
+        score = -0.5 * (miss @ np.linalg.solve(S, miss) + np.linalg.slogdet(S)[1])
+        return np.concatenate(mean) + gain @ miss, C - gain @ G @ C, score
+
+    gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
+    states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
+    score = filter_record(
+        x0.copy(), P0.copy(), F, shift, noise, fresh, start, h, e, R, gains, innovations, states, covariances
+    )
+    np.testing.assert_allclose(score, conditioned(len(e))[2], rtol=1e-10)
+    for k in range(m + 1):
+        best, spread, _ = conditioned(each * (k + 1))
+        at = slice(k * n, (k + 1) * n)
+        np.testing.assert_allclose(states[k], best[at], atol=1e-10)
+        np.testing.assert_allclose(covariances[k], spread[at, at], atol=1e-10)
+    block = np.array([MOVING, MOVING + 2], dtype=np.intp)
+    deviations, found = np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
+    smooth_record(F, fresh, start, h, gains, innovations, states, covariances, block, deviations, found)
+    best, spread, _ = conditioned(len(e))
+    np.testing.assert_allclose(states.ravel(), best, atol=1e-10)
+    np.testing.assert_allclose(deviations.ravel() ** 2, np.diag(spread), atol=1e-10)
+    for k in range(m + 1):
+        at = slice(k * n + MOVING, k * n + MOVING + 2)
+        np.testing.assert_allclose(found[k], spread[at, at], atol=1e-10)

@@ -1,0 +1,226 @@
+"""From raw samples to forces: the joint smoother, its deviations, the causal filter, clocks, and what is refused."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from support.own_model import own_model_errors
+
+from aerobat_pin.errors import LogError, ObserverError, ScenarioError
+from aerobat_pin.estimation import contradictions, estimate_log, r_squared
+from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, raw_record
+from aerobat_pin.estimation.raw.air import AirForces
+from aerobat_pin.estimation.raw.dynamics import linear_dynamics
+from aerobat_pin.estimation.raw.linear import LinearRecord
+from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
+from aerobat_pin.estimation.raw.prior import Prior, first_prior
+from aerobat_pin.estimation.raw.tuning import Tuning
+from aerobat_pin.flight import FlightLog, simulate
+from aerobat_pin.linkage import SeriesSculpture
+from aerobat_pin.robot import Aerobat, believed_robot
+from aerobat_pin.scenario import RawSection, load_scenario
+
+FRAMES = ("left_force_point", "right_force_point")
+GIVEN = RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0)  # as likelihood finds them
+SHORT = ("simulation.duration=1.3",)  # the forces' step is at 1 s
+
+
+@cache
+def flight(*settings: str) -> tuple[FlightLog, Aerobat]:
+    """Return the log of `raw_sensors` with settings, and its robot."""
+    scenario = load_scenario("raw_sensors", [*SHORT, *settings])
+    return simulate(scenario), believed_robot(scenario)
+
+
+@cache
+def smoothed(torque: str, *settings: str) -> tuple[JointSmoother, RawRecord, JointEstimate]:
+    """Return smoother, record and estimate of a flight, with given walks."""
+    log, robot = flight(*settings)
+    record = raw_record(log, robot, torque, GIVEN)  # type: ignore[arg-type]
+    smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, GIVEN)
+    return smoother, record, smoother.run(record)
+
+
+def truth(log: FlightLog) -> np.ndarray:
+    """Return the true forces without noise (m, 2, 3)."""
+    assert log.truth is not None
+    points = [str(point) for point in log.truth["point"].values]
+    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FRAMES]]
+
+
+def worst_r2(force: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Return R2 of Fx, Fy, Fz of the worse wing."""
+    return np.array(
+        [min(r_squared(force[:, i, k].copy(), true[:, i, k].copy()) or 0.0 for i in range(2)) for k in range(3)]
+    )
+
+
+def test_forces_motion_and_biases_are_found_with_an_accelerometer() -> None:
+    """R2 of the worse wing; velocity to 2 mm/s where splines miss 40; biases as the sensors have them."""
+    log, _ = flight()
+    _, _, found = smoothed("measured")
+    assert found.settled
+    assert np.all(worst_r2(found.force, truth(log)) > [0.95, 0.99, 0.99])
+    assert log.truth is not None
+    error = found.nominal.twist - log.truth["v"].values[:, :6]
+    assert np.sqrt(np.mean(error[:, :3] ** 2)) < 2e-3
+    np.testing.assert_allclose(found.bias[:3], [0.002, -0.002, 0.002], atol=2e-3)  # yaw: 130 poses of 3 mrad
+    np.testing.assert_allclose(found.bias[3:], [0.05, -0.05, 0.05], atol=0.01)
+    assert not any(one.sure for one in found.offsets)
+    assert all(0.7 < ratio < 1.3 for ratio in found.nis.values())
+
+
+def test_deviations_cover_the_errors() -> None:
+    """On the shipped flight: normalised error squared from .2 to 1.5, mean deviation at most twice the rms error."""
+    log, _ = flight()
+    _, _, found = smoothed("measured")
+    error = (found.force - truth(log)).reshape(len(found.force), -1)
+    nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.force_covariance), error) / error.shape[1]
+    stated = np.sqrt(np.einsum("kii->ki", found.force_covariance)).mean(axis=0)
+    assert 0.2 < np.mean(nees) < 1.5
+    assert np.all(stated < 2.0 * np.sqrt(np.mean(error**2, axis=0)))
+
+
+def test_without_an_accelerometer_and_with_the_motor_alone() -> None:
+    """Less is known, and less is found: Fy and Fz."""
+    log, _ = flight("sensors.accelerometer=none")
+    _, _, found = smoothed("motor_only", "sensors.accelerometer=none")
+    assert np.all(worst_r2(found.force, truth(log))[1:] > 0.97)
+
+
+def linearised() -> tuple[LinearRecord, Prior, Tuning]:
+    """Return 0.3 s of the flight, linearised about their smoothed motion."""
+    smoother, record, found = smoothed("measured")
+    motion = found.nominal
+    prior = first_prior(smoother.layout, first_guess(record), smoother.weight, GIVEN)
+    linear = smoother.linear(record, motion, smoother.air.fly(motion), found.force, {}, smoother.layout)
+    return linear, prior, found.tuning
+
+
+def test_deviations_are_true_on_truths_of_the_own_model() -> None:
+    """Filter and smoother on drawn truths: normalised error squared 1, coverage of 95 %, each within 5 %."""
+    linear, prior, tuning = linearised()
+    drawn = [own_model_errors(linear, prior, tuning, np.random.default_rng(seed)) for seed in range(4)]
+    for name in ("filter", "smoother"):
+        assert np.mean([one[f"{name}_nees"] for one in drawn]) == pytest.approx(1.0, abs=0.06)
+        assert np.mean([np.abs(one[f"{name}_z"]) < 1.96 for one in drawn]) == pytest.approx(0.95, abs=0.02)
+
+
+def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
+    """A small error of pose and twist changes the acceleration under air and forces as its rows say."""
+    smoother, record, found = smoothed("measured")
+    part, rng = found.nominal.part(100, 110), np.random.default_rng(3)
+    known, force = record.known[100:110], found.force[100:110]
+    air = smoother.air.fly(part)
+    held = AirForces(air.force, air.added_mass, np.zeros_like(air.by_twist))  # not moved with the motion below
+    x = np.zeros((11, 15))
+    x[:, :12] = 1e-5 * rng.standard_normal(12)  # the same error at both ends of every interval
+    state = np.zeros(smoother.layout.size)
+    state[:12] = x[0, :12]
+
+    def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
+        made = linear_dynamics(smoother.robot, FRAMES, smoother.layout, motion, held, known, force)
+        rows = made.acceleration
+        return made.push + np.einsum(
+            "kij,kj->ki", rows[:, :, smoother.layout.walk], force.reshape(10, -1)
+        ), rows @ state
+
+    (here, change), (there, _) = accelerations(part), accelerations(part.moved(x))
+    np.testing.assert_allclose(there - here, change, atol=0.02 * np.abs(change).max())
+
+
+def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
+    """One millisecond: found within 0.4 ms; applied on request only."""
+    _, _, found = smoothed("measured", "sensors.gyro.delay=0.001")
+    [late] = [one for one in found.offsets if one.sure]
+    assert late.sensor == "gyro"
+    assert late.seconds == pytest.approx(1e-3, abs=4e-4)
+    log, robot = flight("sensors.gyro.delay=0.001")
+    asked = GIVEN.model_copy(update={"apply_offsets": True})
+    smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, asked)
+    mended = smoother.run(raw_record(log, robot, "measured", asked))
+    before, after = (worst_r2(one.force, truth(log)) for one in (found, mended))
+    assert before[0] < 0.9 < after[0]
+
+
+def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
+    """It starts with the eighth pose, then follows the forces; late and unknown samples are refused."""
+    log, _ = flight()
+    smoother, record, found = smoothed("measured")
+    stream = JointFilter(smoother, found.tuning, record.channels, "measured")
+    cut = RawRecord(record.time[:601], record.channels, record.known[:600], "measured")
+    samples, _ = stream.run(cut)
+    first = next(k for k, sample in enumerate(samples) if sample is not None)
+    assert record.time[first] == pytest.approx(0.07, abs=2e-3)
+    force = np.array([sample.force for sample in samples[101:] if sample is not None])
+    assert np.all(worst_r2(force, truth(log)[100:600])[1:] > 0.97)
+    with pytest.raises(ObserverError, match="no sensor 'sonar'"):
+        stream.update(0.601, {"sonar": [1.0]})
+    with pytest.raises(ObserverError, match=r"gyro is stamped 0\.5 s"):
+        stream.update(0.601, {"gyro": (0.5, [0.0, 0.0, 0.0])})
+    with pytest.raises(ObserverError, match="a later one was expected"):
+        stream.update(0.5, {})
+
+
+def test_without_torque_the_split_between_the_wings_is_refused() -> None:
+    """The sum is given, and a warning says so."""
+    settings = ["observers.torque=none", 'observers.names=["smoother"]', *SHORT]
+    walk = ["observers.raw.walk=0.3", "observers.raw.white=0.004", "observers.raw.crank_jerk=5.0"]
+    scenario = load_scenario("raw_sensors", [*settings, *walk])
+    log, robot = flight()
+    _, estimates = estimate_log(log, robot, scenario)
+    estimate = estimates["smoother"]
+    assert estimate.frames == ("sum",)
+    assert estimate.force.shape[1:] == (1, 3)
+    total = truth(log).sum(axis=1)
+    assert (r_squared(estimate.force[:, 0, 2].copy(), total[:, 2].copy()) or 0.0) > 0.98
+    assert any("split" in line for line in estimate.warnings)
+
+
+def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
+    """Observers that need q and v, an encoder that is missing, a torque that is not there."""
+    log, robot = flight()
+    with pytest.raises(ScenarioError, match="momentum needs q and v, and the log has raw samples"):
+        estimate_log(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
+    blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
+    with pytest.raises(LogError, match="no channel named encoder"):
+        raw_record(blind, robot, "measured", GIVEN)
+    limp = FlightLog(log.measured.drop_vars(["joint_torque_sample", "torque_time"]), log.truth)
+    with pytest.raises(LogError, match="no channel named joint_torque_sample"):
+        raw_record(limp, robot, "measured", GIVEN)
+    with pytest.raises(ScenarioError, match="only a raw log has this sensor"):
+        load_scenario("raw_sensors", ["sensors.motion_capture=none"])
+
+
+def test_the_series_closes_the_linkage_as_the_dyads_do() -> None:
+    """Angles to 1e-13, second derivatives to 1e-10."""
+    _, robot = flight()
+    angle = np.linspace(-1.0, 7.0, 40)
+    one, other = robot.linkage.solve(angle, 3.0, 5.0), SeriesSculpture(robot.linkage).solve(angle, 3.0, 5.0)
+    for name in ("theta_s", "theta_e", "dtheta_s", "dtheta_e"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-11)
+    for name in ("d2theta_s", "d2theta_e", "theta_s_ddot", "theta_e_ddot"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-9)
+
+
+def test_misread_and_held_samples_are_named() -> None:
+    """Quaternion order and sense, degrees, g, held samples; nothing on a clean flight."""
+    log, robot = flight()
+
+    def changed(name: str, values: np.ndarray) -> str:
+        data = log.measured[name]
+        made = FlightLog(log.measured.assign({name: (data.dims, values, data.attrs)}))
+        return " | ".join(str(found) for found in contradictions(made, robot))
+
+    seen, gyro = log.measured["mocap_quaternion"].values, log.measured["gyro"].values
+    assert contradictions(log, robot) == []
+    assert "seem to be w, x, y, z, body to world" in changed("mocap_quaternion", seen[:, [3, 0, 1, 2]])
+    assert "seem to be x, y, z, w, world to body" in changed("mocap_quaternion", seen * [-1.0, -1.0, -1.0, 1.0])
+    assert "rad/s were expected" in changed("gyro", np.degrees(gyro))
+    assert "held channel: gyro changes only 100 times" in changed("gyro", gyro[(np.arange(len(gyro)) // 10) * 10])
+    slow, at = np.arange(0, len(gyro), 10), np.arange(len(gyro))
+    lines = np.column_stack([np.interp(at, slow, column[slow]) for column in gyro.T])
+    assert "interpolated channel" in changed("gyro", lines)
+    assert "not g" in changed("accelerometer", log.measured["accelerometer"].values / 9.81)

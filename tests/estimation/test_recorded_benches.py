@@ -1,0 +1,193 @@
+"""Whole recordings through the one door: a quadrotor's drag and wind, a hopper with friction, a force plate."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.recordings import estimate_recording, parse_map
+
+NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
+
+
+def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
+    """Within 0.5 mN per m/s of it; and within 1 of the truth. The command's lead is found."""
+    table = flight()
+    table.to_csv(tmp_path / "flight.csv", index=False)
+    found = estimate_recording(tmp_path / "flight.csv", parse_map(MAP, "of the test"), tmp_path)
+    estimate = found.estimates["force_level"]
+    middle = 0.5 * (estimate.time[1:] + estimate.time[:-1]) - 1 / 20.0  # 1/K late
+    velocity = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
+    inside = slice(100, len(middle) - 100)
+    ours = drag_slopes(estimate.force[inside, 0], velocity[inside])
+    plain = drag_slopes(plain_force(table, NAMES)[inside], table[["vx", "vy", "vz"]].to_numpy()[inside])
+    np.testing.assert_allclose(ours, plain, atol=0.5e-3)
+    np.testing.assert_allclose(ours, -DRAG[:2], atol=1.0e-3)
+    fit = found.forces.fits[0]
+    assert fit.outside < 0.02 * fit.before + 4e-3
+    late = copy.deepcopy(MAP)
+    late["known"]["thrust"]["delay"] = 0.0
+    said = estimate_recording(tmp_path / "flight.csv", parse_map(late, "of the test"), tmp_path).warnings
+    assert any(re.search(r"known\.thrust leads the acceleration by (3[6-9]|4\d) ms", text) for text in said), said
+
+
+def test_the_mean_force_of_wind(tmp_path: Path) -> None:
+    """Within 2 mN of 30 mN (a tenth of the weight)."""
+    flight(wind=0.03).to_csv(tmp_path / "wind.csv", index=False)
+    found = estimate_recording(tmp_path / "wind.csv", parse_map(MAP, "of the test"), tmp_path)
+    assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
+
+
+def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
+    """Without gyro and accelerometer the quaternion cannot be checked; the mean force still says so, and is refused."""
+    flight().to_csv(tmp_path / "flight.csv", index=False)
+    values = copy.deepcopy(MAP)
+    del values["check"], values["base"]["rate"]
+    values["base"]["rate"] = {"from": "pose"}
+    values["known"]["thrust"] |= {"coefficients": [0.0067, 0.00132]}
+    del values["known"]["thrust"]["fit"]
+    estimate_recording(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path)
+    values["base"]["quaternion"]["columns"] = ["qw", "qx", "qy", "qz"]
+    with pytest.raises(LogError, match=r"mean force over weight is .*, 2\.0\d+ .*about 2 if the attitude is misread"):
+        estimate_recording(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path)
+
+
+LIMIT = '<limit lower="-9" upper="9" effort="99" velocity="99"/>'
+
+
+def link(name: str, mass: float, centre: str, moments: tuple[float, float, float]) -> str:
+    """Return a link of a URDF, its moments of inertia about its centre of mass."""
+    x, y, z = moments
+    inertia = f'<inertia ixx="{x}" ixy="0" ixz="0" iyy="{y}" iyz="0" izz="{z}"/>'
+    return f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>{inertia}</inertial></link>'
+
+
+def joint(name: str, kind: str, parent: str, child: str, below: float) -> str:
+    """Return a joint of a URDF, some way below its parent; hinges turn about y, slides go along z."""
+    axis = "0 0 1" if kind == "prismatic" else "0 1 0"
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 {-below}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="{axis}"/>{LIMIT}</joint>'
+
+
+def leg(rail: str) -> str:
+    """Return a leg of two joints below a base, which slides on a rail (`prismatic`) or is screwed to it (`fixed`)."""
+    parts = [
+        '<link name="root"/>',
+        link("base_link", 0.5, "0 0 0", (1e-3, 1e-3, 1e-3)),
+        link("upper", 0.15, "0 0 -0.08", (4e-4, 4e-4, 3e-5)),
+        link("lower", 0.04, "0 0 -0.09", (1e-4, 1e-4, 1e-5)),
+        '<link name="contact"/>',
+        joint("rail", rail, "root", "base_link", 0.0),
+        joint("hip", "revolute", "base_link", "upper", 0.0),
+        joint("knee", "revolute", "upper", "lower", 0.16),
+        joint("foot", "fixed", "lower", "contact", 0.16),
+    ]
+    return f'<robot name="leg">{"".join(parts)}</robot>'
+
+
+def hopper(folder: Path) -> None:
+    """Write leg.urdf and hopper.csv: a leg on a rail over a force sensor, with gear friction and a torque scale."""
+    (folder / "leg.urdf").write_text(leg("prismatic"))
+    model = pin.buildModelFromXML(leg("prismatic"))
+    data, time = model.createData(), np.arange(8000) * 1e-3
+    hip, knee = 0.6 + 0.25 * np.sin(2.6 * time), -1.2 + 0.4 * np.sin(2.6 * time + 0.4)
+    q = np.column_stack([0.0 * time, hip, knee])
+    v = np.gradient(q, 1e-3, axis=0)
+    a = np.gradient(v, 1e-3, axis=0)
+    force = np.column_stack([2.0 * np.sin(1.9 * time), 0 * time, 12.0 + 8.0 * np.sin(3.1 * time)])
+    tau = np.empty((len(time), 2))
+    contact = model.getFrameId("contact")
+    for k in range(len(time)):
+        J = pin.computeFrameJacobian(model, data, q[k], contact, pin.LOCAL_WORLD_ALIGNED)[:3]
+        tau[k] = (pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k])[1:]
+    friction = np.array([0.05, 0.12]) * np.tanh(v[:, 1:] / 0.02) + 0.02 * v[:, 1:]
+    shown = (tau + friction) / 0.9 + 0.002 * np.random.default_rng(0).standard_normal(tau.shape)
+    columns = {"time": time, "q_hip": hip, "q_knee": knee, "tau_hip": shown[:, 0], "tau_knee": shown[:, 1]}
+    pd.DataFrame({**columns, **{f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}}).to_csv(
+        folder / "hopper.csv", index=False
+    )
+
+
+def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
+    """Fitted on the first half against the sensor, they hold on the second; the rail's row is not believed."""
+    hopper(tmp_path)
+    values = {
+        "robot": {"urdf": "leg.urdf", "root": "fixed", "points": ["contact"]},
+        "joints": {
+            "names": ["hip", "knee"],
+            "held": {"rail": 0.0},
+            "position": {"columns": ["q_hip", "q_knee"]},
+            "velocity": {"from": "position", "window": 0.02},
+            "effort": {"columns": ["tau_hip", "tau_knee"], "unit": "N m"},
+        },
+        "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
+    }
+    plain = estimate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
+    values["joints"]["friction"] = {"fit": [0, 4], "to": "check.wrench", "scale": True}
+    fitted = estimate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
+    before, after = (one.compared["force_level"].scores(one.record.dt) for one in (plain, fitted))
+    assert before["Fz"].r2 is not None
+    assert after["Fz"].r2_outside_fit is not None
+    assert before["Fz"].r2 < 0.97
+    assert after["Fz"].r2_outside_fit > 0.995
+    assert any("cannot see: together: +1.00 contact.Fy" in text for text in fitted.warnings)
+    knee = fitted.forces.fits[1].values
+    assert knee["effort times"] == pytest.approx(0.9, abs=0.02)
+    assert knee["coulomb"] == pytest.approx(0.12, abs=0.02)
+
+
+def bench(folder: Path) -> np.ndarray:
+    """Write arm.urdf and bench.csv: a leg shaken on a force plate; return the true force at its tip."""
+    text = leg("fixed")
+    (folder / "arm.urdf").write_text(text)
+    model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    data, time = model.createData(), np.arange(3000) * 1e-3
+    joints = np.column_stack([0.5 * np.sin(9.0 * time), -0.8 + 0.4 * np.sin(11.0 * time)])
+    rates = np.gradient(joints, 1e-3, axis=0)
+    bends = np.gradient(rates, 1e-3, axis=0)
+    tip = np.column_stack([0.6 * np.sin(5.0 * time), 0.3 * np.cos(4.0 * time), 0.5 + 0.4 * np.sin(7.0 * time)])
+    plate = np.empty((len(time), 6))
+    frame = model.getFrameId("contact")
+    for k in range(len(time)):
+        q = np.concatenate([[0, 0, 0, 0, 0, 0, 1], joints[k]])
+        v, a = np.concatenate([np.zeros(6), rates[k]]), np.concatenate([np.zeros(6), bends[k]])
+        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+        plate[k] = (pin.rnea(model, data, q, v, a) - J.T @ tip[k])[:6]
+    columns = {"t": time, "hip": joints[:, 0], "knee": joints[:, 1]}
+    names = ("fx", "fy", "fz", "mx", "my", "mz")
+    columns |= {name: -plate[:, k] for k, name in enumerate(names)}  # a load cell shows the force on itself
+    columns |= {f"tip_f{axis}": tip[:, k] for k, axis in enumerate("xyz")}
+    pd.DataFrame(columns).to_csv(folder / "bench.csv", index=False)
+    return tip
+
+
+def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
+    """Without any joint torque: the plate's wrench gives the force at the tip, and the force at the plate is found."""
+    tip = bench(tmp_path)
+    values = {
+        "robot": {"urdf": "arm.urdf", "points": ["contact"]},
+        "base": {"held": True},
+        "joints": {"names": ["hip", "knee"], "position": {"columns": ["hip", "knee"]}},
+        "known": {"plate": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1}},
+        "check": {"wrench": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "point": "contact"}},
+        "observer": {"gain": 500},
+    }
+    found = estimate_recording(tmp_path / "bench.csv", parse_map(values, "of the test"), tmp_path)
+    error = found.estimates["force_level"].force[50:, 0] - tip[50:-1]
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    assert "rows of hip, knee are not believed" in " ".join(found.notes)
+    truth = copy.deepcopy(values)
+    truth["robot"] = {"urdf": "arm.urdf", "wrenches": ["base_link"]}
+    truth["known"] = {"push": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "frame": "contact", "axes": "world"}}
+    truth["check"] = {"wrench": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1, "point": "base_link"}}
+    other = estimate_recording(tmp_path / "bench.csv", parse_map(truth, "of the test"), tmp_path)
+    for score in other.compared["force_level"].scores(other.record.dt).values():
+        assert score.r2 is None or score.r2 > 0.99

@@ -1,0 +1,318 @@
+"""Recordings of any robot: the right map gives the right forces, and every wrong one is refused or named."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+from support.walking_log import bag, bag_map, table, table_map, urdf, walk
+
+from aerobat_pin.errors import AerobatError, LogError, MapError
+from aerobat_pin.estimation.recordings import (
+    OnlineEstimator,
+    OnlineSample,
+    RecordingEstimate,
+    describe_map,
+    estimate_recording,
+    parse_map,
+)
+from aerobat_pin.estimation.recordings.checks.compare import compare
+from aerobat_pin.estimation.recordings.columns import increasing
+from aerobat_pin.estimation.recordings.messages import stamp
+from aerobat_pin.estimation.recordings.resample import line_means, turn_rates
+
+Edit = Callable[[dict[str, Any]], None]
+
+
+def estimated(log: Path, values: dict[str, Any]) -> RecordingEstimate:
+    """Return the estimate of a log whose robot lies beside it."""
+    return estimate_recording(log, parse_map(values, "of the test"), log.parent)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with the quadruped's URDF."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    return tmp_path
+
+
+def foot_errors(found: RecordingEstimate, begin: float) -> np.ndarray:
+    """Return the rms error (12,) [N] of the feet, but for the filter's first time constants."""
+    walked, estimate = walk(), found.estimates["force_level"]
+    middle = 0.5 * (estimate.time[1:] + estimate.time[:-1]) - begin
+    truth = np.stack([np.interp(middle, walked.time, column) for column in walked.force.reshape(-1, 12).T], axis=1)
+    good = middle > middle[0] + 0.02
+    return np.asarray(np.sqrt(np.mean((estimate.components - truth)[good] ** 2, axis=0)))
+
+
+def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
+    """Within 0.03 N at 25 N, and no check finds anything."""
+    table(walk()).to_csv(folder / "walk.csv", index=False)
+    found = estimated(folder / "walk.csv", table_map(folder / "quadruped.urdf"))
+    assert np.max(foot_errors(found, 0.0)) < 0.03
+    assert found.warnings == []
+    score = found.compared["force_level"].scores(found.record.dt)["Fz"]
+    assert score.r2 is not None
+    assert score.r2 > 0.9999
+    assert score.factor == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path) -> None:
+    """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
+    pytest.importorskip("rosbags")
+    bag(walk(), folder / "walk")
+    found = estimated(folder / "walk", bag_map(folder / "quadruped.urdf"))
+    assert np.max(foot_errors(found, 1.7e9)) < 0.1
+    assert found.warnings == []
+    one_file = next((folder / "walk").glob("*.mcap"))
+    late = estimated(one_file, bag_map(folder / "quadruped.urdf", "recorder"))
+    assert np.max(foot_errors(late, 1.7e9)) > 0.3
+    assert any(re.search(r"recorder clock: /joint_states: .* 3\.0 ms late", text) for text in late.warnings)
+    missing = bag_map(folder / "quadruped.urdf")
+    missing["joints"] = {"topic": "/joint_stats"}
+    with pytest.raises(LogError, match=r"no topic '/joint_stats', which joints\.topic .*did you mean '/joint_states'"):
+        estimated(folder / "walk", missing)
+
+
+def scaled(names: list[str], factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Return a change of a table: columns times a factor."""
+    return lambda frame: frame.assign(**{name: frame[name] * factor for name in names})
+
+
+def exchanged(first: str, second: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Return a change of a table: two columns change places."""
+    return lambda frame: frame.assign(**{first: frame[second], second: frame[first]})
+
+
+def shifted(part: str, late: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Return a change of a table: all columns with an ending come late [s]."""
+    names = [f"{joint}_{part}" for joint in walk().joints]
+    return lambda frame: frame.assign(**{name: np.interp(frame.t - late, frame.t, frame[name]) for name in names})
+
+
+def held(part: str, count: int) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Return a change of a table: all columns with an ending keep each value for some rows."""
+    names = [f"{joint}_{part}" for joint in walk().joints]
+    return lambda frame: frame.assign(
+        **{name: frame[name].to_numpy()[np.arange(len(frame)) // count * count] for name in names}
+    )
+
+
+def with_column(frame: pd.DataFrame) -> pd.DataFrame:
+    """Leave a table as it is."""
+    return frame
+
+
+def edit(*keys: str, value: Any) -> Edit:
+    """Return a change of a map: the value of a dotted key."""
+
+    def change(values: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            values = values[key]
+        values[keys[-1]] = value
+
+    return change
+
+
+def nothing(values: dict[str, Any]) -> None:
+    """Leave a map as it is."""
+
+
+TAU = [f"{joint}_tau" for joint in walk().joints]
+GYRO, ACC, PLACE = (["gyro_x", "gyro_y", "gyro_z"], ["acc_x", "acc_y", "acc_z"], ["px", "py", "pz"])
+WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], Edit, str]] = {
+    "gyro in degrees": (scaled(GYRO, 57.2958), nothing, r"REFUSED.*57\.3 times.*degrees are read as radians"),
+    "position in mm": (scaled(PLACE, 1e3), nothing, r"REFUSED.*base\.velocity is 0\.001 times.*\(mm\)"),
+    "accelerometer in g": (scaled(ACC, 1 / 9.80665), nothing, r"REFUSED.*0\.1\d* of gravity: g is read as m/s2"),
+    "quaternion order": (with_column, edit("base", "quaternion", "order", value="wxyz"), r"REFUSED.*order = \"xyzw\""),
+    "quaternion sense": (
+        with_column,
+        edit("base", "quaternion", "sense", value="world_to_body"),
+        r"REFUSED.*sense = \"body_to_world\"",
+    ),
+    "world upside down": (with_column, edit("log", value={"world": "ned"}), r"REFUSED.*180\.00 deg off the vertical"),
+    "sign of an effort": (scaled(["FL_HFE_tau"], -1.0), nothing, r"effort sign: the effort of FL_HFE .* -0\.99"),
+    "late velocity": (shifted("vel", 0.02), nothing, r"joints\.velocity is late by 20\.\d ms"),
+    "held channel": (held("tau", 10), nothing, r"joints\.effort repeats its last value in 90 %.*50 Hz, not 500"),
+    "swapped efforts": (exchanged("FL_HFE_tau", "FL_KFE_tau"), nothing, r"efforts of FL_HFE and FL_KFE in exchanged"),
+    "swapped angles": (exchanged("FL_HFE_pos", "FL_KFE_pos"), nothing, r"velocities of FL_HFE and FL_KFE fit"),
+    "trunk too heavy by 20 %": (
+        with_column,
+        edit("robot", "urdf", value="heavy.urdf"),
+        r"the record wants 0\.8\d times the believed mass of the base link",
+    ),
+    "everything too heavy by 20 %": (
+        with_column,
+        edit("robot", "urdf", value="all_heavy.urdf"),
+        r"or all masses 1\.\d+ times too large",
+    ),
+    "effort in ampere": (scaled(TAU, 1 / 3), nothing, r"all efforts would have to be 3 times as large.*\(A, N m\)"),
+    "one effort in ampere": (scaled(["FL_KFE_tau"], 1 / 3), nothing, r"effort of FL_KFE would have to be 3 times"),
+    "missing column": (
+        with_column,
+        edit("joints", "effort", "columns", value=["FL_HAA_ta", *TAU[1:]]),
+        r"REFUSED.*no column 'FL_HAA_ta', which joints\.effort .* 'FL_HAA_tau'",
+    ),
+    "gap of 0.5 s": (lambda frame: frame[(frame.t < 1.0) | (frame.t > 1.5)], nothing, r"for 0\.50 s, from 1\.00 s on"),
+    "file appended to itself": (lambda frame: pd.concat([frame, frame]), nothing, r"1501 of 3002 samples go back"),
+    "sensor's sign": (with_column, edit("check", "wrench", "sign", value=-1), r"-1 times the estimate.*sign"),
+    "unknown unit": (with_column, edit("base", "rate", "unit", value="dps"), r"REFUSED.*'dps': one of rad/s, deg/s"),
+    "misspelt key": (
+        with_column,
+        edit("base", "rate", "axis", value="body"),
+        r"REFUSED.*unknown key 'base\.rate\.axis'",
+    ),
+    "time in ms read as s": (scaled(["t"], 1e3), nothing, r"REFUSED|times what the position"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_map_or_log_is_refused_or_named(name: str, folder: Path) -> None:
+    """None is silent, and the message has the measured figure."""
+    change, alter, expected = WRONG[name]
+    (folder / "heavy.urdf").write_text(urdf().replace('value="6.0"', 'value="7.2"'))
+    heavier = re.sub(r'<mass value="([\d.]+)"', lambda found: f'<mass value="{1.2 * float(found[1])}"', urdf())
+    (folder / "all_heavy.urdf").write_text(heavier)
+    change(table(walk())).to_csv(folder / "walk.csv", index=False)
+    values = copy.deepcopy(table_map(Path("quadruped.urdf")))
+    alter(values)
+    try:
+        said = estimated(folder / "walk.csv", values).warnings
+    except AerobatError as error:
+        said = [f"REFUSED {error}"]
+    assert any(re.search(expected, text) for text in said), said
+
+
+def test_a_file_under_two_names_is_named(folder: Path) -> None:
+    """The same bytes beside the log."""
+    for name in ("walk.csv", "other.csv"):
+        table(walk()).to_csv(folder / name, index=False)
+    found = estimated(folder / "walk.csv", table_map(folder / "quadruped.urdf"))
+    assert any("other.csv beside it holds the same bytes" in text for text in found.warnings)
+
+
+def test_other_axes_and_orders_give_the_same_forces(folder: Path) -> None:
+    """Axes with z down, quaternions with w first that turn the world to the body, a velocity in body axes."""
+    frame, half = table(walk()), np.diag([1.0, -1.0, -1.0])
+    R = Rotation.from_quat(frame[["qx", "qy", "qz", "qw"]].to_numpy()).as_matrix()
+    inverse = Rotation.from_matrix(np.swapaxes(half @ R @ half, 1, 2)).as_quat()
+    frame[["px", "py", "pz"]] = frame[["px", "py", "pz"]].to_numpy() @ half
+    frame[["vx", "vy", "vz"]] = np.einsum("nji,nj->ni", R, frame[["vx", "vy", "vz"]].to_numpy()) @ half
+    for names in (GYRO, ACC, ["fl_fx", "fl_fy", "fl_fz"]):
+        frame[names] = frame[names].to_numpy() @ half
+    frame[["qw", "qx", "qy", "qz"]] = np.roll(inverse, 1, axis=1)
+    frame.to_csv(folder / "walk.csv", index=False)
+    values = table_map(folder / "quadruped.urdf")
+    values["log"] = {"world": "ned"}
+    values["base"] |= {"axes": "frd"}
+    values["base"]["quaternion"] = {"columns": ["qw", "qx", "qy", "qz"], "order": "wxyz", "sense": "world_to_body"}
+    values["base"]["velocity"]["axes"] = "body"
+    found = estimated(folder / "walk.csv", values)
+    assert np.max(foot_errors(found, 0.0)) < 0.03
+    assert found.warnings == []
+
+
+@pytest.mark.parametrize("sign", [";", "\t"])
+def test_separators_and_decimal_commas_are_found(sign: str, folder: Path) -> None:
+    """As other programs write tables; a unit of time is converted."""
+    frame = table(walk())
+    frame.assign(t=frame.t * 1e3).to_csv(
+        folder / "walk.csv", index=False, sep=sign, decimal="," if sign == ";" else "."
+    )
+    values = table_map(folder / "quadruped.urdf")
+    values["log"] = {"time": {"column": "t", "unit": "ms"}}
+    assert np.max(foot_errors(estimated(folder / "walk.csv", values), 0.0)) < 0.03
+
+
+def test_a_time_that_is_not_found_is_asked_for(folder: Path) -> None:
+    """With the columns there are; a rate takes its place."""
+    table(walk()).drop(columns="t").to_csv(folder / "walk.csv", index=False)
+    values = table_map(folder / "quadruped.urdf")
+    with pytest.raises(LogError, match=r"which column is the time\? Write \[log\] time = .*columns: px, py"):
+        estimated(folder / "walk.csv", values)
+    values["log"] = {"time": {"rate": 500}}
+    assert np.max(foot_errors(estimated(folder / "walk.csv", values), 0.0)) < 0.03
+
+
+def test_joints_must_be_known_or_held(folder: Path) -> None:
+    """A joint without a channel is asked for by name."""
+    values = table_map(folder / "quadruped.urdf")
+    values["joints"] = {}
+    table(walk()).to_csv(folder / "walk.csv", index=False)
+    with pytest.raises(MapError, match=r"FL_HAA, .* have no channel; .* joints\.held = \{FL_HAA = 0\.0\}"):
+        estimated(folder / "walk.csv", values)
+
+
+def test_the_rule_of_the_means_is_the_integral_of_straight_lines() -> None:
+    """Against a fine sum, for stamps that are not even."""
+    rng = np.random.default_rng(0)
+    time = np.sort(rng.uniform(0.0, 1.0, 40))
+    values = rng.standard_normal((40, 2))
+    wanted = np.linspace(time[0], time[-1], 12)
+    found = line_means(time, values, wanted)
+    for k in range(11):
+        fine = np.linspace(wanted[k], wanted[k + 1], 20001)
+        mean = [np.trapezoid(np.interp(fine, time, column), fine) / (fine[-1] - fine[0]) for column in values.T]
+        np.testing.assert_allclose(found[k], mean, atol=1e-6)
+
+
+def test_a_steady_turn_has_its_rate() -> None:
+    """About a body axis, with the sign of the right hand."""
+    time, axis = np.arange(200) * 1e-3, np.array([0.6, 0.0, 0.8])
+    quaternions = np.column_stack([np.sin(1.5 * time)[:, None] * axis, np.cos(1.5 * time)])
+    np.testing.assert_allclose(turn_rates(quaternions, 1e-3, 0.02)[20:-20], np.tile(3.0 * axis, (160, 1)), atol=1e-4)
+
+
+def test_a_comparison_finds_factor_and_lag() -> None:
+    """To a tenth of a sample."""
+    time = np.arange(3000) * 1e-3
+    series = np.stack([np.sin(7.0 * time) + 0.3 * np.cos(31.0 * time)], axis=1)
+    late = 2.0 * np.interp(time - 0.0123, time, series[:, 0])[:, None]
+    found = compare(series, late, 1e-3)
+    assert found is not None
+    assert found.factor == pytest.approx(2.0, rel=0.01)
+    assert found.lag == pytest.approx(0.0123, abs=1e-4)
+
+
+def test_stamps_that_repeat_or_go_back_are_counted() -> None:
+    """And left out."""
+    keep, repeated, backward = increasing(np.array([0.0, 1.0, 1.0, 0.5, 2.0]))
+    np.testing.assert_array_equal(keep, [True, True, False, False, True])
+    assert (repeated, backward) == (1, 1)
+
+
+def test_every_key_of_a_map_is_described() -> None:
+    """Its tables and its units."""
+    text = describe_map()
+    for key in ("[base.quaternion]", "body_to_world", "torque_per_unit", "[known.supply]", "trim", "from "):
+        assert key in text
+
+
+def test_messages_in_time_order_give_the_estimate_of_the_record(folder: Path) -> None:
+    """What a ROS 2 node would hear: recorded messages one by one, against the bag as a whole."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    bag(walk(), folder / "walk")
+    values = bag_map(folder / "quadruped.urdf")
+    whole = estimated(folder / "walk", values).estimates["force_level"]
+    del values["check"]
+    heard: list[OnlineSample] = []
+    online = OnlineEstimator(parse_map(values, "of the test"), folder, heard.append)
+    with highlevel.AnyReader([folder / "walk"]) as reader:
+        messages = [
+            (connection.topic, reader.deserialize(raw, connection.msgtype)) for connection, _, raw in reader.messages()
+        ]
+    for topic, message in sorted(messages, key=lambda item: stamp(item[1])):
+        online.message(topic, message)
+    assert len(heard) > 1400
+    for one in heard[100:1400:100]:
+        k = int(np.argmin(np.abs(whole.time[:-1] - one.start)))
+        np.testing.assert_allclose(list(one.components.values()), whole.components[k], atol=0.03)
+    with pytest.raises(LogError, match=r"joints\.position: time went from .* messages in time order were expected"):
+        online.message("/joint_states", next(message for topic, message in messages if topic == "/joint_states"))

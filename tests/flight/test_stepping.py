@@ -1,0 +1,124 @@
+"""A flight in single steps is the flight in one call, and a wrench between the steps is a known force of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from aerobat_pin.errors import CrankError, ShapeError, SimulationError
+from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.point_forces import interval_means
+from aerobat_pin.robot.load import load_robot
+from aerobat_pin.scenario.scenario import load_scenario
+
+STEPS, DT = 60, 1e-3
+
+
+def plant_of(name: str, *settings: str) -> Plant:
+    """Build a scenario's plant."""
+    scenario = load_scenario(name, settings)
+    return Plant(load_robot(scenario), scenario)
+
+
+def held_of(plant: Plant, count: int = STEPS) -> np.ndarray:
+    """Return the means of a plant's unknown forces."""
+    return interval_means(plant.forces, np.arange(count + 1) * DT, plant.scenario.simulation.seed)
+
+
+@pytest.mark.parametrize("settings", [(), ('crank.drive="motor"',), ("air.strips=40",)], ids=["", "motor", "substeps"])
+def test_single_steps_make_the_same_flight_to_the_bit(settings: tuple[str, ...]) -> None:
+    """Prescribed crank, crank with a motor, and several integration steps in an interval; twice with one plant."""
+    plant = plant_of("paper", *settings)
+    held = held_of(plant)
+    whole = plant.fly(STEPS, DT, held)
+    for _ in range(2):
+        samples = [plant.start(held, DT), *(plant.step() for _ in range(STEPS))]
+        assert plant.flight is not None
+        made = plant.flight.flown()
+        for name in ("q", "v", "air", "crank_angle", "crank_rate", "loads"):
+            np.testing.assert_array_equal(getattr(made, name), getattr(whole, name), strict=True)
+        for one, other in zip(made.forces, whole.forces, strict=True):
+            np.testing.assert_array_equal(one, other, strict=True)
+        np.testing.assert_array_equal([v for _, v in samples], whole.v)
+        np.testing.assert_allclose([q for q, _ in samples], whole.q, rtol=0.0, atol=1e-12)
+
+
+def test_a_wrench_on_the_body_is_a_known_force_and_replaces_the_hold() -> None:
+    """Its mean stands in the log's thruster channel, and the body accelerates as M and nle say."""
+    plant = plant_of("paper")
+    plant.start(held_of(plant), DT)
+    wrench = np.array([0.01, -0.02, 0.9, 1e-3, 2e-3, -3e-3])
+    plant.step(wrench)
+    plant.step()
+    assert plant.flight is not None
+    flown = plant.flight.flown()
+    np.testing.assert_allclose(flown.forces.thrusters[:, :6], [wrench, wrench], rtol=0.0, atol=1e-15)
+    assert not np.any(flown.forces.thrusters[:, 6:])
+    plant.start(held_of(plant), DT)
+    plant.step()
+    before = plant.flight.flown().forces.thrusters[0, :6]
+    assert np.linalg.norm(before - wrench) > 0.1  # a new flight begins with the hold
+
+
+def test_an_impulse_by_a_command_changes_the_momentum_by_as_much() -> None:
+    """World momentum with and without a push of 50 N over one step of 0.1 ms, when nothing else can change much."""
+    plant = plant_of("paper_open_loop", "simulation.dt=1e-4")
+    change, wrench = [], np.array([0.0, 50.0, 0.0, 0.0, 0.0, 0.0])
+    for push in (np.zeros(6), wrench):
+        plant.start(np.zeros((2, len(plant.forces), 1)), 1e-4)
+        q, v = plant.step(push)
+        data = plant.model.createData()
+        change.append(pin.computeCentroidalMomentum(plant.model, data, q, v).linear)
+    impulse = pin.Quaternion(plant.initial.placement[3:]).matrix() @ wrench[:3] * 1e-4
+    # Air on the moving body and the added mass of the wings take a part of it.
+    np.testing.assert_allclose(change[1] - change[0], impulse, rtol=0.0, atol=0.05 * 50e-4)
+
+
+def test_an_endless_flight_goes_on_in_the_same_memory() -> None:
+    """Windows of 20 steps give the flight of 60; without `endless` the flight ends."""
+    plant = plant_of("paper_open_loop", "unknown_force=[]")
+    whole = plant.fly(STEPS, DT, held_of(plant))
+    plant.start(held_of(plant, 20), DT, endless=True)
+    samples = np.array([plant.step()[0] for _ in range(STEPS)])
+    np.testing.assert_allclose(samples, whole.q[1:], rtol=0.0, atol=1e-12)
+    plant.start(held_of(plant, 2), DT)
+    plant.step()
+    plant.step()
+    with pytest.raises(SimulationError, match="the flight has ended after 2 steps"):
+        plant.step()
+
+
+def test_a_motor_on_the_crank_follows_a_commanded_rate() -> None:
+    """The crank is a second, slow actuator: after 0.4 s it turns within 3 % of the new rate on average."""
+    plant = plant_of("paper", 'crank.drive="motor"', "crank.motor.start_frequency=4")
+    plant.start(held_of(plant, 700), DT)
+    for k in range(700):
+        plant.step(crank_rate=2.0 * np.pi * 3.0 if k == 0 else None)
+    assert plant.flight is not None
+    rate = plant.flight.flown().crank_rate
+    assert rate[0] == pytest.approx(2.0 * np.pi * 4.0)
+    assert np.mean(rate[-333:]) == pytest.approx(2.0 * np.pi * 3.0, rel=0.03)
+
+
+def test_steps_that_cannot_be_flown_are_refused_in_a_line() -> None:
+    """Before `start`, with a wrong wrench, with a crank that no motor turns; and a wrench that tears the robot away."""
+    plant = plant_of("paper")
+    with pytest.raises(SimulationError, match=r"start\(\) must come before"):
+        plant.step()
+    plant.start()
+    with pytest.raises(ShapeError, match="command"):
+        plant.step(np.zeros(5))
+    with pytest.raises(CrankError, match="no motor turns this crank"):
+        plant.step(crank_rate=1.0)
+
+
+def test_a_step_that_diverges_says_so_and_keeps_the_flight() -> None:
+    """A wrench of 10 kN tears the robot away."""
+    plant = plant_of("paper")
+    plant.start()
+    plant.step()
+    tearing = np.array([1e4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(SimulationError, match="the flight diverged at t = ") as raised:
+        all(plant.step(tearing) for _ in range(100))
+    assert raised.value.kept is not None

@@ -1,0 +1,60 @@
+"""The tutorials: every block of code is run in order, in an empty folder, as a reader would type it."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.commands import call
+
+ROOT = Path(__file__).resolve().parents[2]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+CHECKS = {
+    "01-first-flight": 'found["force_level"][-1] > 0.999 and r2["windy"][1] < r2["paper"][1]',
+    "02-your-log": '(table.filter(like="F").abs().max() < 1.0).all()',
+    "03-your-robot": "np.allclose(estimate.force[-1, 0], [3.0, 0.0, 0.0], atol=0.05) and known.rank == 3",
+    "04-your-wing": 'flight["aerodynamic_lift_over_weight"] > 0.1',
+    "05-a-sweep": "r2.loc[0.0, 1000.0] > r2.loc[0.01, 1000.0]",
+}
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Commands end with code 0, Python runs through, and files appear; `console` shows what needs several machines."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    names: dict[str, Any] = {"np": np}
+    for language, text in BLOCK.findall(page.read_text("utf-8")):
+        if language == "sh":
+            for line in text.replace("\\\n", " ").splitlines():
+                program, *words = shlex.split(line, comments=True)
+                assert program == "aerobat", line
+                assert call(monkeypatch, *words) == 0, line
+        elif language in ("toml", "xml"):
+            name = text.split("\n")[0].strip("# <!->")
+            (tmp_path / name).write_text(text, encoding="utf-8")
+        elif language == "python":
+            exec(compile(text, page.name, "exec"), names)
+        else:
+            assert language == "console"
+    assert eval(CHECKS[page.stem], names) if page.stem in CHECKS else True
+
+
+def test_the_python_of_the_page_on_studies_reads_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Of a sweep with the name that it says, two short flights large."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(
+        'name = "morphology"\nbase = "paper"\n[set]\n"simulation.duration" = 0.02\n"air.warm_up_cycles" = 1\n'
+        '[ranges]\n"crank.frequency" = [4.75, 5.0]\n'
+    )
+    assert call(monkeypatch, "sweep", "small.toml", "--jobs", "1") == 0
+    [script] = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "studies.md").read_text("utf-8"), re.DOTALL)
+    *before, last = script.strip().splitlines()
+    names: dict[str, Any] = {}
+    exec(compile("\n".join(before), "docs/studies.md", "exec"), names)
+    assert set(eval(last, names).dims) == {"point", "seed"}

@@ -1,0 +1,70 @@
+"""Free flights of `paper`, calibrations learnt from them, and other flights as calibrated observers see them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.estimation import Calibration, FreeFlight, calibrate, known_inputs, motion, true_force
+from aerobat_pin.flight import FlightLog
+from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
+from aerobat_pin.scenario import load_scenario
+from support.mismatch import MISMATCHES, Seen, flown, heavier, shifted
+
+FREE = ("simulation.duration=4.0",)
+SIX_ERRORS = (  # of wing offset, density, added mass; with masses, centre of mass and drag in `with_six_errors`
+    "believed.robot.changes.wing.offset_x=-0.055",
+    "believed.robot.changes.aerodynamics.profile_drag=0.045",
+    "believed.air.density=1.0412",
+    "believed.air.added_mass=1.2",
+)
+
+
+def with_six_errors(model: pin.Model) -> None:
+    """Change a model: all masses 5 % and the outer wings 15 % too heavy, the body's centre of mass 3 mm forward."""
+    for change in (heavier(1.05), heavier(1.15, "left_elbow", "right_elbow"), shifted):
+        change(model)
+
+
+def believed(
+    log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None, **more: Any
+) -> FreeFlight:
+    """Return a flight of `paper` with a belief: settings, and a change of the model."""
+    scenario = load_scenario("paper", ["unknown_force=[]", *settings])
+    robot: Aerobat = believed_robot(scenario)
+    if change is not None:
+        robot = replace(robot, model=robot.model.copy())
+        change(robot.model)
+    return FreeFlight("free", log, robot, scenario.believed_air, **{"torque": "measured", **more})
+
+
+@cache
+def free_flight(row: str, sensors: tuple[str, ...] = (), seed: int = 101, more: tuple[str, ...] = ()) -> FreeFlight:
+    """Return 4 s of free flight with one of the beliefs of `MISMATCHES`."""
+    wrong = MISMATCHES[row]
+    log, _ = flown("no force", seed, (*FREE, *wrong.true, *more, *sensors))
+    return believed(log, wrong.believed, wrong.change)
+
+
+@cache
+def learnt(row: str, sensors: tuple[str, ...] = (), seed: int = 101) -> Calibration:
+    """Return what the harmonics of the crank show in such a flight."""
+    return calibrate([free_flight(row, sensors, seed)], parameters=[])
+
+
+def seen_with(
+    calibration: Calibration, free: FreeFlight, flight: str, seed: int = 1, more: tuple[str, ...] = ()
+) -> Seen:
+    """Return a flight as observers with the belief of a free flight, and a calibration, see it."""
+    log, scenario = flown(flight, seed, more)
+    robot, air = calibration.believed(free.robot, free.air)
+    inputs = known_inputs(log, robot, free.torque, air)
+    inputs = calibration.applied(inputs, robot, motion(log, robot, air))
+    pushed = {force.frame for force in scenario.unknown_force}
+    truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
+    return Seen(robot.model, inputs, np.stack(truth, axis=1))

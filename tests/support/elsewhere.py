@@ -1,0 +1,55 @@
+"""Flights of the other plant as observers with the plain belief about the guarded robot see them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from aerobat_pin.estimation import Calibration, FreeFlight, belief_about, known_inputs, motion
+from aerobat_pin.flight import FlightLog
+from aerobat_pin.robot import believed_robot
+from support.mismatch import Seen
+from support.other_plant import Push, fly_elsewhere
+
+
+def swinging(time: float) -> np.ndarray:
+    """Return a force that swings at 2 Hz and its harmonic, along all axes."""
+    turn = 2.0 * np.pi * 2.0 * time
+    return np.array([0.02, 0.08, 0.12]) * (np.sin(turn) + 0.4 * np.sin(3.0 * turn))
+
+
+def contacts(time: float) -> np.ndarray:
+    """Return an impulse of 5 mN s, a push of 50 ms and a step of 0.1 N, upward."""
+    if 0.3 <= time < 0.31:
+        return np.array([0.0, 0.0, 0.5])
+    if 0.5 <= time < 0.55:
+        return np.array([0.0, 0.0, 0.1 * (1.0 - np.cos(2.0 * np.pi * (time - 0.5) / 0.05))])
+    return np.array([0.0, 0.0, 0.1]) if 0.7 <= time < 0.9 else np.zeros(3)
+
+
+PUSHES: dict[str, Push | None] = {"nothing": None, "swinging": swinging, "contacts": contacts}
+
+
+@cache
+def elsewhere(push: str, duration: float, speed: float = 3.0, frequency: float = 4.75) -> tuple[FlightLog, np.ndarray]:
+    """Return the log of a flight, and the force (m, 3) on the left wing."""
+    return fly_elsewhere(
+        duration, PUSHES[push], speed=speed, frequency=frequency, settle=0.5 if push == "nothing" else 0.6
+    )
+
+
+def as_believed(log: FlightLog) -> FreeFlight:
+    """Return a flight with the plain belief about its robot."""
+    belief = belief_about(log, "elsewhere", None, [], [])
+    return FreeFlight("elsewhere", log, believed_robot(belief), belief.believed_air, "measured")
+
+
+def seen_elsewhere(flight: tuple[FlightLog, np.ndarray], calibration: Calibration | None) -> Seen:
+    """Return a flight as observers see it, with or without a calibration."""
+    log, force = flight
+    one = as_believed(log)
+    inputs = known_inputs(log, one.robot, "measured", one.air)
+    if calibration is not None:
+        inputs = calibration.applied(inputs, one.robot, motion(log, one.robot, one.air))
+    return Seen(one.robot.model, inputs, np.stack([force, np.zeros_like(force)], axis=1))

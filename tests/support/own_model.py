@@ -1,0 +1,59 @@
+"""Draw truths from the joint smoother's own linear model, to see whether its deviations are those of its errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.estimation.raw.linear import LinearRecord
+from aerobat_pin.estimation.raw.prior import Prior
+from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
+from aerobat_pin.estimation.raw.tuning import Tuning, white_variance
+from aerobat_pin.numerics import Array
+
+
+def own_model_errors(linear: LinearRecord, prior: Prior, tuning: Tuning, rng: np.random.Generator) -> dict[str, Array]:
+    """Return normalised errors of the slow forces on one drawn truth: filter and smoother.
+
+    The truth and its samples follow the linear model exactly: first state, walks, white forces and sensor noise are
+    drawn with the covariances that the recursion assumes.
+
+    Returns:
+        `filter_nees`, `smoother_nees` (m,): squared error over covariance, per component; `filter_z`, `smoother_z`
+        (m, b): error of each component over its deviation.
+    """
+    d, rows, layout, n = linear.dynamics, linear.rows, linear.layout, linear.layout.size
+    m, white, walk = len(d.push), layout.white, layout.walk
+    P0, noise = prior.covariance.copy(), linear.noise(tuning)
+    P0[white, :] = P0[:, white] = 0.0
+    first = white_variance(tuning, np.diff(linear.nominal.time[:2]))[0]
+    P0[white, white] = np.diag(np.tile(first, layout.points))
+    x = np.sqrt(np.diag(P0)) * rng.standard_normal(n)
+    true, e = np.empty((m + 1, n)), np.empty(len(rows.e))
+    for k in range(m + 1):
+        true[k] = x
+        at = slice(rows.start[k], rows.start[k + 1])
+        e[at] = rows.h[at] @ x + np.sqrt(rows.R[at]) * rng.standard_normal(at.stop - at.start)
+        if k < m:
+            following = x.copy()
+            following[: len(d.shift[k])] = d.transition[k] @ x + d.shift[k]
+            following[white] = 0.0
+            x = following + np.sqrt(noise[k]) * rng.standard_normal(n)
+    fresh, block = (np.array([part.start, part.stop], dtype=np.intp) for part in (white, walk))
+    gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
+    states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
+    filter_record(
+        np.zeros(n), P0.copy(), d.transition, d.shift, noise, fresh, rows.start, rows.h, e, rows.R,
+        gains, innovations, states, covariances,
+    )  # fmt: skip
+    filtered, spread = states[:, walk].copy(), covariances[:, walk, walk].copy()
+    deviations, blocks = np.empty((m + 1, n)), np.empty((m + 1, spread.shape[1], spread.shape[1]))
+    smooth_record(
+        d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block, deviations, blocks
+    )
+    made = {}
+    for name, found, covariance in (("filter", filtered, spread), ("smoother", states[:, walk], blocks)):
+        error = found - true[:, walk]
+        size = error.shape[1]
+        made[f"{name}_nees"] = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error) / size
+        made[f"{name}_z"] = error / np.sqrt(np.einsum("kii->ki", covariance))
+    return made

@@ -1,0 +1,172 @@
+"""`aerobat crank`: the page closes the linkage as Python does; mouse, keys and touch use it, on a telephone too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.browser import needs_browser, opened
+from support.commands import aerobat, call
+
+from aerobat_description.morphology import Morphology
+from aerobat_description.position_closure import ClosureError, close_linkage
+from aerobat_pin.visualization.crank_by_hand import crank_page
+
+BARS = {
+    "L1": "J1 J2",
+    "L2": "J2 J3 J4",
+    "L3": "J5 J4 J6",
+    "L4": "J3 J7",
+    "L5": "J8 J7 J9",
+    "L6": "J9 J10",
+    "L7": "J6 J10",
+}
+SET = """([crank, lengths]) => {
+    for (const [key, length] of Object.entries(lengths)) element(key).value = element(key).dataset.exact = length;
+    element("crank").step = "any";
+    element("crank").value = crank;
+    return show().open;
+}"""
+DRAWN = """(bars) => Object.fromEntries(["left", "right"].flatMap((side) => Object.entries(bars).flatMap(
+    ([bar, pins]) => pins.split(" ").map((pin) => [`${side} ${bar} ${pin}`, drawn(side, bar, pin)]))))"""
+WING = "(link) => node(link).position.toArray().concat(node(link).quaternion.toArray())"
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the page by its command."""
+    folder = tmp_path_factory.mktemp("crank")
+    done = aerobat("crank", cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder / "crank.html"
+
+
+@needs_browser
+@pytest.mark.parametrize("lengths", [{}, {"L3b": 7.2e-3, "L5b": 9.3e-3}, {"L5a": 12.4e-3, "L5b": 10.8e-3}])
+def test_it_draws_every_pin_where_python_closes_the_linkage(
+    lengths: dict[str, float], page_file: Path, browser: Any
+) -> None:
+    """Both sides, each pin on each of its bars, at 50 crank angles, to 1e-6 m; wings as the closure turns them."""
+    shape = Morphology.load("aerobat")
+    bars = replace(shape.linkage, **lengths)
+    with opened(browser, page_file.as_uri()) as page:
+        for crank in np.linspace(-180.0, 180.0, 50):
+            pose = close_linkage(bars, np.radians(crank))
+            assert page.evaluate(SET, [crank, lengths]) is None
+            for name, found in page.evaluate(DRAWN, BARS).items():
+                side, _, pin = name.split()
+                at, sign = pose.pins[pin], 1.0 if side == "left" else -1.0
+                assert found == pytest.approx([shape.wing.offset_x, sign * at.real, at.imag], abs=1e-6), (name, crank)
+            x, y, z, turn, _, _, cosine = page.evaluate(WING, "right_distal")
+            assert (x, y, z) == pytest.approx((shape.wing.offset_x, -pose.pins["J6"].real, pose.pins["J6"].imag))
+            assert 2.0 * np.arctan2(turn, cosine) == pytest.approx(-pose.angles["L7"], abs=1e-9)
+            shown = float(page.inner_text("#theta_e td:last-child").removesuffix("°"))
+            assert shown == pytest.approx(np.degrees(pose.theta_e), abs=0.006)
+
+
+@needs_browser
+def test_sliders_move_the_wings_by_mouse_and_keys(page_file: Path, browser: Any) -> None:
+    """A click on the slider, arrow keys, a length, the button that turns, and the one that restores."""
+    with opened(browser, page_file.as_uri()) as page:
+        start = page.evaluate(WING, "left_proximal")
+        slider = page.locator("#crank")
+        box = slider.bounding_box()
+        page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.5 * box["height"])
+        assert float(slider.input_value()) == pytest.approx(90.0, abs=5.0)
+        clicked = page.evaluate(WING, "left_proximal")
+        assert clicked != start
+        before = float(slider.input_value())
+        slider.press("ArrowRight")
+        assert float(slider.input_value()) == before + 0.5
+        assert page.evaluate(WING, "left_proximal") != clicked
+        elbow = page.inner_text("#theta_e td:last-child")
+        page.locator("#L5a").press("PageUp")
+        assert page.inner_text("#L5a-said") == "11.68 mm (1.045)"
+        assert page.inner_text("#theta_e td:last-child") != elbow
+        page.get_by_role("button", name="as built").click()
+        assert page.inner_text("#theta_e td:last-child") == elbow
+        page.get_by_role("button", name="turn").click()
+        page.wait_for_function(f"Number(element('crank').value) > {before + 2.0}")
+        page.get_by_role("button", name="turn").click()
+        page.get_by_role("button", name="linkage").click()
+        assert page.locator("button[data-look=linkage][aria-pressed=true]").count() == 1
+
+
+@needs_browser
+def test_where_it_cannot_close_it_says_so(page_file: Path, browser: Any) -> None:
+    """The pin and the lengths of Python's own message; the wings stay where they were."""
+    shortest = 0.5 * Morphology.load("aerobat").linkage.L3b
+    bars = replace(Morphology.load("aerobat").linkage, L3b=shortest)
+    stuck = next(a for a in range(-90, 270) if not closes(bars, a))
+    with pytest.raises(ClosureError) as said:
+        close_linkage(bars, np.radians(stuck))
+    with opened(browser, page_file.as_uri()) as page:
+        before = page.evaluate(WING, "left_distal")
+        page.locator("#L3b").press("Home")
+        page.evaluate("judgeTurn()")
+        open_dyad = page.evaluate(SET, [stuck, {"L3b": shortest}])
+        assert open_dyad["pin"] == said.value.dyad
+        assert f"cannot close at {said.value.dyad}: its bars of" in page.inner_text("#words")
+        assert "cannot turn all the way" in page.inner_text("#words")
+        assert page.inner_text("#theta_s td:last-child") == "\N{EN DASH}"
+        assert page.inner_text("#L3b-reach") == ", beyond the robot's own 0.876 to 3"
+        page.get_by_role("button", name="as built").click()
+        page.evaluate(SET, [-90.0, {}])
+        assert page.evaluate(WING, "left_distal") == pytest.approx(before)
+        assert page.inner_text("#words") == "With these lengths the crank turns all the way."
+
+
+def closes(bars: Any, crank: float) -> bool:
+    """Return whether the linkage closes at a crank angle [deg]."""
+    try:
+        close_linkage(bars, np.radians(crank))
+    except ClosureError:
+        return False
+    return True
+
+
+@needs_browser
+def test_it_can_be_used_on_a_telephone(page_file: Path, browser: Any) -> None:
+    """390 pixels wide, by touch: nothing is cut off, and a tap on the slider moves the wings, which one sees."""
+    context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    requests: list[str] = []
+    page = context.new_page()
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto(page_file.as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    view, canvas = (page.locator(name).bounding_box() for name in ("#view", "#meshcat-pane canvas"))
+    assert canvas["height"] == pytest.approx(view["height"], abs=2.0)
+    assert view["height"] < 400.0
+    for name in ("crank", "L3b", "L5a", "L5b"):
+        assert page.locator(f"#{name}").bounding_box()["height"] >= 32.0
+    before, box = page.evaluate(WING, "left_distal"), page.locator("#crank").bounding_box()
+    page.touchscreen.tap(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
+    assert page.evaluate(WING, "left_distal") != before
+    page.locator("#L5b").scroll_into_view_if_needed()
+    assert page.locator("#view").bounding_box()["y"] == pytest.approx(0.0, abs=1.0)
+    assert all(url.startswith(("file:", "data:")) for url in requests)
+    context.close()
+
+
+@pytest.mark.parametrize("name", ["aerobat_guard", "aerobat_light"])
+def test_every_robot_has_its_page(name: str) -> None:
+    """Under 1.3 MB, with its own parts."""
+    page = crank_page(Morphology.load(name))
+    assert f"{name}: turn the crank" in page
+    assert len(page) < 1.3e6
+
+
+def test_mistakes_cost_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A robot that is not there, and a page that is."""
+    file = tmp_path / "a.html"
+    assert call(monkeypatch, "crank", "aerobot", "--output", str(file)) == 2
+    assert "no morphology named 'aerobot'" in capsys.readouterr().err
+    file.write_text("mine")
+    assert call(monkeypatch, "crank", "--output", str(file)) == 2
+    assert "--force" in capsys.readouterr().err
+    assert file.read_text() == "mine"
