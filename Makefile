@@ -6,10 +6,15 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.
-SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames observer_study
+SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames tool_pictures \
+	observer_study structural_error method animation real_recordings
 BIN := $(VENV)/bin
+# Tests of a file stay together, as they share flights.
+PARALLEL := -n auto --maxprocesses 4 --dist loadfile
+# Says which Python was found and which would do, and how to name it; exit code 1 for one that would not do.
+RIGHT_PYTHON = -c 'import sys; v = sys.version_info[:2]; ok = (3, 11) <= v <= (3, 13); ok or print("%s is Python %d.%d: Python 3.11 to 3.13 was expected; name one, as in: make PYTHON=python3.12 $(or $(MAKECMDGOALS),demo)" % (sys.argv[1], *v), file=sys.stderr); sys.exit(not ok)'
 
-.PHONY: demo test test-python coverage mutants docs bench reliability evidence clean
+.PHONY: demo test test-python coverage mutants docs site bench reliability evidence tools clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -19,7 +24,7 @@ test: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(PARALLEL)
 	@for version in $(PYTHONS); do $(MAKE) --no-print-directory test-python VERSION=$$version || exit 1; done
 
 # The heart of the tests on every other supported Python that is installed here.
@@ -28,7 +33,7 @@ test-python:
 		echo "Python $(VERSION):"; \
 		test -x $(VENV)-$(VERSION)/bin/python || python$(VERSION) -m venv $(VENV)-$(VERSION); \
 		$(VENV)-$(VERSION)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
-		$(VENV)-$(VERSION)/bin/python -m pytest $(HEART); \
+		$(VENV)-$(VERSION)/bin/python -m pytest $(PARALLEL) $(HEART); \
 	fi
 
 # Lines of aerobat_pin that no test runs; processes that tests start count too.
@@ -53,6 +58,11 @@ reliability: $(VENV)/.installed-test
 evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/broken_runs.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/mismatch.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/calibrated.py
+
+# The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
+tools: $(VENV)/.installed-test
+	$(BIN)/python benchmarks/other_tools.py $(ARGS)
 
 docs: $(VENV)/.installed-test
 	@for script in $(SCRIPTS); do \
@@ -60,16 +70,31 @@ docs: $(VENV)/.installed-test
 		PYTHONPATH=tests $(BIN)/python docs/scripts/$$script.py || exit 1; \
 	done
 
+# The pages of docs/ as a site in build/site/html, which needs no network.
+site: $(VENV)/.installed-docs
+	$(BIN)/python docs/site/build.py
+
+# A .venv of a wrong Python, or half a one, is not left behind: the next `make demo` would find it.
 $(BIN)/python:
-	$(PYTHON) -m venv $(VENV)
+	@$(PYTHON) $(RIGHT_PYTHON) $(PYTHON)
+	@echo "making $(VENV) with `$(PYTHON) --version`"
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "$(PYTHON) cannot make virtual environments; on Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
+	@$(BIN)/python $(RIGHT_PYTHON) $(VENV) || { echo "then remove the old one: make clean" >&2; exit 1; }
+	@echo "installing about 70 packages into $(VENV): 1.1 GB on disk, some minutes; pip says nothing meanwhile"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed | $(BIN)/python
+	@echo "installing what the tests need: about 75 more packages, 1 GB on disk, some minutes; pip says nothing meanwhile"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
 	touch $@
 
+$(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) $(VENV)-3.* build *.egg-info runs
+	rm -rf $(VENV) $(VENV)-3.* $(VENV)-tools build *.egg-info runs

@@ -135,7 +135,7 @@ def compare(before: Path, after: Path) -> tuple[float, str]:
 
 def main() -> int:
     """Run both checkouts and print a line for each result."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("before", type=Path, help="checkout")
     parser.add_argument("after", type=Path, nargs="?", default=HERE, help="checkout; this one when omitted")
     parser.add_argument("--limit", type=float, default=0.0, help="largest relative difference allowed")

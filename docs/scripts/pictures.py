@@ -143,7 +143,11 @@ def linkage_in_the_robot() -> Figure:
     width, height = 1100, 640
     robot = load_aerobat("aerobat")
     view = View((0.012, 0.036, 0.008), 0.165, 163.0, -14.0)
-    faint = ("body", "left_proximal", "left_distal", "right_proximal", "right_distal", "tail")
+    faint = (
+        "body",
+        "tail",
+        *(f"{side}_{panel}_membrane" for side in ("left", "right") for panel in ("proximal", "distal")),
+    )
     figure = Figure(figsize=(width / 150.0, height / 150.0), dpi=150)
     axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axis.imshow(view.image(scene(robot, MID_DOWNSTROKE, faint), width, height))

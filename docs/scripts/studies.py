@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from support.pages import HOLE, ROOT, Part, run
 
-from aerobat_pin.experiments import load_sweep, shipped_sweeps
-from aerobat_pin.experiments.sweep import run_sweep
+from aerobat_pin.experiments import load_sweep, run_sweep, shipped_sweeps
 from aerobat_pin.visualization import style
 
 PAGE, FIGURES = "docs/studies.md", ROOT / "docs" / "figures" / "studies"

@@ -1,0 +1,71 @@
+"""What a calibration gives back under quasi-steady air over five seeds, and six errors at once.
+
+Exits with 1 if a figure that is asked for is missed. Run by `make evidence`; some two minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from support.calibrated import FREE, SIX_ERRORS, believed, free_flight, learnt, seen_with, with_six_errors
+from support.mismatch import NOISY, estimated, flown, made_up, scores
+
+from aerobat_pin.estimation import calibrate
+
+ROW = "quasi-steady air"
+SEEDS = (1, 2, 3, 4, 5)
+ONSETS, LATENCY = (0.5, 0.9, 1.3), (3.0, 5.0, 15.0)  # [s], [ms]: of impulse, push and step
+OTHER_START = ("flight.pitch_deg=5.5", "crank.start_deg=40")
+failed = []
+
+
+def say(what: str, seed: int, values: np.ndarray, good: bool) -> None:
+    """Print a line, and remember whether it is as it should be."""
+    if not good:
+        failed.append(what)
+    print(f"{what:<46} seed {seed}  {np.array2string(values, precision=3)}{'' if good else '  BAD'}", flush=True)
+
+
+def contacts(seed: int, noise: tuple[str, ...], allowed: tuple[float, ...]) -> None:
+    """Judge when the contacts of a flight are found, and how often there are none in 20 s."""
+    free, found = free_flight(ROW, noise, 100 + seed), learnt(ROW, noise, 100 + seed)
+    pushed = seen_with(found, free, "pushes", seed, noise)
+    name, least = ("smoother", 0.85) if noise else ("force_level", 0.98)
+    score = scores(estimated(name, pushed), pushed)[2:]
+    words = "noisy" if noise else "exact"
+    say(f"contact z, {words}, {name}", seed, score, bool(score[0] > least))
+    alarms = np.array([one.alarm for one in pushed.inputs.calibration.contacts if one.frame == "left_force_point"])
+    late = np.array([1e3 * min((a - onset for a in alarms if a > onset), default=np.inf) for onset in ONSETS])
+    say(f"alarm after impulse, push, step [ms], {words}", seed, late, bool(np.all(late < np.array(allowed) + 0.01)))
+    long = seen_with(found, free, "no force", 200 + seed, ("simulation.duration=20.0", *noise))
+    count = len(long.inputs.calibration.contacts)
+    say(f"false alarms in 20 s, {words}", seed, np.array([count]), count <= 1)
+
+
+def main() -> int:
+    """Print the figures; return the exit code."""
+    free, found = free_flight(ROW), learnt(ROW)
+    still = seen_with(found, free, "no force", 1, OTHER_START)
+    wrong = 1e3 * made_up(estimated("force_level", still))
+    say("made up [mN], exact, force_level", 1, wrong, bool(np.all(wrong < [2.0, 6.0, 3.0])))
+    log, _ = flown("no force", 101, (*FREE, *NOISY))
+    mistaken = believed(log, SIX_ERRORS, with_six_errors)
+    corrected = calibrate([mistaken])
+    for seed in SEEDS:
+        signal = seen_with(found, free, "signal", seed)
+        score = scores(estimated("force_level", signal), signal)
+        say("signal, exact, force_level", seed, score, bool(np.all(score > [0.94, 0.97, 0.98])))
+        noisy = seen_with(learnt(ROW, NOISY, 100 + seed), free_flight(ROW, NOISY, 100 + seed), "signal", seed, NOISY)
+        score = scores(estimated("smoother", noisy), noisy)
+        say("signal, noisy, smoother", seed, score, bool(np.all(score[1:] > 0.95)))
+        contacts(seed, (), LATENCY)
+        contacts(seed, NOISY, LATENCY)
+        other = seen_with(corrected, mistaken, "signal", seed, ("flight.velocity=[3.6,0,0]", "crank.frequency=5.5"))
+        score = scores(estimated("force_level", other), other)
+        say("six errors, other speed and frequency", seed, score, bool(np.all(score > 0.97)))
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

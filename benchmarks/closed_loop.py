@@ -1,0 +1,308 @@
+"""What the closed loop shows: `python benchmarks/closed_loop.py [--seeds 20] [--only NAME]`.
+
+Flies the scenarios of closed loops with several seeds and prints, as medians, every figure that the project claims of
+them, each beside its bound; ends with exit code 1 where one is not reached. The same PD everywhere; a ratio is taken
+seed by seed. Times are processor times of one thread: neighbours on the machine lengthen them, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import resource
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.control import AerobatEnv, Controller, loop_margins
+from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight import ClosedLoop, Plant
+from aerobat_pin.robot import believed_robot, euler_angles, load_robot
+from aerobat_pin.scenario import Scenario, load_scenario
+
+PD = ("control.integral=false", "control.feedforward=false")
+PD_I, OBSERVER, BOTH = ("control.feedforward=false",), ("control.integral=false",), ()
+LAWS = {
+    "PD": PD,
+    "PD + I": PD_I,
+    "PD + observer": OBSERVER,
+    "PD + I + observer": BOTH,
+    "observer without air": (*OBSERVER, "control.air=false"),
+    "truth, filtered alike": (*OBSERVER, "control.source=filtered_truth"),
+    "truth": (*OBSERVER, "control.source=truth"),
+}
+VERTICAL, NOTHING = ("air.gust.amplitude=[0.0, 0.0, 1.5]",), ("unknown_force=[]",)
+PUSHED, GUST, BLOW = "paper_left_closed_loop", "gust_closed_loop", "impact_closed_loop"
+WRONG_BELIEF = (
+    "believed.robot.changes.scale.body_mass=1.05",
+    "believed.robot.changes.scale.wing_mass=1.05",
+    "believed.air.density=1.47",
+)
+BOUNDED = 1.0  # [m]: a flight that stays within this distance of its course, and upright, is bounded
+SETTLED = 0.015  # [m]
+NO_WORSE = 1.0  # of an angle, as a share of that of PD
+EQUAL_FLIGHTS = 5
+
+
+@cache
+def robots(name: str, settings: tuple[str, ...]) -> tuple[Scenario, Any, Any]:
+    """Load a scenario and its robots once."""
+    scenario = load_scenario(name, settings)
+    return scenario, load_robot(scenario), believed_robot(scenario)
+
+
+@cache
+def flight(name: str, settings: tuple[str, ...], seed: int) -> dict[str, Any]:
+    """Fly a scenario; return its errors about the course, rms and over time, commands and loop times."""
+    scenario, robot, believed = robots(name, settings)
+    simulation = scenario.simulation.model_copy(update={"seed": seed})
+    scenario = scenario.model_copy(update={"simulation": simulation})
+    plant, pilot = Plant(robot, scenario), Controller(scenario, believed)
+    loop, diverged = ClosedLoop(plant, pilot), False
+    try:
+        flown = loop.fly(simulation.count)
+    except SimulationError as error:
+        flown, diverged = error.kept, True
+    course = np.array(scenario.flight.position) + np.outer(
+        np.arange(len(flown.q)) * simulation.dt, scenario.flight.velocity
+    )
+    error = np.concatenate([flown.q[:, :3] - course, euler_angles(flown.q)], axis=1)
+    record = loop.record(len(flown.q) - 1)
+    slew = np.diff(record.command, axis=0) / simulation.dt
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    return {
+        **dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), rms, strict=True)),
+        "attitude": float(np.sqrt(np.sum(rms[3:] ** 2))),
+        "slew": float(np.sqrt(np.mean(slew**2))),
+        "error": error,
+        "times": pilot.loop_times[: len(record.command)],
+        "bounded": not diverged and np.abs(error[:, :3]).max() < BOUNDED and np.abs(error[:, 3:]).max() < 1.2,
+        "limits": float(np.mean((record.command <= 0.0) | (record.command >= record.thrusters.limit))),
+    }
+
+
+def median(figure: Callable[[int], float], seeds: Sequence[int]) -> float:
+    """Return the median of a figure over seeds."""
+    return float(np.median([figure(seed) for seed in seeds]))
+
+
+def ratio(name: str, key: str, law: tuple[str, ...], other: tuple[str, ...], more: tuple[str, ...] = ()) -> Any:
+    """Return the figure `law / other` of one seed."""
+    return lambda seed: flight(name, (*law, *more), seed)[key] / flight(name, (*other, *more), seed)[key]
+
+
+class Board:
+    """The figures that were measured, with their bounds."""
+
+    def __init__(self) -> None:
+        self.missed: list[str] = []
+
+    def show(self, what: str, value: float, bound: float | None = None, unit: str = "", least: bool = False) -> None:
+        """Print a figure and its bound, an upper one unless `least`."""
+        good = bound is None or (value >= bound if least else value <= bound)
+        text = (
+            "" if bound is None else f"   {'at least' if least else 'at most'} {bound:g}{'' if good else '   MISSED'}"
+        )
+        print(f"  {what:<62} {value:10.4g} {unit:<5}{text}", flush=True)
+        if not good:
+            self.missed.append(what)
+
+
+def drift(board: Board, seeds: Sequence[int]) -> None:
+    """The pushed flight, the gusts, the undisturbed flight; with the right and a wrong belief."""
+    for title, belief in (("right belief", ()), ("mass +5 %, air +20 % believed", WRONG_BELIEF)):
+        print(title)
+        both, pd, pd_i = (*BOTH, *belief), (*PD, *belief), (*PD_I, *belief)
+        board.show("pushed: y rms", 1e3 * median(lambda s, law=both: flight(PUSHED, law, s)["y"], seeds), 26.0, "mm")
+        board.show("pushed: y, of PD", median(ratio(PUSHED, "y", both, pd), seeds), 0.45)
+        board.show("pushed: y, of PD + I", median(ratio(PUSHED, "y", both, pd_i), seeds), 0.75)
+        for angle in ("pitch", "yaw"):
+            board.show(f"pushed: {angle}, of PD", median(ratio(PUSHED, angle, both, pd), seeds), NO_WORSE)
+        board.show("lateral gust: y, of PD", median(ratio(GUST, "y", both, pd), seeds), 0.75)
+        board.show("lateral gust: pitch, of PD", median(ratio(GUST, "pitch", both, pd), seeds), NO_WORSE)
+        board.show("lateral gust: yaw, of PD", median(ratio(GUST, "yaw", both, pd), seeds))
+        board.show("vertical gust: z, of PD", median(ratio(GUST, "z", both, pd, VERTICAL), seeds), 0.85)
+        for key in ("attitude", "z"):
+            board.show(f"undisturbed: {key}, of PD", median(ratio(PUSHED, key, both, pd, NOTHING), seeds), 1.05)
+        calm = median(lambda s, law=both: flight(PUSHED, (*law, *NOTHING), s)["y"], seeds)
+        board.show("undisturbed: y rms", 1e3 * calm, 1.5, "mm")
+
+
+def comparison(board: Board, seeds: Sequence[int]) -> None:
+    """Every law against every disturbance."""
+    cases = (("pushed", PUSHED, (), "y"), ("lateral gust", GUST, (), "y"), ("vertical gust", GUST, VERTICAL, "z"))
+    for title, name, more, axis in (*cases, ("undisturbed", PUSHED, NOTHING, "y")):
+        print(title)
+        for law, settings in LAWS.items():
+            found = [flight(name, (*settings, *more), seed) for seed in seeds]
+            numbers = {
+                key: float(np.median([one[key] for one in found])) for key in found[0] if key not in ("error", "times")
+            }
+            print(
+                f"  {law:<24} {axis} {1e3 * numbers[axis]:6.2f} mm"
+                f"   roll {np.degrees(numbers['roll']):5.2f}  pitch {np.degrees(numbers['pitch']):5.2f}"
+                f"  yaw {np.degrees(numbers['yaw']):5.2f} deg"
+                f"   slew {numbers['slew']:5.1f} N/s   at limits {100 * numbers['limits']:4.1f} %",
+                flush=True,
+            )
+
+
+def margins(board: Board, seeds: Sequence[int]) -> None:
+    """Margins from the gains, and flights with other thrust, delay and lag than believed."""
+    for law in ("PD", "PD + I", "PD + observer", "PD + I + observer"):
+        found = loop_margins(load_scenario(PUSHED, LAWS[law]))
+        roll = found["roll"]
+        print(
+            f"  {law:<20} roll: phase {np.degrees(roll.phase):.0f} deg, delay {1e3 * roll.delay:.0f} ms, "
+            f"thrust x{roll.gain_down:.2f} to x{roll.gain_up:.0f}, Ms {roll.ms:.2f}"
+        )
+    board.show("Ms, worst axis", max(axis.ms for axis in loop_margins(load_scenario(PUSHED)).values()), 2.0)
+    longer = "simulation.duration=5.0"
+    for what, setting, belief in (
+        ("thrust x0.6", "thrusters.factor=0.6", "believed.thrusters.factor=1.0"),
+        ("thrust x3", "thrusters.factor=3.0", "believed.thrusters.factor=1.0"),
+        ("20 ms of delay", "thrusters.delay=0.02", "believed.thrusters.delay=0.001"),
+        ("lag of 30 ms", "thrusters.lag=0.03", "believed.thrusters.lag=0.045"),
+        ("lag of 100 ms", "thrusters.lag=0.1", "believed.thrusters.lag=0.045"),
+        ("law at 100 Hz", "control.rate=100.0", longer),
+        ("gyro bias of 20 mrad/s", "sensors.gyro.bias=[0.02, 0.02, 0.02]", longer),
+        ("a third of the samples lost", "sensors.position.dropout=0.33", "sensors.gyro.dropout=0.33"),
+    ):
+        for law in (PD, BOTH):
+            settings = (*law, setting, belief, *(() if belief == longer else (longer,)))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                good = [flight(PUSHED, settings, seed)["bounded"] for seed in seeds]
+            kind = "PD" if law == PD else "PD + I + observer"
+            board.show(f"{what}, {kind}: share of flights bounded for 5 s", float(np.mean(good)), 1.0, least=True)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        weak = (*BOTH, "thrusters.factor=0.5", "believed.thrusters.factor=1.0", longer)
+        fell = not flight(PUSHED, weak, seeds[0])["bounded"]
+    print(
+        f"  thrust x0.5: {'falls' if fell else 'flies'}; said before: {str(caught[0].message) if caught else 'nothing'}"
+    )
+
+
+def impact(board: Board, seeds: Sequence[int]) -> None:
+    """A blow of 25 mN s on the left wing: when is the body within 15 mm of its course for good?"""
+
+    def settling(law: tuple[str, ...]) -> Callable[[int], float]:
+        def last(seed: int) -> float:
+            away = np.linalg.norm(flight(BLOW, law, seed)["error"][:, 1:3], axis=1) > SETTLED
+            return float(np.flatnonzero(away)[-1] * 1e-3 - 0.7) if away.any() else 0.0
+
+        return last
+
+    for law, settings in LAWS.items():
+        board.show(f"{law}: settled after", median(settling(settings), seeds), unit="s")
+
+
+def cost(board: Board, seconds: float) -> None:
+    """Time of the loop over a minute of flight, beside the bare calls of Pinocchio in it; memory over ten minutes."""
+    scenario, robot, believed = robots(PUSHED, ())
+    plant, pilot = Plant(robot, scenario), Controller(scenario, believed)
+    loop = ClosedLoop(plant, pilot, endless=True)
+    count, window = round(seconds / scenario.simulation.dt), scenario.simulation.count
+    times, used = [], []
+    gc.collect()
+    gc.freeze()
+    for k in range(count):
+        loop.step()
+        if (k + 1) % window == 0:
+            times.append(pilot.loop_times.copy())
+            used.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
+    every = 1e6 * np.concatenate(times[:24])[10:]
+    bare = bare_calls(believed, loop.q, loop.v)
+    board.show("loop: median", float(np.median(every)), unit="us")
+    board.show("loop: 99th percentile", float(np.percentile(every, 99.0)), 100.0, "us")
+    board.show("loop: worst of the first minute", float(np.max(every)), unit="us")
+    least = []
+    for _ in range(EQUAL_FLIGHTS):  # the same numbers in each, so what differs between them is the machine
+        again = Controller(scenario, believed)
+        ClosedLoop(Plant(robot, scenario), again).fly(window)
+        least.append(again.loop_times)
+    quiet = 1e6 * np.min(least, axis=0)[10:]
+    board.show(
+        f"the same, least of {EQUAL_FLIGHTS} equal flights, step by step: median", float(np.median(quiet)), unit="us"
+    )
+    board.show("  its 99th percentile", float(np.percentile(quiet, 99.0)), 100.0, "us")
+    board.show("bare calls of Pinocchio in it: median", bare, unit="us")
+    board.show("loop: median, of its bare calls", float(np.median(every)) / bare, 15.0)
+    board.show(
+        f"memory: growth over {seconds:.0f} s of flight, after the first minute",
+        used[-1] - used[min(23, len(used) - 1)],
+        5.0,
+        "MB",
+    )
+
+
+def bare_calls(robot: Any, q: np.ndarray, v: np.ndarray) -> float:
+    """Return what the loop's calls of Pinocchio take [us]: M, C and g of the observer, and twice the air's motion."""
+    model, data, took = robot.model, robot.model.createData(), []
+    for _ in range(5000):
+        begun = time.thread_time()
+        pin.crba(model, data, q)
+        pin.computeCoriolisMatrix(model, data, q, v)
+        pin.computeGeneralizedGravity(model, data, q)
+        pin.nonLinearEffects(model, data, q, v)
+        pin.nonLinearEffects(model, data, q, v)
+        took.append(time.thread_time() - begun)
+    return 1e6 * float(np.median(took))
+
+
+def environment(board: Board, processes: int) -> None:
+    """Control steps of 10 ms per second: on one core, and over processes."""
+    env = AerobatEnv()
+    env.reset(seed=1)
+    begun = time.thread_time()
+    for _ in range(2000):
+        terminated, truncated = env.step(env.neutral)[2:4]
+        if terminated or truncated:
+            env.reset()
+    board.show("environment: control steps a second, one core", 2000 / (time.thread_time() - begun), 2000.0, least=True)
+    from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+
+    many = AsyncVectorEnv([AerobatEnv] * processes, autoreset_mode=AutoresetMode.NEXT_STEP)
+    many.reset(seed=1)
+    actions, begun = np.tile(env.neutral, (processes, 1)), time.perf_counter()
+    for _ in range(500):
+        many.step(actions)
+    board.show(
+        f"environment: steps a second, {processes} processes, by the clock",
+        500 * processes / (time.perf_counter() - begun),
+    )
+    many.close()
+
+
+def main() -> int:
+    """Measure what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--minutes", type=float, default=10.0, help="of the flight that shows the memory")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument(
+        "--only", nargs="*", default=["drift", "comparison", "margins", "impact", "cost", "environment"]
+    )
+    options = parser.parse_args()
+    board, seeds = Board(), range(1, options.seeds + 1)
+    for name in options.only:
+        print(f"\n== {name}, {options.seeds} seeds")
+        if name == "cost":
+            cost(board, 60.0 * options.minutes)
+        elif name == "environment":
+            environment(board, options.processes)
+        else:
+            {"drift": drift, "comparison": comparison, "margins": margins, "impact": impact}[name](board, seeds)
+    print("\nmissed: " + (", ".join(board.missed) or "nothing"))
+    return 1 if board.missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,166 @@
+"""Try the robot's files in other people's tools, each in an environment of its own, and write the table of the README.
+
+    make tools                                          # all; ARGS="--only drake viser" for some
+    python benchmarks/other_tools.py --only mujoco
+
+Each tool runs its block of aerobat_description/README.md as it stands, then, where there is one, its check in
+benchmarks/tools/, which compares it with Pinocchio. Environments are kept in `.venv-tools/`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from importlib import metadata
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "aerobat_description" / "README.md"
+CHECKS = ROOT / "benchmarks" / "tools"
+PLACES = ROOT / ".venv-tools"
+BEGIN, END = "<!-- tools: written by benchmarks/other_tools.py -->", "<!-- end of tools -->"
+
+
+class Tool(NamedTuple):
+    """A tool: title of its block, what pip installs (nothing: it stands beside our Pinocchio), and its trap."""
+
+    title: str
+    packages: str
+    check: str
+    trap: str
+
+
+TOOLS = (
+    Tool(
+        "Pinocchio", "", "", "joints are ordered by name: use `idx_q`; `package_dirs` wants the parent of this folder"
+    ),
+    Tool("pink", "", "", "its tasks know the tree alone: the linkage is in `closed_model`"),
+    Tool("MuJoCo", "", "check_mujoco.py", "URDF: add the free joint yourself; MJCF: has one, and the linkage"),
+    Tool("yourdfpy", "", "", "its import takes two seconds"),
+    Tool("robot_descriptions", "", "", "put the module where its loaders look"),
+    Tool("MJX", "mujoco-mjx", "check_mjx.py", "the first call compiles for half a minute; set double precision"),
+    Tool("Drake", "drake", "check_drake.py", "`AddPackageXml`; MJCF: drops sites, motor and the tie of the two cranks"),
+    Tool("PyBullet", "pybullet numpy robot_descriptions", "check_pybullet.py", "without the flag it makes inertias up"),
+    Tool("viser", "viser yourdfpy", "check_viser.py", "visuals named like their links would not move: ours are not"),
+    Tool("rerun", "rerun-sdk", "", "finds packages through `ROS_PACKAGE_PATH`; shows the zero pose"),
+    Tool("urchin", "urchin", "", "knows relative mesh paths only: write the URDF for it"),
+    Tool(
+        "adam-robotics",
+        "adam-robotics numpy",
+        "check_adam.py",
+        "frames without an inertia's origin crash it: ours have",
+    ),
+    Tool(
+        "three.js",
+        "npm three urdf-loader jsdom",
+        "check_three.mjs",
+        "its y axis is up: turn the robot; serve the folder over HTTP",
+    ),
+    Tool(
+        "Crocoddyl", "crocoddyl pin==4.0.0", "", "built for Pinocchio 4.0: beside 4.1 it reads wrong memory; no loops"
+    ),
+    Tool("PlaCo", "placo", "", "wants Pinocchio 3.8; asks `ROS_PACKAGE_PATH`; adds the free base itself"),
+)
+
+
+def slug(title: str) -> str:
+    """Return a title as a folder, or the anchor of its heading, has it."""
+    return re.sub(r"[^a-z0-9_-]", "", title.lower().replace(" ", "-"))
+
+
+def run(*words: str | Path, cwd: Path) -> str:
+    """Run a program that sees this repository's packages, and return what it prints; it must succeed."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+    command = [str(word) for word in words]
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = [line for line in done.stderr.splitlines() if line.strip()]
+        raise RuntimeError(said[-1] if said else f"it ended with {done.returncode}, without a word")
+    return done.stdout
+
+
+def blocks() -> dict[str, str]:
+    """Return title -> code of the Python blocks of the README."""
+    return dict(re.findall(r"^### ([^\n]*)\n(?:(?!^##).)*?```python\n(.*?)```", PAGE.read_text(), flags=re.M | re.S))
+
+
+def prepared(tool: Tool) -> tuple[Path, str]:
+    """Return the program that runs a tool's check, and the tool's version; make its environment if there is none."""
+    place = PLACES / slug(tool.title)
+    names = tool.packages.split()
+    if not names:
+        name = {"Pinocchio": "pin", "pink": "pin-pink"}.get(tool.title, tool.title.lower())
+        return Path(sys.executable), metadata.version(name)
+    if names[0] == "npm":
+        package = place / "node_modules" / names[2] / "package.json"
+        if not package.exists():
+            place.mkdir(parents=True, exist_ok=True)
+            run("npm", "install", "--silent", "--prefix", place, *names[1:], cwd=place)
+        return Path("node"), json.loads(package.read_text())["version"]
+    python = place / "bin" / "python"
+    if not python.exists():
+        run(sys.executable, "-m", "venv", place, cwd=ROOT)
+        run(python, "-m", "pip", "install", "--quiet", *names, cwd=ROOT)
+    asked = f"from importlib import metadata; print(metadata.version({names[0]!r}))"
+    return python, run(python, "-c", asked, cwd=ROOT).strip()
+
+
+def tried(tool: Tool, reference: Path) -> tuple[bool, str]:
+    """Run a tool's block and check; return whether they succeed, and the tool's row of the table."""
+    version, found = "?", "its block runs"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        try:
+            program, version = prepared(tool)
+            if program.name != "node":
+                run(program, "-c", blocks()[tool.title], cwd=folder)
+            if tool.check:
+                check = CHECKS / tool.check
+                if program.name == "node":  # which looks for packages beside the script
+                    check = Path(shutil.copy(check, PLACES / slug(tool.title)))
+                said = run(program, check, reference, PAGE.parent, cwd=folder).splitlines()
+                found = next(line for line in said if line.startswith("found: ")).removeprefix("found: ")
+            good = True
+        except (RuntimeError, OSError) as error:
+            good, found = False, f"**fails**: {error}"
+    return good, f"| [{tool.title}](#{slug(tool.title)}) | {version} | {found} | {tool.trap} |"
+
+
+def main() -> None:
+    """Try tools, and write the table unless only some were tried; exit with an error if one fails."""
+    parser = argparse.ArgumentParser(description="Try the robot's files in other people's tools.")
+    parser.add_argument("--only", nargs="+", metavar="TOOL", help="try these, and print their rows instead")
+    only = parser.parse_args().only
+    chosen = [tool for tool in TOOLS if only is None or slug(tool.title) in map(slug, only)]
+    rows, bad = [], []
+    with tempfile.TemporaryDirectory() as name:
+        reference = Path(name, "reference.json")
+        run(sys.executable, CHECKS / "reference.py", reference, cwd=ROOT)
+        for tool in chosen:
+            good, row = tried(tool, reference)
+            rows.append(row)
+            bad += [] if good else [tool.title]
+            print(row, flush=True)
+    if only is None:
+        now = datetime.datetime.now(tz=datetime.UTC).date()
+        title = (
+            f"Tried on {now}, Python {sys.version_info[0]}.{sys.version_info[1]}, all three robots, by `make tools`:"
+        )
+        table = ["| tool | version | what was found | trap |", "|---|---|---|---|", *rows]
+        page = PAGE.read_text()
+        start, end = page.index(BEGIN) + len(BEGIN), page.index(END)
+        PAGE.write_text("\n".join([page[:start], title, "", *table, page[end:]]))
+    if bad:
+        sys.exit(f"failed: {', '.join(bad)}")
+
+
+if __name__ == "__main__":
+    main()

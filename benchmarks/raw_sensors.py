@@ -1,0 +1,258 @@
+"""Measure what the joint smoother and the causal filter find from raw samples, and write docs/raw_sensors.md.
+
+PYTHONPATH=tests python benchmarks/raw_sensors.py [--seeds 1 2 3 4 5] [--only NAME ...] [--write docs/raw_sensors.md]
+
+Each row is the worse wing and the worst of the seeds, against the true force without its noise. About ten minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from support.own_model import own_model_errors
+
+from aerobat_pin import load_scenario, simulate
+from aerobat_pin.estimation import r_squared
+from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, raw_record
+from aerobat_pin.estimation.raw.nominal import first_guess
+from aerobat_pin.estimation.raw.prior import first_prior
+from aerobat_pin.estimation.raw.smoother import part_of
+from aerobat_pin.flight import FlightLog
+from aerobat_pin.robot import believed_robot
+from aerobat_pin.scenario import RawSection, Scenario
+
+FRAMES = ("left_force_point", "right_force_point")
+GUARD = ("robot.morphology=aerobat_guard", "crank.frequency=4.75")  # observer_benchmark on the heavy robot
+GUARD_HOLD = (
+    "hold.attitude_stiffness=[0.291,0.108,0.351]",
+    "hold.attitude_damping=[0.0388,0.0144,0.0468]",
+    "hold.speed_gain=0.369",
+    "hold.lift=0.711",
+    "hold.height_stiffness=2.30",
+    "hold.height_damping=0.737",
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flight through raw sensors, and what is believed about it."""
+
+    name: str
+    scenario: str = "raw_sensors"
+    torque: str = "measured"
+    accelerometer: bool = True
+    settings: tuple[str, ...] = ()
+    raw: RawSection = field(default_factory=RawSection)
+    late: str = ""
+
+
+CASES = (
+    Case("paper, all"),
+    Case("paper, all, no accelerometer", accelerometer=False),
+    Case("paper, motor", torque="motor_only"),
+    Case("paper, motor, no accelerometer", torque="motor_only", accelerometer=False),
+    Case("paper, no torque", torque="none"),
+    Case("guard, all", "observer_benchmark", settings=(*GUARD, *GUARD_HOLD)),
+    Case("guard, all, no accelerometer", "observer_benchmark", accelerometer=False, settings=(*GUARD, *GUARD_HOLD)),
+    Case("guard, motor", "observer_benchmark", "motor_only", settings=(*GUARD, *GUARD_HOLD)),
+    Case("guard, motor, no accelerometer", "observer_benchmark", "motor_only", False, (*GUARD, *GUARD_HOLD)),
+    Case("benchmark, all", "observer_benchmark"),
+    Case("benchmark, all, no accelerometer", "observer_benchmark", accelerometer=False),
+    Case("benchmark, motor", "observer_benchmark", "motor_only"),
+    Case("benchmark, motor, no accelerometer", "observer_benchmark", "motor_only", False),
+    Case(
+        "paper, mass +5 %, air +20 %, factors",
+        settings=(
+            "believed.robot.changes.scale.wing_mass=1.05",
+            "believed.robot.changes.scale.body_mass=1.05",
+            "believed.air.density=1.47",
+        ),
+        raw=RawSection(mass_error=0.05, air_error=0.2),
+    ),
+    *(
+        Case(f"paper, {name} 1 ms late", late=name)
+        for name in ("gyro", "accelerometer", "crank_encoder", "motor_torque")
+    ),
+)
+
+
+CAUSAL = ("paper, all", "paper, all, no accelerometer", "benchmark, all")  # rows that the causal filter has too
+TEXT = """# Forces from raw sensors
+
+Written by `benchmarks/raw_sensors.py`. A laboratory has motion capture, an inertial unit, a crank encoder and
+torques, and no velocities. The joint smoother finds motion and forces together from their samples; how to use it is
+in [recorded.md](recorded.md).
+
+State: pose error on SE(3), twist error, bias of gyro and accelerometer, angle, rate and acceleration of the crank,
+and for each point a force that walks and one that is white, if asked for also factors of mass and air. The joints
+follow the linkage. The dynamics are linear about a nominal motion (Pinocchio's derivatives of inverse dynamics at the
+middle of each interval, the air flown along the motion and along shifted ones, the added mass as inertia); every
+sample is an update at its own time; a backward pass smooths; and all is repeated about the result until it stays.
+Walk and white noise of the forces, per world axis, and the crank's jerk are chosen by the likelihood of the samples,
+and printed; stated, they stay.
+
+Sensors: poses at 100 Hz (1 mm, 3 mrad), gyro (3 mrad/s, bias 2 mrad/s), accelerometer (0.05 m/s2, bias 0.05 m/s2),
+encoder (4096 counts) and four joint torques (0.5 mN m) at 1 kHz. "paper" is the scenario `raw_sensors`; "benchmark"
+is `observer_benchmark`, "guard" the same forces on the 92 g robot at 4.75 Hz. Worse wing and worst of the seeds,
+against the true force without its noise; "motor" knows the torque at the crank alone; without torque the row is that
+of the sum.
+
+## What is found
+
+NEES is the error squared over the stated covariance, per component (1 if the deviations are true; range over the
+seeds); the next column is the largest stated deviation over rms error of any component. The cost is CPU time on one
+core for 2 s of flight, choice of the walk included. The figures of the causal filter leave out its first 0.1 s."""
+HEAD = """
+| flight | R2 of Fx/Fy/Fz | rms error [mN] | NEES | deviation/error | cost |
+|---|---|---|---|---|---|"""
+OWN = """
+## Are the deviations true?
+
+Truths and samples drawn from the smoother's own linear model (first second of each flight, slow forces of both wings):
+
+| flight | NEES | inside 1.96 deviations |
+|---|---|---|"""
+COST = """## What it costs, and what it does not see
+
+* With given walks, 2 s of flight take {given:.1f} s of CPU. Records beyond 5 s are smoothed in overlapping parts, so
+  memory stays bounded. The filter for streams (`aerobat_pin.estimation.raw.JointFilter`) takes a set of samples at a
+  time; most of its time is Python's, for air and dynamics of one interval.
+* Fx on the paper's flight has a signal of 9 mN; without an accelerometer its error is more than half of that.
+* An accelerometer off its stated place or turn is not seen in the innovations, and costs Fx.
+* The air's derivative by the body's twist is that of a lasting shift; on flights far beyond stall more linearisations
+  are needed, and a warning tells if they did not settle."""
+
+
+def scenario_of(case: Case, seed: int) -> Scenario:
+    """Return the scenario of a case: its flight through the sensors of `raw_sensors`."""
+    scenario = load_scenario(case.scenario, [f"simulation.seed={seed}", *case.settings])
+    sensors = load_scenario("raw_sensors").sensors
+    if not case.accelerometer:
+        sensors = sensors.model_copy(update={"accelerometer": None})
+    if case.late:
+        late = getattr(sensors, case.late).model_copy(update={"delay": 1.0e-3})
+        sensors = sensors.model_copy(update={case.late: late})
+    return scenario.model_copy(update={"sensors": sensors})
+
+
+def true_forces(log: FlightLog) -> np.ndarray:
+    """Return the true forces without noise (m, 2, 3)."""
+    assert log.truth is not None
+    points = [str(point) for point in log.truth["point"].values]
+    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FRAMES]]
+
+
+def figures(force: np.ndarray, covariance: np.ndarray, truth: np.ndarray, *, total: bool) -> list[float]:
+    """Return R2 (3), rms error (3) [mN], normalised error squared, stated deviation over rms error."""
+    if total:
+        adding = np.tile(np.eye(3), 2)
+        force, truth = force.sum(axis=1, keepdims=True), truth.sum(axis=1, keepdims=True)
+        covariance = adding @ covariance @ adding.T
+    r2 = [[r_squared(force[:, i, k].copy(), truth[:, i, k].copy()) for k in range(3)] for i in range(force.shape[1])]
+    error = (force - truth).reshape(len(force), -1)
+    nees = np.mean(np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)) / error.shape[1]
+    rms, stated = np.sqrt(np.mean(error**2, axis=0)), np.sqrt(np.mean(np.einsum("kii->ki", covariance), axis=0))
+    worst = np.min(np.array(r2, float), axis=0)
+    by_axis = 1e3 * np.max(rms.reshape(-1, 3), axis=0)
+    return [*worst.tolist(), *by_axis.tolist(), float(nees), float(np.max(stated / rms))]
+
+
+def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]], JointEstimate, float, float]:
+    """Return the figures of smoother (and filter) on one flight, the estimate, and the seconds they took."""
+    scenario = scenario_of(case, seed)
+    log, robot = simulate(scenario), believed_robot(scenario)
+    record = raw_record(log, robot, case.torque, case.raw)  # type: ignore[arg-type]
+    start = time.process_time()
+    smoother = JointSmoother(robot, scenario.believed_air, FRAMES, case.raw)
+    found = smoother.run(record)
+    took, truth, total = time.process_time() - start, true_forces(log), case.torque == "none"
+    rows, sample_time = [figures(found.force, found.force_covariance, truth, total=total)], 0.0
+    if causal:
+        start = time.process_time()
+        samples, _ = JointFilter(smoother, found.tuning, record.channels, record.torque).run(record)
+        sample_time = (time.process_time() - start) / len(samples)
+        use = [k for k, sample in enumerate(samples[1:]) if sample is not None and record.time[k] > 0.1]
+        force = np.array([samples[k + 1].force for k in use])  # type: ignore[union-attr]
+        covariance = np.array([samples[k + 1].covariance for k in use])  # type: ignore[union-attr]
+        rows.append(figures(force, covariance, truth[use], total=total))
+    return rows, found, took, sample_time
+
+
+def smoother_rows(cases: list[Case], seeds: list[int]) -> Iterator[str]:
+    """Yield a row for each case, and a row for each factor or offset that was found."""
+    for case in cases:
+        made = [measured(case, seed, causal=case.name in CAUSAL) for seed in seeds]
+        for i, label in enumerate(("", ", causal filter")[: len(made[0][0])]):
+            table = np.array([rows[i] for rows, _, _, _ in made])
+            r2 = "/".join("-" if np.isnan(v) else f"{v:.4f}" for v in table[:, :3].min(0))
+            rms = "/".join(f"{v:.1f}" for v in table[:, 3:6].max(0))
+            nees = f"{table[:, 6].min():.2f} to {table[:, 6].max():.2f}"
+            cost = f"{min(m[2] for m in made):.1f} s" if i == 0 else f"{1e3 * min(m[3] for m in made):.1f} ms a sample"
+            yield f"| {case.name}{label} | {r2} | {rms} | {nees} | {table[:, 7].max():.2f} | {cost} |"
+        found = [one for _, one, _, _ in made]
+        for name in found[0].factors:
+            values = [one.factors[name][0] for one in found]
+            yield f"| ... factor of the {name} | {min(values):.4f} to {max(values):.4f} | | | | |"
+        sure = [offset for one in found for offset in one.offsets if offset.sure]
+        for sensor in dict.fromkeys(offset.sensor for offset in sure):
+            values = [1e3 * offset.seconds for offset in sure if offset.sensor == sensor]
+            least = min(offset.gain for offset in sure if offset.sensor == sensor)
+            late = f"{min(values):.2f} to {max(values):.2f} ms late in {len(values)} of {len(found)} flights"
+            yield f"| ... reported: {sensor} | {late}, gain {least:.0f} or more | | | | |"
+
+
+def own_model_rows(draws: int) -> Iterator[str]:
+    """Yield the mean normalised error squared, and the coverage of 95 %, on truths of the smoother's own model."""
+    settings = RawSection(iterations=3, offset_error=0.0)
+    for name in ("paper", "observer_benchmark", "tumble"):
+        scenario = scenario_of(Case(name, name), 1)
+        log, robot = simulate(scenario), believed_robot(scenario)
+        record = part_of(raw_record(log, robot, "measured", settings), 0, 1000)
+        smoother = JointSmoother(robot, scenario.believed_air, FRAMES, settings)
+        guess = first_guess(record)
+        prior = first_prior(smoother.layout, guess, smoother.weight, settings)
+        solved = smoother.solve(record, guess, prior, None, {})
+        drawn = [
+            own_model_errors(solved.linear, prior, solved.tuning, np.random.default_rng(seed)) for seed in range(draws)
+        ]
+        for kind in ("smoother", "filter"):
+            nees = np.mean([one[f"{kind}_nees"] for one in drawn])
+            covered = np.mean([np.abs(one[f"{kind}_z"]) < 1.96 for one in drawn])
+            yield f"| {name}, {kind} | {nees:.3f} | {100 * covered:.1f} % |"
+
+
+def given_walks(seed: int) -> float:
+    """Return the seconds of CPU that 2 s of the paper's flight take with given walks, without looking for offsets."""
+    case = Case("given", raw=RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0))
+    return min(measured(case, seed, causal=False)[2] for _ in range(3))
+
+
+def main() -> None:
+    """Measure and print the page, or write it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5])
+    parser.add_argument("--draws", type=int, default=10)
+    parser.add_argument("--only", nargs="+", default=[case.name for case in CASES])
+    parser.add_argument("--write", type=Path)
+    chosen = parser.parse_args()
+    lines = [TEXT, HEAD]
+    for row in smoother_rows([case for case in CASES if case.name in chosen.only], chosen.seeds):
+        print(row, flush=True)
+        lines.append(row)
+    lines.append(OWN)
+    for row in own_model_rows(chosen.draws):
+        print(row, flush=True)
+        lines.append(row)
+    lines.append(COST.format(given=given_walks(1)))
+    print(lines[-1])
+    if chosen.write is not None:
+        chosen.write.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""What Pinocchio finds in the robot's files at some states, as JSON for the checks of other tools; see other_tools.py.
+
+Order of all vectors: base (linear, angular, base axes), left shoulder, left elbow, right shoulder, right elbow.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+import aerobat_description as description
+from aerobat_pin import load_aerobat
+from aerobat_pin.robot import JOINTS, closed_model, closed_state
+
+FRAMES = ("left_proximal", "left_distal", "right_proximal", "right_distal", "left_force_point")
+
+
+def dynamics(model: pin.Model, q: np.ndarray, v: np.ndarray, order: list[int]) -> tuple[list, list]:
+    """Return mass matrix and bias forces with gravity."""
+    data = model.createData()
+    M = pin.crba(model, data, q)
+    M = np.triu(M) + np.triu(M, 1).T
+    return M[np.ix_(order, order)].tolist(), pin.nonLinearEffects(model, data, q, v)[order].tolist()
+
+
+def reference(name: str) -> dict:
+    """Return mass, five states, and the joint angles over a turn of the crank."""
+    model = pin.buildModelFromUrdf(
+        str(Path(description.PACKAGE_PATH, "urdf", f"{name}.urdf")), pin.JointModelFreeFlyer()
+    )
+    joints = [model.joints[model.getJointId(joint)] for joint in JOINTS]
+    order, rng, states = [*range(6), *(one.idx_v for one in joints)], np.random.default_rng(5), []
+    data, robot = model.createData(), load_aerobat(name)
+    for _ in range(5):
+        q, v, angles = pin.neutral(model), rng.standard_normal(model.nv), rng.uniform(-1.5, 0.65, 4)
+        q[:3], turn = rng.uniform(-1.0, 1.0, 3), rng.standard_normal(4)
+        q[3:7] = turn / np.linalg.norm(turn)
+        q[[one.idx_q for one in joints]] = angles
+        M, bias = dynamics(model, q, v, order)
+        fixed, still = q.copy(), v.copy()
+        fixed[:7], still[:6] = pin.neutral(model)[:7], 0.0
+        pin.framesForwardKinematics(model, data, fixed)
+        states.append(
+            {
+                "angles": angles.tolist(),
+                "position": q[:3].tolist(),
+                "quaternion": q[3:7].tolist(),
+                "velocity": v[order].tolist(),
+                "M": M,
+                "bias": bias,
+                "bias_fixed_base": dynamics(model, fixed, still, order)[1][6:],
+                "places": {frame: data.oMf[model.getFrameId(frame)].homogeneous.tolist() for frame in FRAMES},
+            }
+        )
+    turn = robot.linkage.solve(np.radians(np.arange(0.0, 360.0, 0.5)))
+    return {
+        "mass": robot.mass,
+        "joints": JOINTS,
+        "states": states,
+        "turn": np.column_stack([turn.theta_s, turn.theta_e]).tolist(),
+        "closed": closed(name, robot.linkage),
+    }
+
+
+def closed(name: str, linkage: object) -> dict:
+    """Return joint angles, masses and places of the bodies of the closed robot, and the points that close it."""
+    model, constraints = closed_model(name)
+    q = closed_state(model, linkage, 0.7)[0]
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY and frame.name != "universe"]
+    names = list(model.names)
+
+    def of_joint(joint: int) -> str:
+        return next(frame.name for frame in bodies if frame.parentJoint == joint)
+
+    return {
+        "angles": {joint: q[model.joints[model.getJointId(joint)].idx_q] for joint in names[2:]},
+        "masses": {frame.name: model.inertias[frame.parentJoint].mass for frame in bodies},
+        "places": {frame.name: data.oMf[model.getFrameId(frame.name)].homogeneous.tolist() for frame in bodies},
+        "closing": [
+            [
+                of_joint(one.joint1_id),
+                one.joint1_placement.translation.tolist(),
+                of_joint(one.joint2_id),
+                one.joint2_placement.translation.tolist(),
+            ]
+            for one in constraints
+        ],
+    }
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(json.dumps({name: reference(name) for name in description.MORPHOLOGIES}))

@@ -1,0 +1,213 @@
+"""Draw the pictures of docs/method.md: the robot as five bodies, and the observer's blocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Ellipse, FancyBboxPatch
+
+from aerobat_pin.robot import load_aerobat
+from aerobat_pin.visualization.style import BLUE, FAINT, GREEN, INK, METADATA, MUTED, ORANGE, PURPLE, RC, VERMILLION
+
+FIGURES = Path(__file__).resolve().parents[1] / "figures" / "method"
+CRANK = np.radians(262.0)  # in the downstroke, the wings nearly spread
+MM = 1e3
+
+
+def arrow(axes: Axes, start: np.ndarray, end: np.ndarray, colour: str, width: float = 1.4) -> None:
+    """Draw an arrow between two points of the page."""
+    axes.annotate(
+        "", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    )
+
+
+def five_bodies() -> Figure:
+    """Return the five bodies seen from behind, the left wing on the left, to scale: lengths, angles, COMs, force."""
+    robot = load_aerobat("aerobat")
+    closure = robot.linkage.solve(CRANK)
+    q = robot.configuration([0.0] * 6 + [1.0], closure.theta_s, closure.theta_e)
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+
+    def page(point: np.ndarray) -> np.ndarray:
+        return np.array([-point[1], point[2]]) * MM
+
+    def placement(frame: str) -> pin.SE3:
+        return data.oMf[model.getFrameId(frame)]
+
+    figure = Figure(figsize=(8.6, 3.3), layout="constrained")
+    axes = figure.subplots()
+    body = page(placement("base_link").translation)
+    axes.add_patch(Ellipse(tuple(body), 32, 36, fc="#EEF1F5", ec=INK, lw=1.2, zorder=1))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        proximal, distal = placement(f"{side}_proximal"), placement(f"{side}_distal")
+        span = sign * robot.morphology.wing.distal_stations[-1]
+        shoulder, elbow = page(proximal.translation), page(distal.translation)
+        tip = page(distal.act(np.array([0.0, span, 0.0])))
+        for ends, colour in (((shoulder, elbow), BLUE), ((elbow, tip), GREEN)):
+            axes.plot(*np.transpose(ends), color=colour, lw=7, alpha=0.35, solid_capstyle="round", zorder=2)
+        for joint in (shoulder, elbow):
+            axes.plot(*joint, "o", ms=7, mfc="white", mec=INK, zorder=4)
+        for link in ("proximal", "distal"):
+            inertia = model.inertias[model.frames[model.getFrameId(f"{side}_{link}")].parentJoint]
+            axes.plot(*page(placement(f"{side}_{link}").act(inertia.lever)), "o", ms=5, color=INK, zorder=5)
+        name = side[0].upper()
+        point = placement(f"{side}_force_point")
+        force = page(point.translation), page(point.act(np.array([0.0, 0.0, 0.045])))
+        arrow(axes, *force, VERMILLION, 2.2)
+        axes.annotate(f"$f_{name}$", force[1], (5, 1), textcoords="offset points", color=VERMILLION, fontsize=13)
+        axes.annotate(f"$D_{name}$", tip, (0, 13), textcoords="offset points", color=GREEN, fontsize=12, ha="center")
+        between = 0.5 * (shoulder + elbow)
+        axes.annotate(f"$P_{name}$", between, (0, 12), textcoords="offset points", color=BLUE, fontsize=12, ha="center")
+        if side == "left":
+            lengths(axes, body, shoulder, elbow, page(distal.act(np.array(robot.morphology.distal.com))))
+            angles(axes, shoulder, elbow, closure.theta_s, closure.theta_e)
+    axes.plot(*body, "o", ms=5, color=INK, zorder=5)
+    axes.annotate("$B$", body, (0, -30), textcoords="offset points", fontsize=12, ha="center")
+    axes.annotate("$p_B$", body, (5, 3), textcoords="offset points", fontsize=11)
+    corner = np.array([60.0, -52.0])
+    for way, name in ((np.array([-26.0, 0.0]), "y (left)"), (np.array([0.0, 26.0]), "z (up)")):
+        arrow(axes, corner, corner + way, MUTED)
+        axes.annotate(name, corner + 1.12 * way + [0, 2], color=MUTED, ha="center", va="bottom", fontsize=9)
+    axes.text(corner[0] + 6, corner[1], "x: into the page, forward", color=MUTED, ha="left", va="center", fontsize=9)
+    axes.set(
+        aspect="equal",
+        xlim=(-215, 215),
+        ylim=(-68, 62),
+        xlabel="right of the body's centre of mass [mm]",
+        ylabel="above it [mm]",
+    )
+    return figure
+
+
+def lengths(axes: Axes, body: np.ndarray, shoulder: np.ndarray, elbow: np.ndarray, com: np.ndarray) -> None:
+    """Draw the paper's three length vectors of the left wing."""
+    for start, end, name, off in (
+        (body, shoulder, "$l_{L1}$", (-12, -17)),
+        (shoulder, elbow, "$l_{L2}$", (14, -25)),
+        (elbow, com, "$l_{L3}$", (4, -22)),
+    ):
+        arrow(axes, start, end, PURPLE)
+        axes.annotate(
+            name, 0.5 * (start + end), off, textcoords="offset points", color=PURPLE, fontsize=12, ha="center"
+        )
+
+
+def angles(axes: Axes, shoulder: np.ndarray, elbow: np.ndarray, theta_s: float, theta_e: float) -> None:
+    """Draw shoulder and elbow angle of the left wing, each from the direction in which it is zero."""
+    outward, forearm = np.array([-1.0, 0.0]), (elbow - shoulder) / np.linalg.norm(elbow - shoulder)
+    for at, zero, turn, name in (
+        (shoulder, outward, theta_s, r"$\theta_s$"),
+        (elbow, forearm, theta_e, r"$\theta_e$"),
+    ):
+        axes.plot(*np.transpose([at, at + 40 * zero]), color=MUTED, lw=0.9, ls=":", zorder=3)
+        start = np.degrees(np.arctan2(zero[1], zero[0]))
+        end = start - np.degrees(
+            turn
+        )  # equal positive angles lift the wing: clockwise on the left, as seen from behind
+        axes.add_patch(Arc(tuple(at), 56, 56, theta1=min(start, end), theta2=max(start, end), color=ORANGE, lw=1.5))
+        middle = np.radians(0.5 * (start + end))
+        axes.text(
+            *(at + 37 * np.array([np.cos(middle), np.sin(middle)])),
+            name,
+            color=ORANGE,
+            fontsize=12,
+            ha="center",
+            va="center",
+        )
+
+
+def blocks() -> Figure:
+    """Return the block diagram: the plant above, the observer below, the projection at its end."""
+    figure = Figure(figsize=(8.6, 3.8), layout="constrained")
+    axes = figure.subplots()
+    axes.set(xlim=(0, 114), ylim=(1, 48.5), aspect="equal")
+    axes.axis("off")
+
+    def box(x: float, y: float, width: float, text: str, colour: str = INK, height: float = 8.0) -> None:
+        axes.add_patch(
+            FancyBboxPatch(
+                (x - width / 2, y - height / 2),
+                width,
+                height,
+                boxstyle="round,pad=0,rounding_size=1",
+                fc="white",
+                ec=colour,
+                lw=1.4,
+                zorder=3,
+            )
+        )
+        axes.text(x, y, text, ha="center", va="center", fontsize=10, color=colour, zorder=4)
+
+    def line(*points: tuple[float, float], colour: str = INK, head: bool = True) -> None:
+        way = np.array(points, float)
+        axes.plot(*way.T, color=colour, lw=1.2, zorder=1, solid_joinstyle="miter")
+        if head:
+            back = way[-1] - 0.5 * (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
+            arrow(axes, back, way[-1], colour, 1.2)
+
+    def label(x: float, y: float, text: str, colour: str = INK, where: str = "center") -> None:
+        axes.text(x, y, text, ha=where, va="center", fontsize=10, color=colour)
+
+    def plus(x: float, y: float) -> None:
+        axes.add_patch(Ellipse((x, y), 4, 4, fc="white", ec=INK, lw=1.3, zorder=3))
+
+    axes.add_patch(
+        FancyBboxPatch(
+            (25, 3), 73, 27, boxstyle="round,pad=0,rounding_size=1.5", fc="#F6F8FA", ec=FAINT, lw=1, zorder=0
+        )
+    )
+    label(27, 28, "observer", MUTED, "left")
+    box(50, 43, 40, r"Aerobat:  $M\dot v + C v + g = u + J^{\top} f$")
+    line((22, 45), (30, 45))
+    label(21, 45, "unknown force  $f$", VERMILLION, "right")
+    line((2, 40.5), (30, 40.5))
+    label(21, 42, "known inputs  $u$", where="right")
+    line((70, 43), (78, 43), (78, 27))
+    label(79, 39, r"$q,\ v$", where="left")
+    axes.plot(78, 35, "o", ms=4, color=INK)
+    line((78, 35), (42, 35), (42, 27))
+    box(42, 23, 16, r"$C^{\top} v - g$")
+    box(78, 23, 16, "$p = M v$")
+    plus(42, 12)
+    plus(78, 12)
+    line((42, 19), (42, 14))
+    line((78, 19), (78, 14))
+    label(79, 16.5, "$p - p_0$", where="left")
+    axes.plot(12, 40.5, "o", ms=4, color=INK)
+    line((12, 40.5), (12, 12), (40, 12))
+    label(20, 13.6, "$u$")
+    for x, y in ((38.5, 13.4), (43.3, 15.3), (43.3, 8.6), (76.3, 15.3)):
+        label(x, y, "$+$")
+    label(74.5, 13.6, "$-$")
+    line((44, 12), (56, 12))
+    box(60, 12, 8, r"$\int\,dt$", height=7)
+    line((64, 12), (76, 12))
+    line((80, 12), (86, 12))
+    box(90, 12, 8, "$K$", height=7)
+    line((94, 12), (105, 12), (105, 17))
+    axes.plot(96, 12, "o", ms=4, color=INK)
+    line((96, 12), (96, 5.5), (42, 5.5), (42, 10))
+    label(69, 7, "$r$")
+    label(101.5, 13.6, "$r$")
+    box(105, 21, 9, r"$J^{\top +}$", VERMILLION)
+    line((105, 25), (105, 33), colour=VERMILLION)
+    label(105, 35.5, r"estimate  $\hat f$", VERMILLION)
+    return figure
+
+
+def main() -> None:
+    """Rewrite the pictures."""
+    FIGURES.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context({**RC, "axes.grid": False, "mathtext.fontset": "cm"}):
+        for name, figure in (("five_bodies", five_bodies()), ("observer", blocks())):
+            figure.savefig(FIGURES / f"{name}.svg", metadata=METADATA["svg"])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Pages of the reference: every public name of every room's door, from its docstring."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+
+def doors(root: Path) -> list[str]:
+    """Return the modules whose public names the reference shows: the front door first, then every room, by name."""
+    rooms = sorted(path.parent.name for path in (root / "aerobat_pin").glob("*/__init__.py"))
+    return ["aerobat_pin", *(f"aerobat_pin.{room}" for room in rooms), "aerobat_description"]
+
+
+def summary(thing: Any) -> str:
+    """Return the first line of a docstring; nothing for plain values, whose type would speak."""
+    text = inspect.getdoc(thing) or ""
+    own = callable(thing) or isinstance(thing, ModuleType)
+    return text.splitlines()[0] if own and text else ""
+
+
+def remark(root: Path, door: str, name: str) -> str:
+    """Return the comment that stands behind the definition of a value in its room."""
+    folder = root.joinpath(*door.split("."))
+    for file in sorted(folder.rglob("*.py")):
+        if found := re.search(rf"^{name}\b(?:: [^=\n]+)? = .*?  # (.*)$", file.read_text("utf-8"), re.MULTILINE):
+            return found[1]
+    return ""
+
+
+def is_value(name: str, thing: Any) -> bool:
+    """Return whether a name is a value or the name of a type, rather than a class or a function."""
+    known = inspect.isclass(thing) and getattr(thing, "__name__", "") == name
+    return not (known or inspect.isroutine(thing) or hasattr(thing, "py_func"))
+
+
+def directive(root: Path, door: str, name: str, thing: Any) -> list[str]:
+    """Return the lines that document one name."""
+    target = f"{door}.{name}"
+    if is_value(name, thing):
+        value = [f"   :value: {thing!r}"] if len(repr(thing)) < 90 and " at 0x" not in repr(thing) else []
+        keys = "Keys: " + ", ".join(f"`{key}`" for key in thing) if isinstance(thing, dict) else ""
+        note = remark(root, door, name) or keys
+        return [f".. py:data:: {name}", f"   :module: {door}", *value, "", f"   {_escaped(note)}", ""]
+    if inspect.isclass(thing):
+        kind = "autoexception" if issubclass(thing, BaseException) else "autoclass"
+        bases = [] if thing.__bases__ == (object,) else ["   :show-inheritance:"]
+        return [f".. {kind}:: {target}", "   :members:", *bases, ""]
+    return [f".. autofunction:: {target}", ""]
+
+
+def door_page(root: Path, door: str) -> str:
+    """Return the page of one door: what the room is, a list of its names, then one entry for each.
+
+    The front door's names are those of rooms, and lead there.
+    """
+    module = importlib.import_module(door)
+    names = sorted(module.__all__, key=lambda name: (name.isupper(), name.lower()))
+    rooms = {name: f"aerobat_pin.{room}" for room, given in getattr(module, "_ROOMS", {}).items() for name in given}
+    lines = [f"``{door}``", "=" * (len(door) + 4), "", f".. automodule:: {door}", ""]
+    for name in names:
+        thing = getattr(module, name)
+        said = _escaped(remark(root, door, name) if is_value(name, thing) else summary(thing))
+        lines += [f"* :py:obj:`{name} <{rooms.get(name, door)}.{name}>`{': ' if said else ''}{said}"]
+    lines += [""]
+    for name in names:
+        if name not in rooms:
+            lines += directive(root, door, name, getattr(module, name))
+    return "\n".join(lines) + "\n"
+
+
+def _escaped(text: str) -> str:
+    parts = re.split(r"`+([^`]+)`+", text)
+    parts[::2] = [re.sub(r"(?<=\w)_(?!\w)|[*|\\]", r"\\\g<0>", part) for part in parts[::2]]
+    parts[1::2] = [f"``{part}``" for part in parts[1::2]]
+    parts[2::2] = [f"\\ {part}" if part[:1].isalnum() else part for part in parts[2::2]]
+    return "".join(parts)
