@@ -24,7 +24,7 @@ test: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest $(PARALLEL)
+	PROGRAMS_PYTHONOPTIMIZE=$$PYTHONOPTIMIZE PYTHONOPTIMIZE= $(BIN)/python -m pytest $(PARALLEL)
 	@for version in $(PYTHONS); do $(MAKE) --no-print-directory test-python VERSION=$$version || exit 1; done
 
 # The heart of the tests on every other supported Python that is installed here.

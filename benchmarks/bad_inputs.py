@@ -58,7 +58,13 @@ def counted(count: int, seed: int) -> tuple[Counter[tuple[int, str]], list[str],
     rng = np.random.default_rng(seed)
     counts, said = Counter[tuple[int, str]](), list[str]()
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder)) as doors:
-        _ = doors.run, doors.swept, doors.estimated, doors.bench.seconds  # made before anything is timed
+        _ = (
+            doors.run,
+            doors.swept,
+            doors.estimated,
+            doors.recordings,
+            doors.bench.seconds,
+        )  # made before anything is timed
         doors.longest = 0.0
         for k, number in enumerate(drawn_classes(rng, count)):
             attempt = doors.attempt(rng, number)
@@ -122,9 +128,10 @@ generator makes the 300 bad inputs of every test run (`tests/support/bad_inputs.
 * A *wrong message* is any other exit code than 2, or not exactly one message.
 
 Most inputs go through the command line in one process, some through processes of their own. The doors are `run`,
-`estimate`, `sweep`, `trim`, `play`, `urdf`, `linkage`, the page that `play` serves, and the functions that Python
-offers. Sizes are estimated before any work: a flight may take {limits[0]:g} GB of log and {limits[1]:g} s, a sweep
-{limits[2]} runs and {limits[3]:g} days, a table {limits[4]:g} MB, a TOML file {limits[5]:g} MB with {limits[6]} levels.
+`estimate` (also with a map, of tables and bags), `calibrate`, `sweep`, `trim`, `play`, `compare`, `convert`, `urdf`,
+`linkage`, `crank`, the page that `play` serves, and the functions that Python offers. Sizes are estimated before any
+work: a flight may take {limits[0]:g} GB of log and {limits[1]:g} s, a sweep {limits[2]} runs and {limits[3]:g} days, a
+table {limits[4]:g} MB, a TOML file {limits[5]:g} MB with {limits[6]} levels.
 [broken_runs.md](broken_runs.md) has the counts of `make evidence` for interruptions and full disks.
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,13 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, unde
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
 settings.load_profile("untimed")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def optimized_programs() -> None:
+    """Let `PYTHONOPTIMIZE=2 make test` hold for the programs that tests start; pytest itself needs its asserts."""
+    if level := os.environ.get("PROGRAMS_PYTHONOPTIMIZE"):
+        os.environ["PYTHONOPTIMIZE"] = level
 
 
 @pytest.fixture(scope="session")

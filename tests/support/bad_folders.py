@@ -25,7 +25,7 @@ def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
         run: folder of a good run of 10 intervals.
 
     Returns:
-        The command line that plays it.
+        The command line that plays it, compares it, or converts it.
     """
     shutil.copytree(run, place / "run")
     name = str(rng.choice(["estimate.nc", "estimate.nc", "flight.nc", "scenario.toml"]))
@@ -46,7 +46,10 @@ def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
         file.mkdir()
     elif choice == 5:
         file.write_bytes(b"name = 1" if name == "scenario.toml" else good[:1000] + bytes(len(good) - 1000))
-    return ["play", "run", "--html", "out.html"]
+    if name == "scenario.toml":
+        return ["play", "run", "--html", "out.html"]
+    doors = ["play", "run", "--html", "out.html"], ["convert", "run", "--mcap", "out.mcap"]
+    return list(doors[rng.integers(2)])
 
 
 def _line(change: Change) -> Callable[[bytes], bytes]:

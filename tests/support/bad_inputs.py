@@ -37,6 +37,7 @@ from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.replay.serve import serve
+from support import bad_recordings
 from support.bad_folders import SWEEP, bad_run, bad_sweep
 from support.bad_logs import HARMLESS, bad_log
 from support.bad_robots import FOREIGN, ROBOT
@@ -171,9 +172,21 @@ class Doors:
                 return Attempt(number, name, self._refused(rng, write(rng, place), place))
 
     def _kind(self, rng: np.random.Generator, number: int) -> tuple[str, Kind]:
-        kinds = {2: TEXT | ROBOT | self._folders, 3: SIZES, 7: FOREIGN}[number]
+        kinds = {2: TEXT | ROBOT | self._folders | self.recordings, 3: SIZES, 7: FOREIGN}[number]
         name = str(rng.choice(list(kinds)))
         return name, kinds[name]
+
+    @cached_property
+    def recordings(self) -> dict[str, Kind]:
+        """The kinds of bad recordings, with good ones behind them."""
+        good = self.folder / "walk"
+        good.mkdir()
+        bad_recordings.write_good(good)
+        free = ["--set", "unknown_force=[]", "--set", "simulation.duration=1", "--no-report"]
+        assert self.called(["run", "paper", *free, "--out", "free"], good).code == 0
+        learn = ["calibrate", "free", "--out", "c.nc", "--identify", "none"]
+        assert self.called(learn, good).code == 0
+        return bad_recordings.recordings(good, good / "free" / "flight.nc", good / "c.nc")
 
     @property
     def _folders(self) -> dict[str, Kind]:
@@ -233,8 +246,9 @@ class Doors:
     def _bad_log(self, rng: np.random.Generator, number: int, place: Path) -> Attempt:
         path, _, name = bad_log(rng, self.log, place, (number,))
         if number != 11 and name not in HARMLESS:
-            doors = ["estimate", path.name, "--out", "out"], ["play", path.name, "--html", "out.html"]
-            return Attempt(number, name, self._refused(rng, doors[rng.integers(2)], place))
+            out = {"estimate": ["--out", "out"], "play": ["--html", "out.html"], "calibrate": ["--out", "out.nc"]}
+            door = str(rng.choice(list(out)))
+            return Attempt(number, name, self._refused(rng, [door, path.name, *out[door]], place))
         try:
             read = _estimated(path)
         except Exception as error:

@@ -34,7 +34,7 @@ FORMATS = {  # door -> a good file, numbers in it, keys that it must have
         ("name", "base"),
     ),
 }
-FORMATS["urdf"] = FORMATS["linkage"]
+FORMATS["urdf"] = FORMATS["mjcf"] = FORMATS["crank"] = FORMATS["linkage"]
 FORMATS["trim"] = FORMATS["run"]
 WRONG_VALUES = ('"text"', "true", "1979-05-27", "[[1]]", "{a = 1}", "nan", "inf", "-inf", "-1e400", "-7", '""', "[]")
 TEXT: dict[str, Kind] = {}
@@ -45,9 +45,11 @@ AT_LEAST = 33  # levels that are too many
 
 def words_for(door: str, file: str) -> list[str]:
     """Return the command line that reads a file at a door and would write beside it."""
-    out = {"linkage": "out.png", "urdf": "out.urdf", "trim": "out.toml"}.get(door, "out")
-    option = "--output" if door == "urdf" else "--out"
-    return [door, file, option, out, *(SHORT if door == "run" else ["--jobs", "1"] if door == "sweep" else [])]
+    if door in ("urdf", "mjcf", "crank"):
+        words = ["crank", file] if door == "crank" else ["urdf", file, "--format", door]
+        return [*words, "--output", "out.html" if door == "crank" else f"out.{door}"]
+    out = {"linkage": "out.png", "trim": "out.toml"}.get(door, "out")
+    return [door, file, "--out", out, *(SHORT if door == "run" else ["--jobs", "1"] if door == "sweep" else [])]
 
 
 def _some_door(rng: Rng) -> str:
@@ -204,6 +206,13 @@ def _path(rng: Rng, place: Path) -> list[str]:
         rng.choice([long, f"{long}.toml", f"a/{long}", "pipe", "pipe.toml", "loop.toml", ".", "/", "/dev/null", "x"])
     )
     reads = (["run", name], ["sweep", name], ["linkage", name], ["urdf", name], ["trim", name], ["estimate", name])
+    reads += (
+        ["crank", name],
+        ["compare", name, name],
+        ["convert", name, "--mcap", "out.mcap"],
+        ["estimate", name, "--suggest"],
+    )
+    reads += (["calibrate", name, "--out", "out.nc"], ["estimate", "x.csv", "--map", name])
     reads += (["play", name], ["play", "--from-csv", name, "--urdf", name])
     good = ["run", "paper", *SHORT]
     writes = ([*good, "--out", long], ["linkage", "--out", long], ["linkage", "--out", f"{long}.png"])
@@ -297,9 +306,12 @@ def _table(rng: Rng, place: Path) -> list[str]:
         file.write(b"time,x,y,z,qx,qy,qz,qw,crank_angle\n0,0,0,0,0,0,0,1,0\n")
         file.truncate(int(10.0 ** rng.uniform(8.1, 12.0)))
     (place / "arm.urdf").write_text('<robot name="r"><link name="base"/></robot>')
+    (place / "map.toml").write_text('[robot]\nurdf = "arm.urdf"\npoints = ["base"]\n')
     force = 'unknown_force=[{signal="recorded", frame="left_distal", file="log.csv"}]'
     doors = (
         ["estimate", "log.csv", "--out", "out"],
+        ["estimate", "log.csv", "--map", "map.toml", "--out", "out"],
+        ["calibrate", "log.csv", "--out", "out.nc"],
         ["play", "log.csv", "--html", "out.html"],
         ["play", "--from-csv", "log.csv", "--urdf", "arm.urdf", "--html", "out.html"],
         ["run", "paper", "--out", "out", *SHORT, "--set", force],

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +13,7 @@ import pandas as pd
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.recordings.columns import Clock, Columns, increasing
 from aerobat_pin.estimation.recordings.map_tables import LogTable
+from aerobat_pin.estimation.recordings.table_cells import check_rows, numbers_of
 from aerobat_pin.numerics import Array
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -61,14 +60,17 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
     used = [i for i, name in enumerate(names) if read is None or name in read]
     parts: dict[str, list[Array]] = {}
+    check_rows(path, separator, len(names))
+    first = 2
     try:
         chunks = pd.read_csv(
             path, sep=separator, usecols=used, chunksize=ROWS_AT_ONCE, encoding="utf-8-sig", skipinitialspace=True
         )
         for chunk in chunks:
             for i, label in zip(used, chunk.columns, strict=True):
-                for name, numbers in _numbers(path, names[i], chunk[label]).items():
+                for name, numbers in numbers_of(path, names[i], chunk[label], first, strict=wanted is not None).items():
                     parts.setdefault(name, []).append(numbers)
+            first += len(chunk)
     except (ValueError, OSError) as error:
         if isinstance(error, LogError):
             raise
@@ -99,32 +101,3 @@ def _time_column(path: Path, names: list[str]) -> str:
         f"log {path}: which column is the time? Write [log] time = {{column = ..., unit = ...}} into the map, or "
         f"time = {{rate = 1000}} if there is none; columns: {', '.join(names[:40])}"
     )
-
-
-def _numbers(path: Path, name: str, cells: Any) -> dict[str, Array]:
-    """Return the columns that a column of cells contains: itself, or the entries of its lists. Raises LogError."""
-    if cells.dtype.kind in "fiu":
-        return {name: np.asarray(cells, float)}
-    if cells.dtype.kind == "b":
-        return {name: np.asarray(cells, float)}
-    texts = cells.astype(str)
-    if texts.iloc[0].startswith("["):
-        try:
-            table = np.array([np.ravel(json.loads(text)) for text in texts], float)
-        except ValueError as error:
-            raise LogError(f"log {path}: '{name}' has lists of different lengths or of no numbers") from error
-        if table.shape[1] == 1:
-            return {name: table[:, 0]}
-        return {f"{name}.{k}": table[:, k] for k in range(table.shape[1])}
-    numbers = pd.to_numeric(cells, errors="coerce")
-    wrong = numbers.isna() & cells.notna()
-    if wrong.any():
-        text = str(cells[wrong].iloc[0])
-        if pd.to_numeric(text.replace(",", "."), errors="coerce") == pd.to_numeric(
-            text.replace(",", "."), errors="coerce"
-        ):
-            comma = pd.to_numeric(cells.astype(str).str.replace(",", "."), errors="coerce")
-            if not (comma.isna() & cells.notna()).any():
-                return {name: np.asarray(comma, float)}
-        return {name: np.full(len(cells), np.nan)}
-    return {name: np.asarray(numbers, float)}

@@ -1,0 +1,97 @@
+"""The cells of a table: as many in each row as in its header, and numbers where a map reads them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import Array
+
+BYTES_AT_ONCE = 16_000_000
+
+
+def check_rows(path: Path, separator: str, columns: int) -> None:
+    """Raise LogError if a row has more or fewer cells than the header; tables with quoted cells are not looked at.
+
+    Args:
+        path: the table.
+        separator: between cells; spaces, which may repeat, are not counted.
+        columns: number of cells of the header.
+    """
+    if separator == " ":
+        return
+    row, rest = 1, b""
+    with path.open("rb") as file:
+        while block := file.read(BYTES_AT_ONCE):
+            cut = (rest + block).rfind(b"\n") + 1
+            lines, rest = (rest + block)[:cut], (rest + block)[cut:]
+            if b'"' in lines:
+                return
+            row += _check_lines(path, lines, separator, columns, row)
+    _check_lines(path, rest + b"\n", separator, columns, row)
+
+
+def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: int) -> int:
+    """Check whole lines, of which the first is row `first` of the file; return their number."""
+    data = np.frombuffer(lines, np.uint8)
+    ends = np.flatnonzero(data == ord("\n"))
+    before = np.searchsorted(np.flatnonzero(data == ord(separator)), ends)
+    cells = np.diff(before, prepend=0) + 1
+    filled = np.diff(ends, prepend=-1) > 2  # a blank line is no row
+    wrong = filled & (cells != columns)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise LogError(f"log {path}: row {first + k} has {cells[k]} cells: {columns}, as in the header, were expected")
+    return len(ends)
+
+
+def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -> dict[str, Array]:
+    """Return the columns that a column of cells contains: itself, or the entries of its lists.
+
+    Args:
+        path: the table.
+        name: of the column.
+        cells: (n,) pandas series.
+        first: row of the file that the first cell is in, counted from 1.
+        strict: whether a cell that is no number is an error; else a column with one is NaN throughout.
+
+    Raises:
+        LogError: a cell is no number, or no finite one.
+    """
+    if cells.dtype.kind in "fiub":
+        numbers = np.asarray(cells, float)
+    else:
+        texts = cells.astype(str)
+        if len(texts) and texts.iloc[0].startswith("["):
+            return _lists(path, name, texts)
+        read = pd.to_numeric(cells, errors="coerce")
+        wrong = (read.isna() & cells.notna()).to_numpy()
+        if wrong.any():
+            comma = pd.to_numeric(texts.str.replace(",", "."), errors="coerce")
+            wrong = (comma.isna() & cells.notna()).to_numpy()
+            read = comma
+        if wrong.any():
+            if not strict:
+                return {name: np.full(len(cells), np.nan)}
+            k = int(np.argmax(wrong))
+            raise LogError(f"log {path}: row {first + k}, '{name}' = '{texts.iloc[k][:40]}': a number was expected")
+        numbers = np.asarray(read, float)
+    if np.isinf(numbers).any():
+        k = int(np.argmax(np.isinf(numbers)))
+        raise LogError(f"log {path}: row {first + k}, '{name}' = {numbers[k]:g}: a finite number was expected")
+    return {name: numbers}
+
+
+def _lists(path: Path, name: str, texts: Any) -> dict[str, Array]:
+    try:
+        table = np.array([np.ravel(json.loads(text)) for text in texts], float)
+    except (ValueError, RecursionError) as error:
+        raise LogError(f"log {path}: '{name}' has lists of different lengths or of no numbers") from error
+    if table.shape[1] == 1:
+        return {name: table[:, 0]}
+    return {f"{name}.{k}": table[:, k] for k in range(table.shape[1])}

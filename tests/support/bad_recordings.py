@@ -1,0 +1,176 @@
+"""Bad recordings, maps and calibrations, drawn at random: each kind writes its files and returns a command line."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from support.bad_texts import SHORT
+from support.walking_log import bag, bag_map, table, table_map, urdf, walk
+
+Rng = np.random.Generator
+Kind = Callable[[Rng, Path], list[str]]
+WITH_MAP = ["--map", "map.toml", "--out", "out"]
+WRONG: tuple[Any, ...] = ("", "²", 300 * "n", -1, 0, True, [], [[]], {}, ["px"], {"columns": "px"}, 1e300, "/", "../x")
+MJCF = """<mujoco model="leg"><worldbody><body name="trunk"><freejoint/><geom size=".1" mass="1"/></body></worldbody>
+</mujoco>"""
+
+
+def write_good(place: Path) -> None:
+    """Write a robot, its walk as a table and as a bag, and a map of each."""
+    walked = walk(0.3, 200.0)
+    (place / "robot.urdf").write_text(urdf())
+    table(walked).to_csv(place / "log.csv", index=False)
+    bag(walked, place / "bag")
+    for name, made in (("map.toml", table_map), ("bag.toml", bag_map)):
+        (place / name).write_text(tomli_w.dumps(made(Path("robot.urdf"))))
+
+
+def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
+    """Return the kinds by name.
+
+    Args:
+        good: folder of `write_good`.
+        free: log of a flight (`.nc`) without unknown forces.
+        calibration: what `aerobat calibrate` learnt from it.
+    """
+
+    def copied(place: Path, *names: str) -> None:
+        for name in names:
+            source = good / name
+            shutil.copytree(source, place / name) if source.is_dir() else shutil.copy(source, place)
+
+    def mapped(rng: Rng, place: Path) -> list[str]:
+        """Damage one entry of a map."""
+        copied(place, "robot.urdf", "log.csv")
+        read = table_map(Path("robot.urdf"))
+        _damage(rng, read)
+        (place / "map.toml").write_text(tomli_w.dumps(read))
+        return ["estimate", "log.csv", *WITH_MAP]
+
+    def map_text(rng: Rng, place: Path) -> list[str]:
+        """Give a map that is none."""
+        copied(place, "robot.urdf", "log.csv")
+        text = (good / "map.toml").read_bytes()
+        cut = text[: int(rng.integers(1, len(text) // 3))]
+        others = (b"", b"[robot", b"\xff" + text, text.decode().encode("utf-16"), 9000 * b"[", b"x = " + 5000 * b"9")
+        others += (cut, text + b"\n[robot]\n", text + b"\n[unknown]\na = 1\n", b"#" * 2_000_000 + b"\n" + text)
+        (place / "map.toml").write_bytes(others[rng.integers(len(others))])
+        return ["estimate", "log.csv", *WITH_MAP]
+
+    def robot(rng: Rng, place: Path) -> list[str]:
+        """Give a robot that is none, or another one than the map's."""
+        copied(place, "log.csv")
+        text = (good / "robot.urdf").read_text()
+        broken = (
+            b"",
+            b"<robot",
+            rng.bytes(400),
+            text[: len(text) // 2].encode(),
+            text.replace('"trunk"', '""').encode(),
+        )
+        broken += (text.replace("<mass value=", "<mass value2=").encode(), MJCF.encode(), 9000 * b"<b>")
+        broken += (text.replace("FL_FOOT", "FL_TOE").encode(), text.replace("<axis xyz=", "<axis xyz2=").encode()[:900])
+        name = str(rng.choice(["robot.urdf", "robot.xml"]))
+        (place / name).write_bytes(broken[rng.integers(len(broken))])
+        (place / "map.toml").write_text((good / "map.toml").read_text().replace("robot.urdf", name))
+        return ["estimate", "log.csv", *WITH_MAP]
+
+    def rows(rng: Rng, place: Path) -> list[str]:
+        """Damage the table that a map reads."""
+        copied(place, "robot.urdf", "map.toml")
+        lines = (good / "log.csv").read_text().splitlines()
+        k, cells = int(rng.integers(1, len(lines))), []
+        choice = rng.integers(7)
+        if choice == 0:
+            cells = lines[k].split(",")
+            cells[rng.integers(len(cells))] = str(rng.choice(["far", "²", "1 2", "0x1g", 50 * "9" + "e999"]))
+            lines[k] = ",".join(cells)
+        elif choice == 1:
+            lines = lines[: int(rng.integers(0, 3))]
+        elif choice == 2:
+            lines[k] += ",0,0"
+        elif choice == 3:
+            lines[0] = ",".join(cell for cell in lines[0].split(",")[::-1])[3:]
+        elif choice == 4:
+            lines[0] = lines[0].replace("_tau", "_effort")
+        elif choice == 5:
+            lines[1:] = [line.rpartition(",")[0] for line in lines[1:]]
+        else:
+            lines = [rng.bytes(2000).hex()]
+        (place / "log.csv").write_text("\n".join(lines))
+        return ["estimate", "log.csv", *WITH_MAP]
+
+    def messages(rng: Rng, place: Path) -> list[str]:
+        """Damage a bag: its description, its file, or the map's topics."""
+        copied(place, "robot.urdf", "bag")
+        text = (good / "bag.toml").read_text()
+        file = next((place / "bag").glob("*.mcap"))
+        data, choice = file.read_bytes(), rng.integers(5)
+        log = str(rng.choice(["bag", f"bag/{file.name}"]))
+        if choice == 0:
+            file.write_bytes(data[: int(rng.integers(len(data) - 100))])
+        elif choice == 1:
+            file.write_bytes(rng.bytes(500) + data[500:])
+        elif choice == 2:
+            log = "bag"
+            described = place / "bag" / "metadata.yaml"
+            described.write_bytes([b"", b"a: [", 3000 * b"[", rng.bytes(100), b"- 1\n"][rng.integers(5)])
+        elif choice == 3:
+            text = text.replace("/joint_states", str(rng.choice(["/none", "", "/imu", "/odom"])))
+        else:
+            file.unlink()
+        (place / "map.toml").write_text(text)
+        return ["estimate", log, *WITH_MAP]
+
+    def learnt(rng: Rng, place: Path) -> list[str]:
+        """Give a calibration that is none."""
+        data = calibration.read_bytes()
+        others = (b"", rng.bytes(3000), data[: int(rng.integers(len(data) - 8))], free.read_bytes(), b"a = 1\n")
+        at = int(rng.integers(64))
+        others += (data[:at] + rng.bytes(64) + data[at + 64 :],)
+        (place / "c.nc").write_bytes(others[rng.integers(len(others))])
+        shutil.copy(free, place / "free.nc")
+        doors = ["run", "paper", *SHORT], ["estimate", "free.nc"]
+        return [*doors[rng.integers(2)], "--calibration", "c.nc", "--out", "out"]
+
+    def calibrated(rng: Rng, place: Path) -> list[str]:
+        """Calibrate by flights that are none, or ask for what there is not."""
+        shutil.copy(free, place / "free.nc")
+        data = free.read_bytes()
+        (place / "cut.nc").write_bytes(data[: int(rng.integers(len(data) // 2))])
+        (place / "table.csv").write_text("time,x\n0,0\n1,0\n")
+        (place / "folder").mkdir()
+        wrong = (["cut.nc"], ["free.nc", "cut.nc"], ["table.csv"], ["folder"], ["none"], ["free.nc", "--identify", "²"])
+        wrong += (["free.nc", "--vary", "height"], ["free.nc", "--harmonics", "41"], ["free.nc", "--set", "robot.x=1"])
+        wrong += (["free.nc", "--morphology", "robot"], [300 * "n"], ["free.nc", "--set", "air.density=nan"])
+        return ["calibrate", *wrong[rng.integers(len(wrong))], "--out", "out.nc"]
+
+    return {
+        "map": mapped,
+        "text for a map": map_text,
+        "robot of a map": robot,
+        "table of a map": rows,
+        "bag": messages,
+        "calibration": learnt,
+        "flights to calibrate": calibrated,
+    }
+
+
+def _damage(rng: Rng, values: dict[str, Any]) -> None:
+    """Remove, rename or replace one entry that the map needs, somewhere down its tables."""
+    needed = {"robot": ("urdf", "points"), "base": ("position", "quaternion"), "joints": ("names", "position")}
+    table_name = str(rng.choice(list(needed)))
+    entries, key = values[table_name], str(rng.choice(needed[table_name]))
+    choice = rng.integers(3)
+    if choice == 0:
+        entries["more"] = 1
+    elif choice == 1:
+        entries[f"{key}s"] = entries.pop(key)
+    else:
+        entries[key] = WRONG[rng.integers(len(WRONG))]
