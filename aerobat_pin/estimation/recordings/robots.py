@@ -119,10 +119,11 @@ def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     if path.stat().st_size > LARGEST_ROBOT:
         raise LogError(f"robot {path}: {path.stat().st_size} bytes: at most {LARGEST_ROBOT} were expected")
 
+    root = [pin.JointModelFreeFlyer()] if free else []
+    text = "" if mjcf else _with_angles(path)
+
     def read() -> pin.Model:
-        if mjcf:
-            return pin.buildModelFromMJCF(str(path), *([pin.JointModelFreeFlyer()] if free else []))
-        return pin.buildModelFromXML(_with_angles(path), *([pin.JointModelFreeFlyer()] if free else []))
+        return pin.buildModelFromMJCF(str(path), *root) if mjcf else pin.buildModelFromXML(text, *root)
 
     model = _quietly(path, read)
     if model.njoints > 2 and all(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints.tolist()[1:3]):
