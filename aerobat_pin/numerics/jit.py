@@ -91,7 +91,8 @@ def _compiled(function: Function, **more: Any) -> Function:
     with suppress(AttributeError):  # in case another numba version keeps its files elsewhere
         # numba checks only the kernel's own file for changes, but the kernels that it calls are compiled into it.
         name = compiled._cache._impl.filename_base
-        compiled._cache._cache_file = SealedFiles(compiled._cache.cache_path, name, sources_stamp())
+        files = SealedFiles(compiled._cache.cache_path, name, sources_stamp())
+        compiled._cache._cache_file, compiled.compile = files, files.by_one_process()(compiled.compile)
     return cast(Function, compiled)
 
 

@@ -3,11 +3,17 @@
 numba reads these files without a check: a cut or foreign file ends the process inside the compiler's library. Here
 every file ends with a checksum. A file whose checksum is wrong counts as absent, so numba compiles the kernel and
 replaces the file. A folder that is full or cannot be written costs only the time to compile at the next start.
+
+Of several processes that start at once, one compiles a kernel, and the others wait and then load it. This also keeps
+them from writing one index at the same time, which numba would let lead to the wrong file.
 """
 
 from __future__ import annotations
 
+import fcntl
+import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
@@ -17,8 +23,10 @@ from zlib import crc32
 
 import numba
 from numba.core.caching import IndexDataCacheFile
+from numba.core.compiler_lock import global_compiler_lock
 
 SEAL_SIZE = 4  # [bytes]
+LONGEST_WAIT = 300.0  # [s] for a process that compiles the same kernel; it may have been stopped
 _files: list[SealedFiles] = []  # those of every kernel that is imported
 _told: list[str] = []  # so that a process tells once, not for every kernel
 
@@ -37,7 +45,31 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         super().__init__(cache_path=folder, filename_base=name, source_stamp=stamp)
         # A new version also avoids unpickling outdated entries, whose signatures can name classes that no longer exist.
         self._version = f"{numba.__version__} {stamp}"
+        self._held = False  # by this process
         _files.append(self)
+
+    @contextmanager
+    def by_one_process(self) -> Iterator[None]:
+        """Compile in this `with` block: other processes wait until it ends.
+
+        No two processes can wait for each other, because a kernel is locked before the kernels that it calls. Where
+        nothing can be locked, every process compiles for itself.
+        """
+        with global_compiler_lock:  # first, or two threads of this process could wait for each other
+            if self._held:
+                yield
+                return
+            lock = None
+            with suppress(OSError):
+                lock = os.open(f"{self._index_path}.lock", os.O_RDWR | os.O_CREAT, 0o666)
+                _lock(lock)
+            self._held = True
+            try:
+                yield
+            finally:
+                self._held = False
+                if lock is not None:
+                    os.close(lock)
 
     def damaged(self) -> list[Path]:
         """Return the files that an up-to-date index leads to, or the index itself, if their checksum is wrong."""
@@ -88,6 +120,17 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         if not whole and Path(path).exists():
             _tell(f"the compiled kernel {path} is damaged or of another version: it is compiled again")
         return whole
+
+
+def _lock(file: int) -> None:
+    end = time.monotonic() + LONGEST_WAIT
+    while time.monotonic() < end:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.02)
+        else:
+            return
 
 
 def _tell(text: str) -> None:

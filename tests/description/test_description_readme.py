@@ -73,7 +73,7 @@ def test_a_snippet_runs_as_it_stands(title: str, tmp_path: Path) -> None:
     if "quadprog" in code:
         need("quadprog")
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {description.REPOSITORY_PATH!r})\n{code}"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     if "kg" in code:

@@ -71,7 +71,7 @@ def test_cmake_installs_every_data_file_where_ros_looks(
         [CMAKE, "-S", PACKAGE, "-B", build, f"-DCMAKE_INSTALL_PREFIX={prefix}", found],
         [CMAKE, "--install", build],
     ):
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
         assert done.returncode == 0, done.stderr
         assert "warning" not in (done.stdout + done.stderr).lower()
     share = prefix / "share" / "aerobat_description"

@@ -41,10 +41,10 @@ def written(folder: Path, text: str) -> Path:
 )  # fmt: skip
 def test_size_and_names_are_checked_before_anything_is_laid_out(text: str, message: str, tmp_path: Path) -> None:
     """A thousand million seeds used to be counted up first, and a name with a / failed after the last flight."""
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises((SweepError, ScenarioError), match=message):
         load_sweep(written(tmp_path, text))
-    assert time.monotonic() - start < 5.0
+    assert time.process_time() - start < 5.0  # [s] of this process alone; milliseconds are usual
 
 
 def test_many_long_runs_are_refused_though_each_is_allowed(tmp_path: Path) -> None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.damaged_kernels import DAMAGES, ENDS, damage, damaged_case, small_kernel
+from support.damaged_kernels import DAMAGES, ENDS, SOURCE, damage, damaged_case, small_kernel
 from support.kernel_cases import compiled_only
 
 from aerobat_pin.cli import doctor
-from aerobat_pin.numerics import kernel_cache, remove_damaged_kernels
+from aerobat_pin.numerics import jit, kernel_cache, remove_damaged_kernels
 
 pytestmark = compiled_only
 
@@ -39,6 +40,31 @@ def test_a_damaged_kernel_is_compiled_again(
     assert whole(np.ones(4), 0.5) == 2.0
     assert sum(whole.stats.cache_hits.values()) == 1
     assert capsys.readouterr().err == ""
+
+
+def test_of_many_processes_at_once_one_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others wait for it, and load what it compiled."""
+    (tmp_path / "common.py").write_text(SOURCE)
+    monkeypatch.syspath_prepend(tmp_path)
+    function = importlib.import_module("common").scaled
+    children = []
+    for _ in range(4):
+        if (child := os.fork()) == 0:
+            kernel = jit.kernel(function)
+            right = kernel(np.ones(4), 0.5) == 2.0
+            os._exit(sum(kernel.stats.cache_misses.values()) if right else 99)
+        children.append(child)
+    assert sorted(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children) == [0, 0, 0, 1]
+
+
+def test_a_process_does_not_wait_for_itself_nor_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kernel that is compiled within its own compilation, and one whose lock another process keeps."""
+    kernel = small_kernel(tmp_path)
+    files = kernel._cache._cache_file
+    with files.by_one_process():
+        assert kernel(np.ones(4), 0.5) == 2.0
+        monkeypatch.setattr(kernel_cache, "LONGEST_WAIT", 0.05)
+        assert small_kernel(tmp_path)(np.ones(4, np.float32), 0.5) == 2.0
 
 
 def test_random_damage_is_repaired(tmp_path: Path) -> None:

@@ -180,7 +180,7 @@ def script(name: str, *words: str) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join((str(ROOT), str(ROOT / "tests")))
     command = [sys.executable, str(ROOT / "docs" / "scripts" / name), *words]
     return subprocess.run(
-        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False, timeout=300
+        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False, timeout=900
     )
 
 

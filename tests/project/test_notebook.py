@@ -14,7 +14,7 @@ def test_the_notebook_runs_and_shows_what_it_says(tmp_path: Path) -> None:
     """In a kernel of its own, in an empty folder: fly, estimate, plot, replay."""
     book = nbformat.read(NOTEBOOK, as_version=4)
     assert [cell for cell in book.cells if cell.get("outputs") or cell.get("execution_count")] == []
-    NotebookClient(book, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    NotebookClient(book, timeout=900, resources={"metadata": {"path": str(tmp_path)}}).execute()
     code = [cell for cell in book.cells if cell.cell_type == "code"]
     shown = [{kind: text for one in cell.outputs for kind, text in one.get("data", {}).items()} for cell in code]
     printed = ["".join(one.get("text", "") for one in cell.outputs) for cell in code]

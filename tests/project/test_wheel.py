@@ -31,7 +31,7 @@ def run(*command: str | Path, cwd: Path, **changes: str) -> subprocess.Completed
     """Run a program in an environment of its own; it must succeed."""
     words = [str(word) for word in command]
     done = subprocess.run(
-        words, cwd=cwd, env=environment(**changes), capture_output=True, text=True, check=False, timeout=300
+        words, cwd=cwd, env=environment(**changes), capture_output=True, text=True, check=False, timeout=900
     )
     assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}\n{done.stderr}"
     return done

@@ -67,7 +67,7 @@ IN_A_PROCESS = 0.05  # share of the command lines that run in a process of their
 
 
 class Hang(BaseException):
-    """A command took longer than `LONGEST`."""
+    """A command took longer than `Doors.patience`."""
 
 
 @dataclass(frozen=True)
@@ -93,11 +93,12 @@ class Doors:
 
     Args:
         folder: an empty folder for everything that they write.
+        patience: how long a command may take before it hangs [s].
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, patience: float = LONGEST) -> None:
         """Keep the folder."""
-        self.folder, self.longest = folder, 0.0  # the second: of all command lines [s]
+        self.folder, self.patience, self.longest = folder, patience, 0.0  # the last: of all command lines [s]
 
     def __enter__(self) -> Doors:
         self._stack = contextlib.ExitStack()
@@ -200,7 +201,7 @@ class Doors:
         out, error = io.StringIO(), io.StringIO()
         before, sys.argv, start = sys.argv, ["aerobat", *words], time.monotonic()
         handler = signal.signal(signal.SIGALRM, _hang)
-        signal.setitimer(signal.ITIMER_REAL, LONGEST)
+        signal.setitimer(signal.ITIMER_REAL, self.patience)
         code: int | None = 0
         try:
             with contextlib.chdir(place), contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
@@ -208,7 +209,7 @@ class Doors:
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 0
         except Hang:
-            return Said(None, f"hang: more than {LONGEST:g} s", out.getvalue())
+            return Said(None, f"hang: more than {self.patience:g} s", out.getvalue())
         except Exception as caught:
             return Said(None, f"traceback: {type(caught).__name__}: {str(caught)[:300]}", out.getvalue())
         finally:
@@ -223,7 +224,7 @@ class Doors:
             return self.called(words, place)
         start = time.monotonic()
         done = self.bench.forks.start(words, place).result()
-        late = time.monotonic() - start > LONGEST
+        late = time.monotonic() - start > self.patience
         bad = done.returncode < 0 or "Traceback" in done.stderr
         text = "hang: in a process" if late else f"traceback: {done.stderr[-300:]}" if bad else done.stderr
         return Said(None if late or bad else done.returncode, text, done.stdout)
@@ -282,7 +283,7 @@ class Doors:
         )
         host = hosts[rng.integers(len(hosts))]
         asked = urllib.request.Request(self.address, headers={"Host": host})
-        answer = urllib.request.build_opener(_Unchecked).open(asked, timeout=LONGEST)
+        answer = urllib.request.build_opener(_Unchecked).open(asked, timeout=self.patience)
         fine = answer.status == 403 and b"the page" not in answer.read()
         return Attempt(7, "host of another", "" if fine else f"silent acceptance: host {host!r}")
 

@@ -1,4 +1,9 @@
-"""A headless Chromium for the pages: errors and requests of a page fail its test."""
+"""A headless Chromium for the pages: errors and requests of a page fail its test.
+
+On a busy machine a page takes seconds for what it usually does at once, such as to notice that its window was resized.
+Tests therefore wait for what they look at (`resized`, `wait_for_function`), or for frames that are drawn, never for a
+time.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +25,8 @@ needs_browser = pytest.mark.skipif(
     CHROMIUM is None, reason="no Chromium on this machine: install it, e.g. `apt-get install chromium`"
 )
 
+PATIENCE = 120_000.0  # [ms]: what takes longer hangs
+
 
 @contextmanager
 def started() -> Iterator[Any]:
@@ -27,7 +34,7 @@ def started() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_FLAGS)
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_FLAGS, timeout=PATIENCE)
         yield running
         running.close()
 
@@ -36,6 +43,7 @@ def started() -> Iterator[Any]:
 def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
     """Open a page; fail if it had an error, or requested anything but files, data and the allowed addresses."""
     page = browser.new_page(viewport={"width": 1000, "height": 650})
+    page.set_default_timeout(PATIENCE)
     problems: list[str] = []
     requests: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
@@ -49,7 +57,19 @@ def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
 
 def ready(page: Any) -> None:
     """Wait until a replay plays."""
-    page.wait_for_function("window.viewer && viewer.animator.time > 0.005", timeout=60_000)
+    page.wait_for_function("window.viewer && viewer.animator.time > 0.005")
+
+
+def frames(page: Any) -> None:
+    """Wait until the page has drawn what has changed: two frames."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def resized(page: Any, width: int, height: int) -> None:
+    """Resize the window [px], and wait until the page has noticed; events of a frame come before it is drawn."""
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_function("([width, height]) => innerWidth === width && innerHeight === height", arg=[width, height])
+    frames(page)
 
 
 def at(page: Any, time: float) -> None:

@@ -37,5 +37,5 @@ def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[
     while process.poll() is None and not any(cwd.glob(at)):
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: a browser too
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate()
     return subprocess.CompletedProcess(command, process.returncode, output, errors)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.browser import needs_browser, opened
+from support.browser import PATIENCE, needs_browser, opened
 from support.commands import aerobat, call
 
 from aerobat_description.morphology import Morphology
@@ -132,6 +132,7 @@ def closes(bars: Any, crank: float) -> bool:
 def test_it_can_be_used_on_a_telephone(page_file: Path, browser: Any) -> None:
     """390 pixels wide, by touch: nothing is cut off, and a tap on the slider moves the wings, which one sees."""
     context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    context.set_default_timeout(PATIENCE)
     requests: list[str] = []
     page = context.new_page()
     page.on("request", lambda request: requests.append(request.url))
@@ -144,7 +145,7 @@ def test_it_can_be_used_on_a_telephone(page_file: Path, browser: Any) -> None:
         assert page.locator(f"#{name}").bounding_box()["height"] >= 32.0
     before, box = page.evaluate(WING, "left_distal"), page.locator("#crank").bounding_box()
     page.touchscreen.tap(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
-    assert page.evaluate(WING, "left_distal") != before
+    page.wait_for_function(f"(before) => ({WING})('left_distal').some((x, k) => x !== before[k])", arg=before)
     page.locator("#L5b").scroll_into_view_if_needed()
     assert page.locator("#view").bounding_box()["y"] == pytest.approx(0.0, abs=1.0)
     assert all(url.startswith(("file:", "data:")) for url in requests)

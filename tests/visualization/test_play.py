@@ -7,6 +7,7 @@ import itertools
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from matplotlib.image import imread
 from support.browser import at, needs_browser, node, opened, ready
@@ -57,6 +59,12 @@ def of_session(leader: int) -> list[str]:
     return found
 
 
+def sent_again(connection: socket.socket) -> int:
+    """Return how many packets of a connection nobody confirmed at first: `tcpi_total_retrans` of Linux."""
+    told = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104)
+    return int(struct.unpack_from("I", told, 100)[0])
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
@@ -75,7 +83,7 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
             urllib.request.urlopen(address + "etc/passwd")
         assert of_session(server.pid) == [str(server.pid)]
         server.send_signal(how)
-        assert server.wait(timeout=60) == (0 if how == signal.SIGINT else 143)
+        assert server.wait() == (0 if how == signal.SIGINT else 143)
         assert of_session(server.pid) == []
         with socket.socket() as again:
             again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -98,13 +106,13 @@ def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connection
             asked.add_header("Host", host.format(port))
         answer = urllib.request.build_opener(AllAnswers).open(asked)
         assert (answer.status, answer.read() == b"the page") == (status, status == 200)
-    start, before = time.monotonic(), threading.active_count()
+    before = threading.active_count()
     idle = [socket.create_connection(("127.0.0.1", int(port))) for _ in range(300)]
+    assert sum(map(sent_again, idle)) < 5  # 36 where few can wait to be accepted: a second each
     for one in idle[::3]:
         one.sendall(b"GET / HT")
-    with urllib.request.urlopen(addresses[0], timeout=10.0) as answer:
+    with urllib.request.urlopen(addresses[0]) as answer:
         assert answer.read() == b"the page"
-    assert time.monotonic() - start < 5.0  # it was 49 s until all had connected
     assert threading.active_count() < before + 100
     for one in idle:
         one.close()
@@ -187,7 +195,7 @@ def test_pictures_are_taken_beside_a_running_loop_and_may_be_left(paper_folder: 
     """As in a notebook; whoever wants no more of them leaves no browser behind."""
 
     def children() -> set[str]:
-        return {pid for task in Path("/proc/self/task").iterdir() for pid in (task / "children").read_text().split()}
+        return {str(child.pid) for child in psutil.Process().children()}
 
     assert asyncio.get_running_loop().is_running()  # the other browser's
     before = children()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixels, ready
+from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixels, ready, resized
 
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
 from aerobat_pin.visualization.replay import recording as recording_module
@@ -187,7 +187,7 @@ def test_the_opening_shows_robot_ground_and_controls(browser: Any, tmp_path: Pat
     model, parts, q = humanoid()
     (tmp_path / "page.html").write_text(record(model, parts, TIME, q).html())
     with opened(browser, (tmp_path / "page.html").as_uri()) as page:
-        page.set_viewport_size({"width": width, "height": height})
+        resized(page, width, height)
         page.reload()
         ready(page)
         at(page, 0.0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.browser import at, needs_browser, node, opened, pixels, ready
+from support.browser import at, frames, needs_browser, node, opened, pixels, ready
 from support.wakes import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
@@ -58,7 +58,7 @@ def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(paper_folder: Path,
         assert page.evaluate("viewer.animator.mixer.timeScale") == SLOW_MOTION
         page.get_by_role("button", name="pause").click()
         held = page.evaluate("viewer.animator.actions[0].time")
-        page.wait_for_timeout(200)
+        frames(page)
         assert page.evaluate("viewer.animator.actions[0].time") == held
         page.get_by_role("button", name="play").click()
         page.wait_for_function(f"viewer.animator.actions[0].time != {held}")
@@ -174,11 +174,9 @@ def test_the_wake_grows_behind_the_wing_and_fades(paper: Experiment, paper_folde
     with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
         ready(page)
         at(page, 0.0)
-        page.wait_for_function(f"{SHOWN} === null")
+        assert page.evaluate(SHOWN) is None
         for k, first in ((400, 0), (1500, 1000)):
             at(page, paper.log.time[k])
-            page.wait_for_function(f"{SHOWN} !== null")
-            page.wait_for_timeout(100)
             begin, end = page.evaluate(SHOWN)
             assert begin == pytest.approx(wake.position[first, 0], abs=2e-5)
             assert end == pytest.approx(wake.position[k, -1], abs=2e-5)
@@ -207,7 +205,6 @@ def test_quasi_steady_air_leaves_no_wake_and_wind_carries_one(browser: Any, tmp_
         at(page, 0.25)
         moved = node(page, "air")["position"]
         assert moved == pytest.approx([0.125, 0.0, 0.05], abs=1e-6)
-        page.wait_for_timeout(100)
         wake = wake_of(windy.log, windy.robot, windy.scenario.air)
         now = len(wake_at(wake, 0.25)[0]) - 1
         begin, end = (np.add(corner, moved) for corner in page.evaluate(SHOWN))

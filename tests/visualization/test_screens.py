@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.browser import needs_browser, opened, pixels, ready
+from support.browser import frames, needs_browser, opened, pixels, ready, resized
 
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
@@ -44,7 +44,7 @@ def overlaps(found: list[tuple[str, Any]]) -> list[tuple[str, str]]:
 def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, size: tuple[int, int]) -> None:
     """Folded or not, all of it is on the screen; on a phone the legend begins folded and buttons fit a finger."""
     with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        page.set_viewport_size({"width": size[0], "height": size[1]})
+        resized(page, *size)
         page.reload()
         ready(page)
         small = min(size) < 500
@@ -67,12 +67,11 @@ def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, si
 def test_a_phone_that_is_turned_keeps_everything_in_its_place(paper_folder: Path, browser: Any) -> None:
     """From portrait to landscape without loading the page again."""
     with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
+        ready(page)
         for width, height in (SIZES[2], SIZES[1]):
-            page.set_viewport_size({"width": width, "height": height})
-            ready(page)
-            page.wait_for_timeout(100)
+            resized(page, width, height)
+            page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
             assert overlaps(boxes(page, TOUCHED)) == []
-        assert page.evaluate("viewer.camera.view.fullWidth") == SIZES[1][0]
 
 
 @needs_browser
@@ -126,9 +125,9 @@ def test_the_replay_is_dark_by_night(paper_folder: Path, browser: Any) -> None:
         light = {}
         for scheme in ("light", "dark", "light"):
             page.emulate_media(color_scheme=scheme)
-            page.wait_for_timeout(100)
+            page.wait_for_function(f"(colour) => {true} === colour", arg="ffffff" if scheme == "dark" else "000000")
+            frames(page)
             light[scheme] = float(np.median(pixels(page)[:100]))
-            assert page.evaluate(true) == ("ffffff" if scheme == "dark" else "000000")
         assert light["light"] > 0.9
         assert light["dark"] < 0.5
 
@@ -140,7 +139,7 @@ def test_the_report_fits_every_screen(paper_folder: Path, browser: Any, size: tu
     """The page does not scroll sideways, wide tables do; blocks do not overlap; the replay is linked."""
     with opened(browser, (paper_folder / "report.html").as_uri()) as page:
         page.emulate_media(color_scheme=scheme)
-        page.set_viewport_size({"width": size[0], "height": size[1]})
+        resized(page, *size)
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
         found = boxes(page, BLOCKS)
         assert len(found) > 15
