@@ -20,7 +20,7 @@ from aerobat_pin.numerics import Array
 
 Which = Callable[[Array], NDArray[np.bool_]]
 
-MOST_LAGGED = 200_000  # intervals of which the lag is found
+MOST_LAGGED = 30_000  # intervals of which the lag is found
 FORGOTTEN = 7.0  # periods of the filter after which e^-30 of a value is left: e^(-4.4 f t)
 WRENCH_AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
@@ -74,7 +74,7 @@ class Compared:
         """Yield starts (n,), estimate (n, k) and sensor (n, k) of all intervals, piece by piece."""
         yield from in_step(self.start, self.estimate, self.sensor)
 
-    def sample(self, most: int = MOST_LAGGED) -> tuple[Array, Array]:
+    def sample(self, most: int) -> tuple[Array, Array]:
         """Return estimate and sensor (n, k) of the first `most` intervals that are scored."""
         found: list[Array] = []
         truth: list[Array] = []
@@ -99,7 +99,7 @@ class Compared:
         if whole.count < 3:
             raise MapError("map: check.wrench.part: less than three intervals are left to compare")
         apart = some_fitted and outside.count > 2
-        sample, true_sample = self.sample()
+        sample, true_sample = self.sample(MOST_LAGGED)
         return {
             label: SensorScore(
                 r2=whole.r2[k],
@@ -116,7 +116,7 @@ class Compared:
     @property
     def liveliest(self) -> int:
         """Index of the component of which the sensor varies most."""
-        return int(np.argmax(self.sample()[1].std(axis=0)))
+        return int(np.argmax(self.sample(MOST_LAGGED)[1].std(axis=0)))
 
 
 class _Sums:

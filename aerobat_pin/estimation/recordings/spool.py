@@ -112,10 +112,10 @@ class Series:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         return np.asarray(self[:], dtype)
 
-    def pieces(self, size: int = EXTENT) -> Iterator[Array]:
-        """Yield all rows, at most `size` at once."""
-        for first in range(0, self._count, size):
-            yield self[first : first + size]
+    def pieces(self) -> Iterator[Array]:
+        """Yield all rows, at most `EXTENT` at once."""
+        for first in range(0, self._count, EXTENT):
+            yield self[first : first + EXTENT]
 
     def index(self, value: float, side: str = "left") -> int:
         """Return where a value belongs in an increasing series (n,), as `numpy.searchsorted` does."""

@@ -83,10 +83,10 @@ class StoredEstimate:
         columns = {name: series[rows] for name, series in self._columns.items()}
         return replace(self.head, **_rows_of(self.start[rows], self._end[rows], columns, self.head))
 
-    def blocks(self, size: int = ROWS) -> Iterator[Estimate]:
-        """Yield all intervals, at most `size` at once."""
-        for first in range(0, len(self), size):
-            yield self.between(first, min(first + size, len(self)))
+    def blocks(self) -> Iterator[Estimate]:
+        """Yield all intervals, at most `ROWS` at once."""
+        for first in range(0, len(self), ROWS):
+            yield self.between(first, min(first + ROWS, len(self)))
 
     def whole(self) -> Estimate:
         """Return all intervals at once, in memory.

@@ -152,7 +152,7 @@ def _draw_sensor(found: RecordingEstimate) -> Figure:
 
 def _liveliest_stretch(side: Compared) -> tuple[int, int]:
     """Return (first, last), exclusive, of an eighth of the record in which the sensor swings most."""
-    count, mean = len(side.start), side.sample()[1].mean(axis=0)
+    count, mean = len(side.start), side.sample(MOST_DRAWN)[1].mean(axis=0)
     size = max(1, count // MOST_DRAWN)
     swings = []
     for first in range(0, count, size * 1000):
