@@ -1,4 +1,4 @@
-"""Time and memory of `aerobat estimate` on an hour of 1 kHz data of one rigid body; an error if it is slow."""
+"""Time and memory of `aerobat estimate` on an hour of 1 kHz data of one rigid body; an error if it is slow or large."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ quaternion = {columns = ["qx", "qy", "qz", "qw"]}
 velocity = {columns = ["vx", "vy", "vz"]}
 rate = {columns = ["wx", "wy", "wz"]}
 """
-LONGEST, LARGEST = 120.0, 6.0  # s; GB
+LONGEST, LARGEST = 120.0, 0.6  # [s] of one core, whatever else the machine does; [GB]
 
 
 def write_log(path: Path, seconds: float) -> None:
@@ -53,9 +53,12 @@ def main() -> None:
         words = [sys.executable, "-m", "aerobat_pin", "estimate", "hour.csv", "--map", "map.toml", "--out", "out"]
         start = time.perf_counter()
         subprocess.run(words, cwd=folder, check=True, stdout=subprocess.DEVNULL)
-        took = time.perf_counter() - start
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
-    print(f"{seconds:g} s at 1 kHz: {took:.0f} s, at most {memory:.2f} GB of memory")
+        passed = time.perf_counter() - start
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    took, memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e6
+    print(
+        f"{seconds:g} s at 1 kHz: {took:.0f} s of one core ({passed:.0f} s passed), at most {memory:.3f} GB of memory"
+    )
     if took > LONGEST or memory > LARGEST:
         raise SystemExit(f"more than {LONGEST:g} s or {LARGEST:g} GB")
 

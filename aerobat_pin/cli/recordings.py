@@ -76,7 +76,7 @@ def print_recording(found: RecordingEstimate) -> None:
         typer.echo(f"{mark} {finding}")
     for fit in found.forces.fits:
         typer.echo(f"fit: {fit}")
-    for estimate in found.estimates.values():
+    for estimate in found.stored.values():
         typer.echo(str(estimate))
     for name, side in found.compared.items():
         for label, score in side.scores(record.dt).items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,13 +22,13 @@ def write_text(target: Path, text: str) -> None:
     write_files({target: text.encode()})
 
 
-def write_files(contents: Mapping[Path, bytes]) -> None:
+def write_files(contents: Mapping[Path, bytes | Path]) -> None:
     """Write files atomically: either all of them or none. Missing folders are created.
 
     Each file is first written beside its place, and locked there.
 
     Args:
-        contents: path -> content.
+        contents: path -> content, or the file that has it.
 
     Raises:
         OutputError: a file or folder cannot be written, or another process is just writing it.
@@ -52,7 +53,11 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
                     parts[part] = descriptor = locked(part)
                 os.truncate(descriptor, 0)
                 with open(descriptor, "wb", closefd=False) as file:
-                    file.write(content)
+                    if isinstance(content, bytes):
+                        file.write(content)
+                    else:
+                        with content.open("rb") as source:
+                            shutil.copyfileobj(source, file)
             with undisturbed():
                 for path in contents:
                     part = path.with_name(WORK + path.name)

@@ -6,7 +6,7 @@ from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMot
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import FlightLog, netcdf_bytes
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
-from aerobat_pin.flight.netcdf import checksums, read_netcdf
+from aerobat_pin.flight.netcdf import StoredVariable, checksums, netcdf_variables, read_netcdf
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
@@ -31,6 +31,7 @@ __all__ = [
     "RateControlledMotor",
     "Sensing",
     "SpinUp",
+    "StoredVariable",
     "ThrusterSet",
     "Trim",
     "Wake",
@@ -41,6 +42,7 @@ __all__ = [
     "interval_means",
     "log_with_motion",
     "netcdf_bytes",
+    "netcdf_variables",
     "read_csv",
     "read_netcdf",
     "robot_air",

@@ -8,7 +8,8 @@ DIMENSION_LIST of each other dataset refers to its dimensions (NetCDF Users Guid
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,49 @@ def read_netcdf(path: str | Path, what: str, groups: Sequence[str] = ()) -> dict
     Raises:
         LogError: the file cannot be read, is damaged, refers to other files, or has a group of another name.
     """
+    with _checked_file(path, what, groups) as (parts, name):
+        return {key: _dataset(part, name) for key, part in parts.items()}
+
+
+@contextmanager
+def netcdf_variables(
+    path: str | Path, what: str, groups: Sequence[str] = ()
+) -> Iterator[dict[str, dict[str, StoredVariable]]]:
+    """Open a NetCDF-4 file as `read_netcdf` does, for files that are too large to be read at once.
+
+    Yields group -> name -> variable, whose rows are read when they are asked for.
+    """
+    with _checked_file(path, what, groups) as (parts, name):
+        found: dict[str, dict[str, StoredVariable]] = {}
+        for key, part in parts.items():
+            items = {entry.removeprefix("_nc4_non_coord_"): item for entry, item in part.items() if _has_values(item)}
+            found[key] = {
+                label: StoredVariable(_dimensions(item, label, f"{name}: '{label}'"), item)
+                for label, item in items.items()
+            }
+        yield found
+
+
+class StoredVariable:
+    """A variable of an open NetCDF file.
+
+    Args:
+        dims: names of its dimensions.
+        item: the HDF5 dataset.
+    """
+
+    def __init__(self, dims: tuple[str, ...], item: h5py.Dataset) -> None:
+        self.dims, self._item = dims, item
+        self.shape, self.kind = tuple(item.shape), item.dtype.kind
+
+    def __getitem__(self, rows: Any) -> Any:
+        """Return rows of its numbers or text; numbers equal to the fill value become NaN."""
+        return _values(self._item, rows)
+
+
+@contextmanager
+def _checked_file(path: str | Path, what: str, groups: Sequence[str]) -> Iterator[tuple[dict[str, h5py.Group], str]]:
+    """Open a file whose structure and sizes are checked; every failure is a LogError."""
     name = f"{what} {path}"
     if not os.path.isfile(path):
         raise LogError(f"{name}: cannot be read as NetCDF-4: there is no such file")
@@ -51,7 +95,7 @@ def read_netcdf(path: str | Path, what: str, groups: Sequence[str] = ()) -> dict
             size = sum(_checked_size(part, name) for part in parts.values())
             if size > LARGEST_FILE:
                 raise LogError(f"{name}: its values take {size / 1e9:.3g} GB: {LIMIT}")
-            return {key: _dataset(part, name) for key, part in parts.items()}
+            yield parts, name
     except LogError:
         raise
     except Exception as error:  # h5py raises errors of a dozen kinds for a damaged file
@@ -145,6 +189,10 @@ def _check_texts(item: h5py.Dataset, where: str) -> None:
                 raise LogError(f"{where} has a text of more than {LARGEST_ATTRIBUTE / 1e6:g} MB: labels were expected")
 
 
+def _has_values(item: Any) -> bool:
+    return isinstance(item, h5py.Dataset) and not _is_bare(item)
+
+
 def _is_bare(item: h5py.Dataset) -> bool:
     """Return whether a dataset is only a dimension without values."""
     return bytes(item.attrs.get("NAME", b"")).startswith(NO_VARIABLE)
@@ -154,7 +202,7 @@ def _dataset(group: h5py.Group, name: str) -> xr.Dataset:
     """Read all variables of a group whose sizes are checked."""
     variables, coords = {}, set(str(group.attrs.get("coordinates", "")).split())
     for key, item in group.items():
-        if not isinstance(item, h5py.Dataset) or _is_bare(item):
+        if not _has_values(item):
             continue
         attributes = {
             k: _plain_attribute(v) for k, v in item.attrs.items() if k not in INTERNAL and not k.startswith("_Netcdf4")
@@ -183,11 +231,11 @@ def _dimensions(item: h5py.Dataset, label: str, where: str) -> tuple[str, ...]:
     return tuple(names[0] for names in scales)
 
 
-def _values(item: h5py.Dataset) -> Any:
-    """Read numbers or text; numbers equal to the fill value become NaN."""
+def _values(item: h5py.Dataset, rows: Any = ()) -> Any:
+    """Read rows of numbers or text; numbers equal to the fill value become NaN."""
     if h5py.check_string_dtype(item.dtype) is not None:
-        return np.array(item.asstr()[()].tolist())
-    values = item[()]
+        return np.array(item.asstr()[rows].tolist())
+    values = item[rows]
     fill = item.attrs.get("_FillValue", item.attrs.get("missing_value"))
     if fill is not None and np.asarray(values).dtype.kind in "fiu":
         empty = np.asarray(values) == np.asarray(fill, float).ravel()[0]

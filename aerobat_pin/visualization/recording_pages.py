@@ -69,16 +69,17 @@ def replay_recording(found: RecordingEstimate) -> Recording:
     last = min(last, first + round(LONGEST_REPLAY * record.rate))
     block, every = record.block(first, last), max(1, round(record.rate / REPLAY_RATE))
     rows = np.arange(0, len(block.time), every)
-    name, estimate = next(iter(found.estimates.items()))
+    name, stored = next(iter(found.stored.items()))
     model, visual = _visible(found)
     recording = Recording(
         model, visual, block.time[rows] - record.start, block.q[rows], title=f"{found.log.name}: {name}"
     )
-    low = int(np.searchsorted(estimate.time[:-1], block.time[0] - 1e-9))
-    at = np.minimum(low + rows, len(estimate.components) - 1)
+    low = stored.index(block.time[0])
+    estimate = stored.between(low, low + last - first)
+    at = np.minimum(rows, len(estimate.components) - 1)
     side = found.compared.get(name)
     if side is not None and side.labels[:3] == ("Fx", "Fy", "Fz"):
-        recording.add_forces("force sensor", style.TRUTH, {side.point: side.sensor[at, :3]})
+        recording.add_forces("force sensor", style.TRUTH, {side.point: side.sensor[low : low + last - first][at, :3]})
     labels = estimate.identifiability.components
     forces = {}
     for frame in estimate.frames:
@@ -143,13 +144,10 @@ def _add(visual: pin.GeometryModel, name: str, joint: int, shape: object, place:
 def _force_rows(found: RecordingEstimate) -> list[tuple[str, ...]]:
     """Return the table of sizes of all components."""
     rows = []
-    for name, estimate in found.estimates.items():
-        for label, unit, values in zip(
-            estimate.identifiability.components, estimate.units, estimate.components.T, strict=True
-        ):
-            rms = float(np.sqrt(np.mean(values**2)))
-            sizes = (f"{number:.4g} {unit}" for number in (values.mean(), rms, values.min(), values.max()))
-            rows.append((name, label, *sizes))
+    for name, estimate in found.stored.items():
+        labels, units = estimate.head.identifiability.components, estimate.head.units
+        for label, unit, *sizes in zip(labels, units, estimate.mean, estimate.rms, *estimate.extremes, strict=True):
+            rows.append((name, label, *(f"{size:.4g} {unit}" for size in sizes)))
     return rows
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings.columns import Columns
+from aerobat_pin.estimation.recordings.columns import Columns, in_step
 from aerobat_pin.estimation.recordings.map_tables import ChannelSection, KnownSection, Map
+from aerobat_pin.estimation.recordings.spool import EXTENT, Series
 from aerobat_pin.numerics import Array
 
 G = 9.80665  # [m/s2] of the unit g
@@ -38,7 +39,7 @@ SHARED = {"base.rate": "angular"}  # part of a message that also has the pose, w
 
 @dataclass(frozen=True)
 class LogChannel:
-    """Samples of one channel.
+    """Samples of one channel, on disk if they are many.
 
     Attributes:
         key: key of the map, such as `base.rate`.
@@ -49,8 +50,20 @@ class LogChannel:
 
     key: str
     names: tuple[str, ...]
-    time: Array
-    values: Array
+    time: Series
+    values: Series
+
+    def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
+        """Return stamps and samples from a time to another [s], and `extra` more on either side."""
+        rows = slice(max(0, self.time.index(first) - extra), self.time.index(last, "right") + extra)
+        return self.time[rows], self.values[rows]
+
+    def changed(self, change: Callable[[Array, Array], Array]) -> LogChannel:
+        """Return the channel with other samples: a function of stamps (m,) and samples (m, k), piece by piece."""
+        values = Series(self.values.spool, self.values.shape[1])
+        for time, rows in in_step(self.time, self.values):
+            values.append(change(time, rows))
+        return LogChannel(self.key, self.names, self.time, values)
 
 
 @dataclass(frozen=True)
@@ -115,14 +128,23 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
     """Read a channel; None if it is optional and missing. Raises LogError if the log has no such columns."""
     if request.optional and not all(name in columns.values for name in request.names):
         return None
-    time, first = columns.series(request.names[0], request.key)
-    parts = [first]
-    for name in request.names[1:]:
-        other_time, values = columns.series(name, request.key)
-        if len(other_time) != len(time) or not np.array_equal(other_time, time):
-            values = np.interp(time, other_time, values)
-        parts.append(values)
-    return LogChannel(request.key, request.names, time - request.delay, request.factor * np.stack(parts, axis=1))
+    parts = [columns.series(name, request.key) for name in request.names]
+    own = parts[0][0]
+    time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
+    for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
+        stamps = own[rows]
+        values.append(request.factor * np.stack([_at(stamps, rows, own, *part) for part in parts], axis=1))
+        if time is not own:
+            time.append(stamps - request.delay)
+    return LogChannel(request.key, request.names, time, values)
+
+
+def _at(stamps: Array, rows: slice, own: Series, time: Series, values: Series) -> Array:
+    """Return a column (m,) at stamps, which are the rows of a clock: its own rows, or interpolated linearly."""
+    if time is own or (len(time) == len(own) and np.array_equal(time[rows], stamps)):
+        return np.asarray(values[rows])
+    around = slice(max(0, time.index(stamps[0]) - 1), time.index(stamps[-1]) + 1)
+    return np.asarray(np.interp(stamps, time[around], values[around]))
 
 
 def factor_of(key: str, unit: str | None, kind: str) -> float:

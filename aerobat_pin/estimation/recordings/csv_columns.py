@@ -11,15 +11,18 @@ import numpy as np
 import pandas as pd
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings.columns import Clock, Columns, increasing
+from aerobat_pin.estimation.recordings.columns import Columns, GrowingTable
 from aerobat_pin.estimation.recordings.map_tables import LogTable
+<<<<<<< HEAD
 from aerobat_pin.estimation.recordings.table_cells import check_rows, numbers_of
+=======
+from aerobat_pin.estimation.recordings.spool import Spool
 from aerobat_pin.numerics import Array
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
 SEPARATORS = (",", ";", "\t", " ")
-ROWS_AT_ONCE = 200_000
+ROWS_AT_ONCE = 50_000
 
 
 def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
@@ -59,36 +62,38 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
         raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
     read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
     used = [i for i, name in enumerate(names) if read is None or name in read]
-    parts: dict[str, list[Array]] = {}
+    table, strict = GrowingTable(Spool()), wanted is not None
     check_rows(path, separator, len(names))
-    first = 2
     try:
         chunks = pd.read_csv(
             path, sep=separator, usecols=used, chunksize=ROWS_AT_ONCE, encoding="utf-8-sig", skipinitialspace=True
         )
         for chunk in chunks:
+            values: dict[str, Array] = {}
             for i, label in zip(used, chunk.columns, strict=True):
-                for name, numbers in numbers_of(path, names[i], chunk[label], first, strict=wanted is not None).items():
-                    parts.setdefault(name, []).append(numbers)
-            first += len(chunk)
+                values |= numbers_of(path, names[i], chunk[label], len(table) + 2, strict=strict)
+            if len(chunk):
+                table.add(_stamps(path, log, column, values, len(table), len(chunk)), values)
     except (ValueError, OSError) as error:
         if isinstance(error, LogError):
             raise
         raise LogError(f"log {path}: {' '.join(str(error).split())[:200]}") from error
-    values = {name: np.concatenate(pieces) for name, pieces in parts.items()}
-    count = len(next(iter(values.values()), np.empty(0)))
-    if count < 2:
-        raise LogError(f"log {path}: {count} rows: two or more were expected")
-    time: Array = np.arange(count) / (log.time.rate or 1.0)
-    if column is not None:
-        time = np.asarray(values.pop(column) * SECONDS[log.time.unit])
-        if not np.all(np.isfinite(time)):
-            raise LogError(f"log {path}: row {int(np.argmin(np.isfinite(time))) + 2} has no time in '{column}'")
-    keep, repeated, backward = increasing(time)
-    if not keep.all():
-        time, values = time[keep], {name: column_values[keep] for name, column_values in values.items()}
-    clocks = {"table": Clock(time, repeated, backward)}
-    return Columns(path, tuple(dict.fromkeys([*names, *values])), clocks, dict.fromkeys(values, "table"), values)
+    if len(table) < 2:
+        raise LogError(f"log {path}: {len(table)} rows: two or more were expected")
+    clocks, values_of = {"table": table.clock()}, table.columns
+    return Columns(
+        path, tuple(dict.fromkeys([*names, *values_of])), clocks, dict.fromkeys(values_of, "table"), values_of
+    )
+
+
+def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Array], before: int, count: int) -> Array:
+    """Return the stamps [s] of `count` rows with `before` rows before them, and take their column out of the values."""
+    if column is None:
+        return np.asarray((before + np.arange(count)) / (log.time.rate or 1.0))
+    time = np.asarray(values.pop(column) * SECONDS[log.time.unit])
+    if not np.all(np.isfinite(time)):
+        raise LogError(f"log {path}: row {before + int(np.argmin(np.isfinite(time))) + 2} has no time in '{column}'")
+    return time
 
 
 def _time_column(path: Path, names: list[str]) -> str:

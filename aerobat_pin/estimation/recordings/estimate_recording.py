@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from aerobat_pin.estimation.recordings.open_record import open_record
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.run_observers import observers_of, run_observers
 from aerobat_pin.estimation.recordings.sensor_scores import Compared, compared
-from aerobat_pin.estimation.trust import component_sizes, innovation_score, warnings_about
+from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate
+from aerobat_pin.estimation.trust import warnings_about
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 
@@ -38,7 +40,7 @@ class RecordingEstimate:
         folder: where relative paths of the map begin.
         record: the recording at common times.
         forces: its known forces, with what was fitted.
-        estimates: observer -> estimate.
+        stored: observer -> estimate, which is read block by block.
         findings: what the checks found.
         notes: what was left out or assumed.
         compared: observer -> estimate beside the sensor; empty without a sensor.
@@ -48,20 +50,25 @@ class RecordingEstimate:
     folder: Path
     record: Record
     forces: KnownForces
-    estimates: dict[str, Estimate]
+    stored: dict[str, StoredEstimate]
     findings: tuple[LogFinding, ...]
     notes: tuple[str, ...]
     compared: dict[str, Compared]
+
+    @cached_property
+    def estimates(self) -> dict[str, Estimate]:
+        """Observer -> estimate of the whole recording, in memory; of a long one read `stored` in blocks instead."""
+        return {name: estimate.whole() for name, estimate in self.stored.items()}
 
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimate."""
         lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
-        for name, estimate in self.estimates.items():
+        for name, estimate in self.stored.items():
             if estimate.redundancy.verdict == "inconsistent":
                 lines.append(f"{name}: {estimate.redundancy.describe()}")
-            lines += [f"{name}: {text}" for text in warnings_about(estimate)]
-            lines += [f"{name} cannot see: {text}" for text in estimate.identifiability.describe()]
+            lines += [f"{name}: {text}" for text in warnings_about(estimate.head)]
+            lines += [f"{name} cannot see: {text}" for text in estimate.head.identifiability.describe()]
         return lines
 
     def metrics(self, versions: dict[str, str]) -> dict[str, Any]:
@@ -82,19 +89,19 @@ class RecordingEstimate:
                 {**asdict(fit), "outside": _or_none(fit.outside), "before": _or_none(fit.before)}
                 for fit in self.forces.fits
             ],
-            "observers": {name: self._observer(name, estimate) for name, estimate in self.estimates.items()},
+            "observers": {name: self._observer(name, estimate) for name, estimate in self.stored.items()},
         }
 
-    def _observer(self, name: str, estimate: Estimate) -> dict[str, Any]:
-        found, innovation = estimate.identifiability, innovation_score(estimate)
+    def _observer(self, name: str, estimate: StoredEstimate) -> dict[str, Any]:
+        head, found, innovation = estimate.head, estimate.head.identifiability, estimate.innovation
         entry: dict[str, Any] = {
-            "gain": estimate.gain.tolist(),
-            "rows": estimate.rows,
+            "gain": head.gain.tolist(),
+            "rows": head.rows,
             "rank": found.rank,
             "condition": _or_none(found.condition),
             "unseen": found.describe(),
-            "components": [asdict(size) for size in component_sizes(estimate)],
-            "mean": dict(zip(found.components, estimate.components.mean(axis=0).tolist(), strict=True)),
+            "components": [asdict(size) for size in estimate.component_sizes()],
+            "mean": dict(zip(found.components, estimate.mean.tolist(), strict=True)),
             "redundancy": estimate.redundancy.to_json(),
             "innovation": None if innovation is None else asdict(innovation),
         }

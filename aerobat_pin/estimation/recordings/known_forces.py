@@ -7,6 +7,7 @@ direction, over a share of the used record; how well the rest is met is reported
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +17,13 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError, ObserverError
 from aerobat_pin.estimation.recordings.map_tables import KnownSection
 from aerobat_pin.estimation.recordings.record import Block, Record, world_turn
-from aerobat_pin.estimation.recordings.required import accelerations, contact_torque, required_torque, turned
+from aerobat_pin.estimation.recordings.required import (
+    accelerations,
+    contact_torque,
+    mean_in,
+    required_torque,
+    turned,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import JointFriction, fit_friction
 
@@ -173,15 +180,6 @@ def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Ar
     return found
 
 
-def mean_in(record: Record, key: str, part: tuple[float, float]) -> Array:
-    """Return the mean (k,) of a channel from and to times after the start [s]. Raises MapError without samples."""
-    channel = record.channels[key]
-    inside = (channel.time >= record.start + part[0]) & (channel.time <= record.start + part[1])
-    if not inside.any():
-        raise MapError(f"map: {key}: no sample from {part[0]:g} to {part[1]:g} s after the start")
-    return np.asarray(channel.values[inside].mean(axis=0))
-
-
 def _base_frame(record: Record) -> int:
     """Return the frame of the base: that of the free joint, or the universe."""
     model = record.robot.model
@@ -195,7 +193,7 @@ def _fit_thrust(record: Record, name: str, section: KnownSection) -> tuple[Array
     assert section.fit is not None
     direction = unit_direction(section)
     commands, targets = [], []
-    for first, last in record.pieces(MOST_FITTED):
+    for first, last in record.spread(MOST_FITTED):
         time = record.times(first, last)
         commands.append(command_sum(record, name, time))
         targets.append(record.robot.mass * record.means("check.specific_force", time) @ direction)
@@ -231,7 +229,7 @@ def _fit_friction(record: Record, forces: KnownForces) -> tuple[JointFriction, A
     rows = [record.robot.v_index(joint) for joint in record.joints]
     held_out: list[Array] = []
     inside: list[Array] = []
-    for first, last in record.pieces(MOST_FITTED):
+    for first, last, fits_here, tests_here in _fitted_stretches(record, section.fit):
         block = record.block(first, last)
         a = accelerations(block, record)
         needed = required_torque(record, block, a) - sum(forces.known(block).values(), np.zeros_like(block.tau))
@@ -242,8 +240,12 @@ def _fit_friction(record: Record, forces: KnownForces) -> tuple[JointFriction, A
         table = np.stack([q, middle[:, rows], a[:, rows], needed[:, rows], block.tau[:, rows]])
         when = block.time[:-1] - record.start
         chosen = (when >= section.fit[0]) & (when < section.fit[1])
-        inside.append(table[:, chosen])
-        held_out.append(table[:, ~chosen & _testable(record, when)])
+        if fits_here:
+            inside.append(table[:, chosen])
+        if tests_here:
+            held_out.append(table[:, ~chosen & _testable(record, when)])
+    if not inside:
+        raise MapError(f"map: joints.friction.fit = {list(section.fit)}: no used part of the record is there")
     q, v, a, needed, tau = np.concatenate(inside, axis=1)
     scale = np.ones(len(rows))
     if section.scale:
@@ -267,6 +269,24 @@ def _fit_friction(record: Record, forces: KnownForces) -> tuple[JointFriction, A
         before = _root_mean_square((needed - tau)[:, k]) if len(rest) else float("nan")
         fits.append(Fit(f"friction of {joint}", values, "N m", before, _root_mean_square(left[:, k]), outside))
     return friction, scale, tuple(fits)
+
+
+def _fitted_stretches(record: Record, fit: tuple[float, float]) -> Iterator[tuple[int, int, bool, bool]]:
+    """Yield (first, last) of stretches, and whether they are for the fit, and for its test; a long record is thinned.
+
+    Args:
+        record: the record.
+        fit: times after the start [s] between which friction is fitted.
+    """
+    if sum(last - first for first, last in record.parts) <= MOST_FITTED:
+        yield from ((first, last, True, True) for first, last in record.parts)
+        return
+    yield from ((first, last, True, False) for first, last in record.spread(MOST_FITTED, *fit))
+    friction, free = record.map.joints.friction, record.map.use.free
+    if friction is not None and friction.to is None and free is not None:
+        yield from ((first, last, False, True) for first, last in record.spread(MOST_FITTED, *free))
+    else:
+        yield from ((first, last, False, True) for first, last in record.spread(MOST_FITTED))
 
 
 def _testable(record: Record, when: Array) -> NDArray[np.bool_]:

@@ -6,13 +6,14 @@
 | `/truth/<point>` | geometry_msgs/WrenchStamped | the force sensor's, or a simulation's true force |
 | `/joint_states` | sensor_msgs/JointState | angles and rates, and efforts where they are known |
 | `/pose` | geometry_msgs/PoseStamped | of a free base, world axes |
-| `/arrows` | visualization_msgs/MarkerArray | the forces as arrows at their points, 30 a second |
+| `/scene` | foxglove_msgs/SceneUpdate | the forces as arrows at their points, 30 a second, for Foxglove |
+| `/arrows` | visualization_msgs/MarkerArray | the same for RViz |
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import OutputError, write_files
 from aerobat_pin.estimation.recordings.robots import FREE_NQ, FREE_NV
+from aerobat_pin.estimation.recordings.scene_update import register_scene, scene_update
 from aerobat_pin.numerics import Array
 
 ARROWS_PER_SECOND = 30.0
@@ -41,6 +43,7 @@ class Telling:
         tau: (m, nv) joint torques; None if they are not known.
         forces: topic -> frame and (m, 3 or 6) force and moment, world axes [N, N m].
         joints: joint -> index in q and in v.
+        largest: the largest force of the record [N], which scales the arrows.
     """
 
     model: pin.Model
@@ -50,9 +53,10 @@ class Telling:
     tau: Array | None
     forces: Mapping[str, tuple[str, Array]]
     joints: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    largest: float = 0.0
 
 
-def write_telling(parts: Sequence[Telling], path: Path) -> None:
+def write_telling(parts: Iterable[Telling], path: Path) -> None:
     """Write one MCAP file. Raises OutputError if it cannot be written, or if the package `rosbags` is missing."""
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -60,14 +64,14 @@ def write_telling(parts: Sequence[Telling], path: Path) -> None:
     except ImportError as error:
         raise OutputError(f"{path}: writing MCAP needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
     store = get_typestore(Stores.ROS2_HUMBLE)
+    register_scene(store)
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, "forces")
         with Writer(place, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
             teller = _Teller(writer, store)
             for part in parts:
                 teller.tell(part)
-        made = next(place.glob("*.mcap"))
-        write_files({path: made.read_bytes()})
+        write_files({path: next(place.glob("*.mcap"))})
 
 
 class _Teller:
@@ -83,10 +87,7 @@ class _Teller:
         free = part.model.njoints > 1 and part.model.joints[1].shortname() == "JointModelFreeFlyer"
         step = float(np.median(np.diff(part.time)))
         every = max(1, round(1.0 / ARROWS_PER_SECOND / step))
-        largest = max(
-            (float(np.max(np.linalg.norm(force[:, :3], axis=1), initial=0.0)) for _, force in part.forces.values()),
-            default=0.0,
-        )
+        largest = part.largest
         data = part.model.createData()
         for k, moment in enumerate(middle):
             self._motion(part, k, free)
@@ -141,10 +142,11 @@ class _Teller:
         self._put(topic, time, self._make("geometry_msgs/msg/WrenchStamped", header=self._header(time), wrench=wrench))
 
     def _arrows(self, part: Telling, data: pin.Data, k: int, time: float, scale: float) -> None:
-        markers = []
+        markers, arrows = [], {}
         for number, (topic, (frame, force)) in enumerate(part.forces.items()):
             start = data.oMf[part.model.getFrameId(frame)].translation
-            red, green, blue = COLOURS["truth" if topic.startswith("/truth") else "force"]
+            red, green, blue = colour = COLOURS["truth" if topic.startswith("/truth") else "force"]
+            arrows[topic] = (start, scale * force[k, :3], colour)
             markers.append(
                 self._make(
                     "visualization_msgs/msg/Marker",
@@ -178,6 +180,7 @@ class _Teller:
                     mesh_use_embedded_materials=False,
                 )
             )
+        self._put("/scene", time, scene_update(self._store, time, arrows))
         self._put("/arrows", time, self._make("visualization_msgs/msg/MarkerArray", markers=markers))
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings.columns import Clock, Columns, increasing
-from aerobat_pin.estimation.recordings.csv_columns import SECONDS
+from aerobat_pin.estimation.recordings.columns import Clock, Columns, GrowingTable
+from aerobat_pin.estimation.recordings.csv_columns import ROWS_AT_ONCE, SECONDS
 from aerobat_pin.estimation.recordings.map_tables import LogTable
-from aerobat_pin.flight import read_netcdf
+from aerobat_pin.estimation.recordings.spool import Series, Spool
+from aerobat_pin.flight import StoredVariable, netcdf_variables
 from aerobat_pin.numerics import Array
 
 NETCDF_GROUPS = ("truth", "measured")
@@ -24,21 +25,20 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
     A variable of two dimensions becomes one column for each label: `q.x`. Raises LogError if there is no time.
     """
     wanted = (log.time.column, *CLOCKS) if log.time.column else CLOCKS
+    spool = Spool()
     clocks: dict[str, Clock] = {}
-    values: dict[str, Array] = {}
+    values: dict[str, Series] = {}
     clock_of: dict[str, str] = {}
-    for group, data in read_netcdf(path, "log", NETCDF_GROUPS).items():
-        prefix = f"{group}/" if group else ""
-        for clock in wanted:
-            if clock not in data.variables or data[clock].dims != (clock,):
-                continue
-            time = np.asarray(data[clock].values, float) * SECONDS[log.time.unit]
-            keep, repeated, backward = increasing(time)
-            clocks[f"{prefix}{clock}"] = Clock(time[keep], repeated, backward)
-            for key, variable in data.data_vars.items():
-                if variable.dims[:1] == (clock,) and variable.dtype.kind in "fiu":
-                    for name, column in _flat(str(key), variable):
-                        values[prefix + name], clock_of[prefix + name] = column[keep], f"{prefix}{clock}"
+    with netcdf_variables(path, "log", NETCDF_GROUPS) as groups:
+        for group, variables in groups.items():
+            prefix = f"{group}/" if group else ""
+            for clock in wanted:
+                if clock not in variables or variables[clock].dims != (clock,) or not variables[clock].shape[0]:
+                    continue
+                table = _read_clock(variables, clock, SECONDS[log.time.unit], GrowingTable(spool))
+                clocks[f"{prefix}{clock}"] = table.clock()
+                for name, column in table.columns.items():
+                    values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
     if not clocks:
         raise LogError(
             f"log {path}: no dimension {' or '.join(map(str, wanted))}: name it as log.time.column of the map"
@@ -46,15 +46,30 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
     return Columns(path, tuple(values), clocks, clock_of, values)
 
 
-def _flat(name: str, variable: Any) -> list[tuple[str, Array]]:
-    """Return the columns (n,) of a variable of one dimension or more, with labels joined by points."""
-    if variable.ndim == 1:
-        return [(name, np.asarray(variable.values, float))]
-    labels = []
-    for index in np.ndindex(*variable.shape[1:]):
-        parts = [
-            str(variable[dim].values[i]) if dim in variable.coords else str(i)
-            for dim, i in zip(variable.dims[1:], index, strict=True)
-        ]
-        labels.append((index, ".".join([name, *parts])))
-    return [(label, np.asarray(variable.values[(slice(None), *index)], float)) for index, label in labels]
+def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, table: GrowingTable) -> GrowingTable:
+    """Read all numbers over one clock, piece by piece."""
+    own = {
+        name: variable
+        for name, variable in variables.items()
+        if name != clock and variable.dims[:1] == (clock,) and variable.kind in "fiu"
+    }
+    labels = {name: _labels(variable, variables) for name, variable in own.items()}
+    for first in range(0, variables[clock].shape[0], ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        columns: dict[str, Array] = {}
+        for name, variable in own.items():
+            piece: Array = np.asarray(variable[rows], float)
+            piece = piece.reshape(len(piece), -1)
+            columns |= {f"{name}{label}": piece[:, k] for k, label in enumerate(labels[name])}
+        table.add(np.asarray(variables[clock][rows], float) * unit, columns)
+    return table
+
+
+def _labels(variable: StoredVariable, variables: Mapping[str, StoredVariable]) -> list[str]:
+    """Return what is added to a variable's name for each of its columns: `.x`, or nothing for a single one."""
+    found = [""]
+    for dim, size in zip(variable.dims[1:], variable.shape[1:], strict=True):
+        coordinate = variables.get(dim)
+        own = range(size) if coordinate is None or coordinate.dims != (dim,) else coordinate[:]
+        found = [f"{label}.{one}" for label in found for one in own]
+    return found

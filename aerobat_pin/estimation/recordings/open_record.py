@@ -12,8 +12,9 @@ from aerobat_pin.estimation.recordings.columns import Columns
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.read import read_columns
 from aerobat_pin.estimation.recordings.record import Record, checked_quaternions
-from aerobat_pin.estimation.recordings.resample import holes, sampled
+from aerobat_pin.estimation.recordings.resample import holes
 from aerobat_pin.estimation.recordings.robots import RecordedRobot, recorded_robot
+from aerobat_pin.estimation.recordings.spool import EXTENT, typical_spacing
 from aerobat_pin.numerics import Array, guarded
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
@@ -121,7 +122,7 @@ def _torques(chosen: Map, joints: tuple[str, ...], channel: LogChannel) -> LogCh
             f"per unit, for {', '.join(missing)}"
         )
     factor = np.array([factors.get(joint, 1.0) for joint in joints])
-    return LogChannel(channel.key, channel.names, channel.time, channel.values * factor)
+    return channel if np.all(factor == 1.0) else channel.changed(lambda _, values: values * factor)
 
 
 def _check_complete(chosen: Map, robot: RecordedRobot, channels: dict[str, LogChannel]) -> None:
@@ -144,7 +145,7 @@ def _common_times(
             "map: no channel is named: base.held = true and no joints and no known force leave nothing to see"
         )
     leading = next(channels[key] for key in ("joints.position", "base.position", *channels) if key in channels)
-    rate = chosen.log.rate or 1.0 / float(np.median(np.diff(leading.time)))
+    rate = chosen.log.rate or 1.0 / typical_spacing(leading.time)
     if not 0.0 < rate <= FASTEST:
         unit = f" (log.time.unit = '{chosen.log.time.unit}')" if not columns.kinds else ""
         raise LogError(
@@ -168,29 +169,44 @@ def _parts(
 ) -> tuple[tuple[tuple[int, int], ...], tuple[str, ...]]:
     """Return the parts of the common times that are used, and what was dropped and why."""
     count = int(np.floor((end - start) * rate + 1e-6)) + 1
-    time = start + np.arange(count) / rate
-    good = np.ones(count, bool)
     notes: list[str] = []
+    missing: list[tuple[float, float]] = []
     for key, channel in channels.items():
         for begin, finish in holes(channel.time, chosen.log.longest_gap):
             if finish > start and begin < end:
-                good &= (time <= begin) | (time >= finish)
+                missing.append((begin, finish))
                 notes.append(
                     f"{key}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
                 )
-    trim = (0.0, 0.0)
     when = chosen.use.when
+    level = None
     if when is not None and when.column is not None:
-        stamps, values = columns.series(when.column, "use.when.column")
-        level = sampled(stamps, values[:, None], time)[:, 0]
-        wanted = np.ones(count, bool)
-        wanted &= level >= (-np.inf if when.above is None else when.above)
-        wanted &= level <= (np.inf if when.below is None else when.below)
+        level = LogChannel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
+    runs: list[tuple[int, int]] = []
+    used = 0
+    for low in range(0, count, EXTENT):
+        time = start + np.arange(low, min(low + EXTENT, count)) / rate
+        good = np.ones(len(time), bool)
+        for begin, finish in missing:
+            good &= (time <= begin) | (time >= finish)
+        if level is not None and when is not None:
+            stamps, values = level.between(time[0], time[-1], extra=2)
+            height = np.interp(time, stamps, values)
+            wanted = height >= (-np.inf if when.above is None else when.above)
+            wanted &= height <= (np.inf if when.below is None else when.below)
+            good &= wanted
+            used += int(np.sum(wanted))
+        for first, last in _runs(good):
+            if runs and runs[-1][1] == low + first - 1:
+                runs[-1] = (runs[-1][0], low + last)
+            else:
+                runs.append((low + first, low + last))
+    trim = (0.0, 0.0)
+    if level is not None and when is not None:
         trim = when.trim
-        notes.append(f"use.when {when.column}: {100.0 * (1.0 - wanted.mean()):.0f} % of the record is left out")
-        good &= wanted
+        notes.append(f"use.when {when.column}: {100.0 * (1.0 - used / count):.0f} % of the record is left out")
     parts = []
-    for first, last in _runs(good):
+    for first, last in runs:
         first, last = first + round(trim[0] * rate), last - round(trim[1] * rate)
         if last - first + 1 >= LEAST_SAMPLES:
             parts.append((first, last))

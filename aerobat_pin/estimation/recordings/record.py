@@ -19,6 +19,7 @@ from aerobat_pin.estimation.recordings.resample import (
     turn_rates,
 )
 from aerobat_pin.estimation.recordings.robots import FREE_NQ, FREE_NV, RecordedRobot
+from aerobat_pin.estimation.recordings.spool import spread_stretches
 from aerobat_pin.numerics import Array
 
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
@@ -106,24 +107,34 @@ class Record:
 
     def at(self, key: str, time: Array) -> Array:
         """Return a channel (m, k) at times (m,) [s]."""
-        return sampled(*self._cut(key, time), time)
+        return sampled(*self.cut(key, time), time)
 
     def means(self, key: str, time: Array) -> Array:
         """Return interval means (m, k) of a channel between times (m + 1,) [s]."""
-        return line_means(*self._cut(key, time), time)
+        return line_means(*self.cut(key, time), time)
 
-    def pieces(self, size: int) -> Iterator[tuple[int, int]]:
-        """Yield (first, last) of pieces of at most `size` intervals that make up all parts."""
-        for first, last in self.parts:
-            for begin in range(first, last, size):
-                yield begin, min(begin + size, last)
+    def spread(self, most: int, begin: float = -np.inf, end: float = np.inf) -> Iterator[tuple[int, int]]:
+        """Yield (first, last) of pieces of all parts, or of a long record `SPREAD` stretches at even distances.
 
-    def _cut(self, key: str, time: Array, margin: float = 0.0) -> tuple[Array, Array]:
-        """Return the stamps and samples of a channel around times, so that an hour is not copied for a second."""
-        channel = self.channels[key]
-        first = max(0, int(np.searchsorted(channel.time, time[0] - margin)) - 2)
-        last = int(np.searchsorted(channel.time, time[-1] + margin)) + 2
-        return channel.time[first:last], channel.values[first:last]
+        Args:
+            most: intervals of all pieces together.
+            begin: time after the start [s] before which there is no piece.
+            end: time after the start [s] after which there is none.
+        """
+        low, high = (float(np.clip(place * self.rate, 0.0, self.parts[-1][1])) for place in (begin, end))
+        parts = [(max(first, int(np.floor(low))), min(last, int(np.ceil(high)))) for first, last in self.parts]
+        parts = [(first, last) for first, last in parts if first < last]
+        for begin_at, end_at in spread_stretches(sum(last - first for first, last in parts), most):
+            done = 0
+            for first, last in parts:
+                inside = max(first, first + begin_at - done), min(last, first + end_at - done)
+                if inside[0] < inside[1]:
+                    yield inside
+                done += last - first
+
+    def cut(self, key: str, time: Array) -> tuple[Array, Array]:
+        """Return the stamps and samples of a channel around times (m,) [s]."""
+        return self.channels[key].between(float(time[0]), float(time[-1]), extra=2)
 
     def _wide(self, first: int, last: int) -> tuple[Array, slice]:
         """Return the common times of a stretch with margins, and where the stretch is in them."""
@@ -138,7 +149,7 @@ class Record:
 
     def turns(self, time: Array) -> Array:
         """Return the attitude (m, 4) at times (m,) [s]: body to world, z up, x, y, z, w."""
-        return as_attitude(self.map, sampled_turns(*self._cut("base.quaternion", time), time))
+        return as_attitude(self.map, sampled_turns(*self.cut("base.quaternion", time), time))
 
     def gyro(self, time: Array, attitude: Array) -> Array:
         """Return the measured angular velocity (m, 3) [rad/s] in body axes at times (m,) with attitudes (m, 4)."""
@@ -210,12 +221,15 @@ def as_attitude(chosen: Map, turns: Array) -> Array:
 
 def checked_quaternions(channel: LogChannel) -> LogChannel:
     """Return a channel of quaternions with length one. Raises LogError if they are none."""
-    length = np.linalg.norm(channel.values, axis=1)
-    if np.any(np.abs(length - 1.0) > 0.05):
-        row = int(np.argmax(np.abs(length - 1.0)))
-        raise LogError(
-            f"map: base.quaternion ({', '.join(channel.names)}) has length {length[row]:.3g} at "
-            f"{channel.time[row]:g} s: "
-            "1 was expected"
-        )
-    return LogChannel(channel.key, channel.names, channel.time, channel.values / length[:, None])
+
+    def unit(time: Array, values: Array) -> Array:
+        length = np.linalg.norm(values, axis=1)
+        if np.any(np.abs(length - 1.0) > 0.05):
+            row = int(np.argmax(np.abs(length - 1.0)))
+            raise LogError(
+                f"map: base.quaternion ({', '.join(channel.names)}) has length {length[row]:.3g} at {time[row]:g} s: "
+                "1 was expected"
+            )
+        return np.asarray(values / length[:, None])
+
+    return channel.changed(unit)

@@ -39,14 +39,9 @@ def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) 
     """
     section = record.map.check.wrench
     assert section is not None
-    channel = record.channels["check.wrench"]
     force = record.means("check.wrench", time)
     if section.tare is not None:
-        start = record.start
-        inside = (channel.time >= start + section.tare[0]) & (channel.time <= start + section.tare[1])
-        if not inside.any():
-            raise MapError(f"map: check.wrench.tare = {list(section.tare)}: no sample there")
-        force = force - channel.values[inside].mean(axis=0)
+        force = force - mean_in(record, "check.wrench", section.tare)
     force = section.sign * force
     if section.axes == "world":
         force = turned(force, world_turn(record.map))
@@ -54,6 +49,14 @@ def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) 
         parts = [np.einsum("nij,nj->ni", attitude_of, force[:, k : k + 3]) for k in range(0, force.shape[1], 3)]
         return np.concatenate(parts, axis=1)
     return np.asarray(force)
+
+
+def mean_in(record: Record, key: str, part: tuple[float, float]) -> Array:
+    """Return the mean (k,) of a channel from and to times after the start [s]. Raises MapError without samples."""
+    _, values = record.channels[key].between(record.start + part[0], record.start + part[1])
+    if not len(values):
+        raise MapError(f"map: {key}: no sample from {part[0]:g} to {part[1]:g} s after the start")
+    return np.asarray(values.mean(axis=0))
 
 
 def turned(wrench: Array, turn: Array) -> Array:

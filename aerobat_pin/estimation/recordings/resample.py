@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerobat_pin.estimation.recordings.spool import Series
 from aerobat_pin.numerics import Array
 
 
@@ -93,7 +94,11 @@ def rotation_matrices(quaternions: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def holes(time: Array, longest: float) -> list[tuple[float, float]]:
+def holes(time: Series, longest: float) -> list[tuple[float, float]]:
     """Return the holes in stamps (n,) that are longer than `longest` [s]: their start and end."""
-    at = np.flatnonzero(np.diff(time) > longest)
-    return [(float(time[i]), float(time[i + 1])) for i in at]
+    found, before = [], float(time[0])
+    for piece in time.pieces():
+        stamps = np.concatenate([[before], piece])
+        found += [(float(stamps[i]), float(stamps[i + 1])) for i in np.flatnonzero(np.diff(stamps) > longest)]
+        before = float(stamps[-1])
+    return found

@@ -1,8 +1,8 @@
-"""Run observers over a record in blocks, and join the blocks' estimates: an hour needs the memory of a block."""
+"""Run observers over a record in blocks: an hour needs the memory of a block."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.recordings.known_forces import KnownForces
 from aerobat_pin.estimation.recordings.record import Record
+from aerobat_pin.estimation.recordings.spool import Spool
+from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Observer, Rows
 
-BLOCK = 60_000  # intervals that are estimated at once
+BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
 
@@ -63,17 +65,15 @@ def believed_rows(record: Record) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def run_observers(
     record: Record, forces: KnownForces, observers: Sequence[Observer], progress: Callable[[float], None] | None = None
-) -> dict[str, Estimate]:
+) -> dict[str, StoredEstimate]:
     """Estimate the unknown forces on all parts of a record: name of the observer -> estimate."""
     gain = float(record.map.observer.gain)
     lead = int(np.ceil(LEAD / gain * record.rate)) + 1
-    found: dict[str, list[Estimate]] = {observer.name: [] for observer in observers}
+    spool = Spool()
+    found = {observer.name: StoredEstimate(spool) for observer in observers}
     total, done = sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
-        for begin in range(first, last, BLOCK):
-            end = min(begin + BLOCK, last)
-            if last - end < BLOCK // 10:
-                end = last
+        for begin, end in blocks_of(first, last):
             early, late = max(first, begin - lead), min(last, end + lead)
             block = record.block(early, late)
             tau, known = forces.torque(block), forces.known(block)
@@ -83,9 +83,15 @@ def run_observers(
             done += end - begin
             if progress is not None:
                 progress(done / total)
-            if end == last:
-                break
-    return {name: _joined(parts) for name, parts in found.items()}
+    return found
+
+
+def blocks_of(first: int, last: int) -> Iterator[tuple[int, int]]:
+    """Yield (begin, end) of blocks of `BLOCK` intervals that make up a part; the last one may be a tenth longer."""
+    while first < last:
+        end = last if last - first < 1.1 * BLOCK else first + BLOCK
+        yield first, end
+        first = end
 
 
 def settled(record: Record, time: Array) -> NDArray[np.bool_]:
@@ -110,29 +116,4 @@ def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
         unexplained=estimate.unexplained[inside].copy(),
         standard_deviation=None if deviation is None else deviation[inside].copy(),
         innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
-    )
-
-
-def _joined(parts: list[Estimate]) -> Estimate:
-    """Join the estimates of blocks; of the judgements on the whole record, the worst block's counts.
-
-    The time of an interval's end is that of the next interval's start, also across a hole between two parts.
-    """
-    if len(parts) == 1:
-        return parts[0]
-    worst = min(parts, key=lambda part: (part.identifiability.rank, -part.identifiability.condition))
-    deviations = [part.standard_deviation for part in parts if part.standard_deviation is not None]
-    innovations = [part.innovation for part in parts if part.innovation is not None]
-    innovation = None
-    if innovations:
-        innovation = replace(innovations[0], nis=np.concatenate([one.nis for one in innovations]))
-    return replace(
-        parts[0],
-        time=np.concatenate([*(part.time[:-1] for part in parts), parts[-1].time[-1:]]),
-        components=np.concatenate([part.components for part in parts]),
-        residual=np.concatenate([part.residual for part in parts]),
-        identifiability=worst.identifiability,
-        unexplained=np.concatenate([part.unexplained for part in parts]),
-        standard_deviation=np.concatenate(deviations) if deviations else None,
-        innovation=innovation,
     )

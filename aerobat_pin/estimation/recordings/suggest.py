@@ -132,7 +132,7 @@ def _time(log: Path, columns: Columns) -> list[str]:
             "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
             '= ..., unit = "s"}'
         ]
-    step = float(np.median(np.diff(columns.clocks["table"].time)))
+    step = float(np.median(np.diff(columns.clocks["table"].time[:1000])))
     unit = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
     return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
 
@@ -160,7 +160,7 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:
-            size = float(np.nanstd(np.stack([columns.values[name] for name in groups["rate"]])))
+            size = float(np.nanstd(np.stack([columns.sample(name) for name in groups["rate"]])))
             unit = "deg/s" if size > 8.0 else "rad/s"
             yield (
                 f'rate = {{columns = {_listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
@@ -195,7 +195,7 @@ def _suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
         yield ""
         return
     whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
-    size = max(float(np.nanmax(np.abs(columns.values[name]))) for name in whole["position"])
+    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
     angle = "deg" if size > LARGEST_RADIANS else "rad"
     yield f"names = {_listed(there)}"
     yield f'position = {{columns = {_listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
@@ -235,7 +235,7 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
         yield f'specific_force = {{topic = "{imu}"}}'
     elif "acceleration" in groups:
         size = float(
-            np.nanmedian(np.linalg.norm(np.stack([columns.values[name] for name in groups["acceleration"]]), axis=0))
+            np.nanmedian(np.linalg.norm(np.stack([columns.sample(name) for name in groups["acceleration"]]), axis=0))
         )
         unit = "g" if 0.5 < size < 2.0 else "m/s2"
         yield (

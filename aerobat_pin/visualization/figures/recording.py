@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import RecordingEstimate
+from aerobat_pin.estimation import Compared, LogChannel, RecordingEstimate, StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
 MOST_COLUMNS = 4
-SHORTEST = 0.02  # share of the record that the second row of the sensor's figure enlarges
+READ = 50_000  # samples that are read at once
+LIVELY = 0.12  # share of the record that the figure of the sensor enlarges
+CROSS_POINTS = 5000  # of one series against the other
 Lines = tuple[Array, Array]
 
 
@@ -23,25 +27,59 @@ def draw_recording(found: RecordingEstimate) -> dict[str, Figure]:
         if found.compared:
             figures["sensor"] = _draw_sensor(found)
         figures["motion"] = _motion(found)
-        if any(estimate.redundancy.redundant > 0 for estimate in found.estimates.values()):
+        if any(estimate.redundancy.redundant > 0 for estimate in found.stored.values()):
             figures["unexplained"] = _unexplained(found)
         return figures
 
 
-def thinned(time: Array, values: Array) -> Lines:
-    """Return the extremes (n,) of a long series in each of its stretches, so that no peak is lost."""
-    if len(time) <= MOST_DRAWN:
-        return time, values
-    size = -(-len(time) // (MOST_DRAWN // 2))
-    starts = np.arange(0, len(time), size)
-    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-    middle = np.minimum(starts + size // 2, len(time) - 1)
-    return np.repeat(time[middle], 2), np.stack([low, high], axis=1).ravel()
+def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
+    """Return a long series by the extremes of each of its stretches, so that no peak is lost, or a short one as it is.
+
+    Args:
+        count: number of samples.
+        read: function that returns times (n,) and values (n, k) of the samples from one index to another (exclusive).
+
+    Returns:
+        Times (m,) and values (m, k).
+    """
+    if count <= MOST_DRAWN:
+        return read(0, count)
+    size = -(-count // (MOST_DRAWN // 2))
+    times, values = [], []
+    for first in range(0, count, size * max(1, READ // size)):
+        time, found = read(first, min(first + size * max(1, READ // size), count))
+        starts = np.arange(0, len(time), size)
+        low, high = np.minimum.reduceat(found, starts), np.maximum.reduceat(found, starts)
+        times.append(np.repeat(time[np.minimum(starts + size // 2, len(time) - 1)], 2))
+        values.append(np.stack([low, high], axis=1).reshape(2 * len(starts), -1))
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _estimate_lines(estimate: StoredEstimate, start: float) -> Lines:
+    """Return the components of an estimate over the time after the start of the record."""
+
+    def read(first: int, last: int) -> Lines:
+        part = estimate.between(first, last)
+        return part.time[:-1] - start, part.components
+
+    return thinned(len(estimate), read)
+
+
+def _sensor_lines(side: Compared, start: float, first: int, last: int) -> tuple[Array, Array, Array]:
+    """Return times, estimate and sensor, as they are scored, of the intervals from one to another (exclusive)."""
+    width = len(side.labels)
+
+    def read(low: int, high: int) -> Lines:
+        rows = slice(first + low, first + high)
+        return side.start[rows] - start, np.concatenate([side.estimate[rows], side.sensor[rows]], axis=1)
+
+    time, values = thinned(last - first, read)
+    return time, values[:, :width], values[:, width:]
 
 
 def _forces(found: RecordingEstimate) -> Figure:
     """Draw every estimated component over time, a column for each point."""
-    first = next(iter(found.estimates.values()))
+    first = next(iter(found.stored.values())).head
     labels = first.identifiability.components
     points = list(dict.fromkeys(label.rpartition(".")[0] for label in labels))[:MOST_COLUMNS]
     rows = max(sum(label.startswith(f"{point}.") for label in labels) for point in points)
@@ -49,20 +87,20 @@ def _forces(found: RecordingEstimate) -> Figure:
     figure.suptitle(f"Unknown forces in {found.log.name}, interval means")
     grid = figure.subplots(rows, len(points), sharex=True, squeeze=False)
     start = found.record.start
+    side = next(iter(found.compared.values()), None)
+    measured = None if side is None else _sensor_lines(side, start, 0, len(side.start))
+    lines = {observer: _estimate_lines(estimate, start) for observer, estimate in found.stored.items()}
     for column, point in enumerate(points):
         grid[0][column].set_title(point)
         own = [label for label in labels if label.startswith(f"{point}.")]
         for row, label in enumerate(own):
             axis, k = grid[row][column], labels.index(label)
-            side = next(iter(found.compared.values()), None)
             name = label.rpartition(".")[2]
-            if side is not None and side.point == point and name in side.labels:
-                values = side.sensor[:, side.labels.index(name)]
-                axis.plot(*thinned(side.start - start, values), color=style.TRUTH, label="force sensor")
-            for i, (observer, estimate) in enumerate(found.estimates.items()):
-                values = estimate.components[:, k]
-                line = thinned(estimate.time[:-1] - start, values)
-                axis.plot(*line, color=style.ESTIMATES[i % 4], label=observer, linewidth=0.9)
+            if side is not None and measured is not None and side.point == point and name in side.labels:
+                values = measured[2][:, side.labels.index(name)]
+                axis.plot(measured[0], values, color=style.TRUTH, label="force sensor")
+            for i, (observer, (time, values)) in enumerate(lines.items()):
+                axis.plot(time, values[:, k], color=style.ESTIMATES[i % 4], label=observer, linewidth=0.9)
             axis.set_ylabel(f"{name} [{first.units[k]}]")
             _shade(axis, found)
         grid[rows - 1][column].set_xlabel("time [s]")
@@ -88,26 +126,15 @@ def _draw_sensor(found: RecordingEstimate) -> Figure:
     behind = f", both behind a zero-phase low-pass of {smooth:g} Hz" if smooth else ""
     figure.suptitle(f"{name} and force sensor at {side.point}{behind}")
     grid = figure.subplots(count, 2, squeeze=False, width_ratios=(2.4, 1.0))
-    time = side.start - found.record.start
-    swing = np.abs(side.sensor - side.sensor.mean(axis=0)).sum(axis=1)
-    length = max(200, round(0.12 * len(time)))
-    sums = np.convolve(swing, np.ones(length), "valid") if len(swing) > length else np.ones(1)
-    first = int(np.argmax(sums))
-    shown = slice(first, first + length)
-    every = max(1, len(time) // 5000)
+    time, estimate, sensor = _sensor_lines(side, found.record.start, *_liveliest_stretch(side))
+    points, true_points = _cross_points(side)
     for row, label in enumerate(side.labels):
         axis, cross = grid[row]
-        axis.plot(*thinned(time[shown], side.sensor[shown, row]), color=style.TRUTH, label="force sensor")
-        axis.plot(*thinned(time[shown], side.estimate[shown, row]), "--", color=style.ESTIMATES[0], label=name)
+        axis.plot(time, sensor[:, row], color=style.TRUTH, label="force sensor")
+        axis.plot(time, estimate[:, row], "--", color=style.ESTIMATES[0], label=name)
         axis.set_ylabel(f"{label} [{'N' if label[0] == 'F' else 'N m'}]")
         cross.plot(
-            side.sensor[side.scored, row][::every],
-            side.estimate[side.scored, row][::every],
-            ".",
-            ms=1.5,
-            color=style.ESTIMATES[0],
-            alpha=0.4,
-            rasterized=True,
+            true_points[:, row], points[:, row], ".", ms=1.5, color=style.ESTIMATES[0], alpha=0.4, rasterized=True
         )
         low, high = cross.get_xlim()
         cross.plot([low, high], [low, high], color=style.TRUTH, linewidth=0.8)
@@ -123,6 +150,33 @@ def _draw_sensor(found: RecordingEstimate) -> Figure:
     return figure
 
 
+def _liveliest_stretch(side: Compared) -> tuple[int, int]:
+    """Return (first, last), exclusive, of an eighth of the record in which the sensor swings most."""
+    count, mean = len(side.start), side.sample(MOST_DRAWN)[1].mean(axis=0)
+    size = max(1, count // MOST_DRAWN)
+    swings = []
+    for first in range(0, count, size * 1000):
+        swing = np.abs(side.sensor[first : first + size * 1000] - mean).sum(axis=1)
+        swings.append(np.add.reduceat(swing, np.arange(0, len(swing), size)))
+    bins = np.concatenate(swings)
+    length = max(200 // size, round(LIVELY * len(bins)))
+    if len(bins) <= length:
+        return 0, count
+    first = size * int(np.argmax(np.convolve(bins, np.ones(length), "valid")))
+    return first, min(first + size * length, count)
+
+
+def _cross_points(side: Compared) -> Lines:
+    """Return estimate and sensor (n, k) of intervals that are scored, some thousands spread over the record."""
+    every = max(1, len(side.start) // CROSS_POINTS)
+    found, truth = [], []
+    for start, one, other in side.pieces():
+        rows = np.flatnonzero(side.scored(start))[::every]
+        found.append(one[rows])
+        truth.append(other[rows])
+    return np.concatenate(found), np.concatenate(truth)
+
+
 def _motion(found: RecordingEstimate) -> Figure:
     """Draw position, attitude's vector part or joint angles, whatever the recording has."""
     record = found.record
@@ -136,9 +190,15 @@ def _motion(found: RecordingEstimate) -> Figure:
     for axis, key in zip(np.ravel(figure.subplots(len(keys), 1, sharex=True, squeeze=False)), keys, strict=True):
         channel = record.channels[key]
         names = record.joints if key.startswith("joints") else channel.names
+        time, values = thinned(len(channel.time), _reader(channel, record.start))
         for k, name in enumerate(names[:8]):
-            line = thinned(channel.time - record.start, channel.values[:, k])
-            axis.plot(*line, style.LINE_STYLES[k // 4], color=(*style.AXIS_COLOURS, style.ORANGE)[k % 4], label=name)
+            axis.plot(
+                time,
+                values[:, k],
+                style.LINE_STYLES[k // 4],
+                color=(*style.AXIS_COLOURS, style.ORANGE)[k % 4],
+                label=name,
+            )
         axis.set_ylabel(f"{key}\n[{units.get(key, 'SI')}]")
         axis.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
         for first, last in record.parts:
@@ -147,14 +207,25 @@ def _motion(found: RecordingEstimate) -> Figure:
     return figure
 
 
+def _reader(channel: LogChannel, start: float) -> Callable[[int, int], Lines]:
+    """Return a function that reads the samples of a channel from one index to another."""
+    return lambda first, last: (channel.time[first:last] - start, channel.values[first:last])
+
+
 def _unexplained(found: RecordingEstimate) -> Figure:
     """Draw what no force explains, and what is allowed."""
     figure = Figure(figsize=(8.0, 2.6), layout="constrained")
     axis = figure.add_subplot()
-    for i, (name, estimate) in enumerate(found.estimates.items()):
+    start = found.record.start
+    for i, (name, estimate) in enumerate(found.stored.items()):
         check = estimate.redundancy
-        line = thinned(estimate.time[:-1] - found.record.start, estimate.redundancy_series)
-        axis.plot(*line, color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
+
+        def read(first: int, last: int, estimate: StoredEstimate = estimate) -> Lines:
+            part = estimate.between(first, last)
+            return part.time[:-1] - start, part.redundancy_series[:, None]
+
+        time, values = thinned(len(estimate), read)
+        axis.plot(time, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
         axis.axhline(
             check.allowed, color=style.MUTED, linestyle="--", label="allowed of the slow part" if i == 0 else None
         )

@@ -148,9 +148,8 @@ def _readings(record: Record, time: Array) -> Iterator[LogFinding]:
 
 
 def _raw_turns(record: Record, time: Array) -> Array:
-    channel = record.channels["base.quaternion"]
-    at = np.clip(np.searchsorted(channel.time, time), 0, len(channel.time) - 1)
-    return channel.values[at]
+    stamps, turns = record.cut("base.quaternion", time)
+    return turns[np.clip(np.searchsorted(stamps, time), 0, len(stamps) - 1)]
 
 
 def _misfit(record: Record, time: Array, attitude: Array, gyro: bool) -> float:

@@ -6,17 +6,16 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from aerobat_pin.estimation.recordings.checks.compare import compare
-from aerobat_pin.estimation.recordings.checks.kinematics import CONFUSED, FOLLOWS, checked_times
+from aerobat_pin.estimation.recordings.checks.kinematics import CONFUSED, FOLLOWS, MOST_SAMPLES, checked_times
 from aerobat_pin.estimation.recordings.findings import LogFinding
 from aerobat_pin.estimation.recordings.known_forces import KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.run_observers import settled
 from aerobat_pin.estimation.recordings.sensor_scores import Compared
+from aerobat_pin.estimation.recordings.stored_estimate import ROWS, StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate
 
 LATE_COMMAND = 5.0e-3  # [s]
 WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
@@ -25,7 +24,7 @@ MANY = 20_000  # intervals of which the power is taken
 
 
 def result_findings(
-    record: Record, forces: KnownForces, estimates: Mapping[str, Estimate], sides: Mapping[str, Compared]
+    record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
 ) -> Iterator[LogFinding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
     yield from _fit_findings(forces)
@@ -33,15 +32,18 @@ def result_findings(
     for side in list(sides.values())[:1]:
         yield from _sensor_findings(record, side)
     estimate = next(iter(estimates.values()))
-    good = settled(record, estimate.time[:-1])
-    if not good.any():
+    sums, count = np.zeros(len(estimate.head.units)), 0
+    for block in estimate.blocks():
+        good = settled(record, block.time[:-1])
+        sums, count = sums + block.components[good].sum(axis=0), count + int(good.sum())
+    if not count:
         yield LogFinding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
-    if estimate.are_world_forces:
-        yield from _mean_force(record, forces, estimate.force[good])
-        yield from _power(record, estimate, good)
+    if estimate.head.are_world_forces:
+        yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
+        yield from _power(record, estimate)
     if record.map.use.free is not None:
-        yield from _free_stretch(record, estimates, good)
+        yield from _free_stretch(record, estimates)
 
 
 def _fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
@@ -63,8 +65,9 @@ def _fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
 
 def _sensor_findings(record: Record, side: Compared) -> Iterator[LogFinding]:
     """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
-    k = int(np.argmax(side.sensor[side.scored].std(axis=0)))
-    found = compare(side.estimate[side.scored][:, [k]], side.sensor[side.scored][:, [k]], record.dt)
+    k = side.liveliest
+    one, other = side.sample(MOST_SAMPLES)
+    found = compare(one[:, [k]], other[:, [k]], record.dt)
     if found is None:
         return
     name = f"{side.point}.{side.labels[k]}"
@@ -98,10 +101,10 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[LogFinding]
 
 
 def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[LogFinding]:
-    """Yield the mean of all forces over the weight, for a robot whose base is free."""
+    """Yield the mean (3,) of all forces together over the weight, for a robot whose base is free."""
     if not record.robot.free or record.map.base.held:
         return
-    mean = force.sum(axis=1).mean(axis=0) / record.robot.weight
+    mean = force / record.robot.weight
     carried = bool(forces.record.map.known)
     expected = 0.0 if carried else 1.0
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
@@ -118,46 +121,47 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[L
         yield LogFinding("mean force", "good", text, off, "1")
 
 
-def _power(record: Record, estimate: Estimate, good: NDArray[np.bool_]) -> Iterator[LogFinding]:
+def _power(record: Record, estimate: StoredEstimate) -> Iterator[LogFinding]:
     """Yield the mean power of each force at its point: positive drives the robot, negative brakes it."""
     model = record.robot.model
-    data, powers, count = model.createData(), np.zeros(len(estimate.frames)), 0
-    starts = estimate.time[:-1]
     first, last = record.parts[0]
     block = record.block(first, min(last, first + MANY))
-    offset = int(np.searchsorted(starts, block.time[0] - 1e-9))
-    for k in range(0, len(block.tau), max(1, len(block.tau) // 2000)):
-        if offset + k >= len(starts) or not good[offset + k]:
+    offset = estimate.index(block.time[0])
+    own = estimate.between(offset, offset + len(block.tau))
+    good, frames = settled(record, own.time[:-1]), own.frames
+    data, powers, count = model.createData(), np.zeros(len(frames)), 0
+    for k in range(0, len(own.components), max(1, len(block.tau) // 2000)):
+        if not good[k]:
             continue
         pin.forwardKinematics(model, data, block.q[k], block.v[k])
         count += 1
-        for i, frame in enumerate(estimate.frames):
+        for i, frame in enumerate(frames):
             index = model.getFrameId(frame)
             speed = pin.getFrameVelocity(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
-            powers[i] += float(estimate.force[offset + k, i] @ speed)
+            powers[i] += float(own.force[k, i] @ speed)
     if count:
-        means = ", ".join(
-            f"{frame} {power / count:.3g} W" for frame, power in zip(estimate.frames, powers, strict=True)
-        )
+        means = ", ".join(f"{frame} {power / count:.3g} W" for frame, power in zip(frames, powers, strict=True))
         yield LogFinding(
             "power", "note", f"mean power of the force at its point: {means}", float(powers.sum()) / count, "W"
         )
 
 
-def _free_stretch(record: Record, estimates: Mapping[str, Estimate], good: NDArray[np.bool_]) -> Iterator[LogFinding]:
+def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> Iterator[LogFinding]:
     """Yield the force that is found where the map says that nothing touches the robot."""
     free = record.map.use.free
     assert free is not None
     for name, estimate in estimates.items():
-        when = estimate.time[:-1] - record.start
-        inside = good & (when >= free[0]) & (when <= free[1])
-        if not inside.any():
+        squares, count = np.zeros(len(estimate.head.units)), 0
+        first, last = (estimate.index(record.start + time) for time in free)
+        for begin in range(first, last + 1, ROWS):
+            block = estimate.between(begin, min(begin + ROWS, last + 1))
+            when = block.time[:-1] - record.start
+            inside = settled(record, block.time[:-1]) & (when >= free[0]) & (when <= free[1])
+            squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
+        if not count:
             yield LogFinding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
-        labels = estimate.identifiability.components
-        sizes = np.sqrt(np.mean(estimate.components[inside] ** 2, axis=0))
-        words = ", ".join(
-            f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, estimate.units, strict=True)
-        )
+        labels, units, sizes = estimate.head.identifiability.components, estimate.head.units, np.sqrt(squares / count)
+        words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
         yield LogFinding("stretch without contact", "note", text, float(sizes.max()), "N")

@@ -8,13 +8,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from aerobat_pin.estimation.recordings.channels import LogChannel
 from aerobat_pin.estimation.recordings.columns import Columns
 from aerobat_pin.estimation.recordings.findings import LogFinding
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.resample import holes
+from aerobat_pin.estimation.recordings.spool import EXTENT, typical_spacing
+from aerobat_pin.numerics import Array
 
 HELD_SHARE = 0.3  # of samples that repeat the one before, from which a channel counts as held
+MOSTLY_HELD = 0.9  # share of repeats beyond which a channel counts as slow, not as stuck
 STUCK = 0.5  # [s] without change, of a channel that otherwise changes
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
@@ -26,11 +31,11 @@ def stamp_findings(record: Record, columns: Columns) -> Iterator[LogFinding]:
     yield from _clocks(columns)
     found: dict[tuple[float, float], list[str]] = {}
     for key, channel in record.channels.items():
-        rate = 1.0 / float(np.median(np.diff(channel.time)))
+        rate = 1.0 / typical_spacing(channel.time)
         gaps = [hole for hole in holes(channel.time, record.map.log.longest_gap) if hole[1] > record.start]
-        same = np.all(np.diff(channel.values, axis=0) == 0.0, axis=1)
-        moving = bool(np.any(np.diff(channel.values, axis=0) != 0.0))
-        share = float(np.mean(same)) if moving else 0.0
+        repeats = sum(int(np.sum(same)) for _, same in _repeats(channel, 0, len(channel.time)))
+        moving = repeats < len(channel.time) - 1
+        share = repeats / (len(channel.time) - 1) if moving else 0.0
         text = f"{rate:.4g} Hz, {len(gaps)} gaps, {100.0 * share:.0f} % of samples repeat the one before"
         yield LogFinding(f"rate of {key}", "note", text, rate, "Hz")
         for gap in gaps:
@@ -42,8 +47,8 @@ def stamp_findings(record: Record, columns: Columns) -> Iterator[LogFinding]:
                 f"{own:.3g} Hz, not {rate:.3g}"
             )
             yield LogFinding("held channel", "warning", what, share, "1")
-        elif moving and not key.startswith("known"):
-            yield from _stuck(record, key, channel.time[1:], same)
+        elif moving and share <= MOSTLY_HELD and not key.startswith("known"):
+            yield from _stuck(record, key, channel)
     for (begin, end), keys in found.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
@@ -61,9 +66,10 @@ def _clocks(columns: Columns) -> Iterator[LogFinding]:
         if clock.backward:
             what = f"{name}: {clock.backward} of {count} samples go back in time (a file appended to itself?): dropped"
             yield LogFinding("time goes back", "warning", what, clock.backward / count, "1")
-        if not len(clock.late):
+        if clock.late is None or not len(clock.late):
             continue
-        middle, scatter = float(np.median(clock.late)), float(np.std(clock.late))
+        late = np.concatenate(clock.late.spread())
+        middle, scatter = float(np.median(late)), float(np.std(late))
         text = f"{name}: the recorder's stamps are {1e3 * middle:.1f} ms late and scatter by {1e3 * scatter:.1f} ms"
         if columns.stamps == "recorder" and max(abs(middle), scatter) > CLOCK_DELAY:
             yield LogFinding("recorder clock", "warning", f'{text}; log.clock = "header" avoids it', middle, "s")
@@ -71,23 +77,30 @@ def _clocks(columns: Columns) -> Iterator[LogFinding]:
             yield LogFinding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
 
 
-def _stuck(record: Record, key: str, time: np.ndarray, same: np.ndarray) -> Iterator[LogFinding]:
+def _repeats(channel: LogChannel, first: int, last: int) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
+    """Yield stamps [s] of samples `first` + 1 to `last` (exclusive), and whether they repeat the one before."""
+    for begin in range(first, last - 1, EXTENT):
+        rows = slice(begin, min(begin + EXTENT + 1, last))
+        yield channel.time[rows][1:], np.all(np.diff(channel.values[rows], axis=0) == 0.0, axis=1)
+
+
+def _stuck(record: Record, key: str, channel: LogChannel) -> Iterator[LogFinding]:
     """Yield stretches in which a channel does not change although it does elsewhere, inside the used parts."""
-    if float(np.mean(same)) > 0.9:
-        return
-    for first, last in record.parts:
-        low, high = record.start + first * record.dt, record.start + last * record.dt
-        inside = (time >= low) & (time <= high)
-        at, runs = time[inside], np.flatnonzero(~same[inside])
-        if len(runs) < 2:
-            continue
-        edges = np.concatenate([[0], runs, [len(at) - 1]])
-        lengths = at[edges[1:]] - at[edges[:-1]]
-        longest = int(np.argmax(lengths))
-        if lengths[longest] > STUCK:
-            begin = float(at[edges[longest]] - record.start)
-            what = f"{key} does not change for {lengths[longest]:.2f} s, from {begin:.2f} s on"
-            yield LogFinding("held channel", "warning", what, float(lengths[longest]), "s")
+    for part in record.parts:
+        low, high = (record.start + index * record.dt for index in part)
+        first, last = channel.time.index(low), channel.time.index(high, "right")
+        changes, since, longest, begin = 0, None, 0.0, 0.0
+        for time, same in _repeats(channel, max(first - 1, 0), last):
+            ends = time[~same]
+            changes += len(ends)
+            edges = np.concatenate([[time[0] if since is None else since], ends, time[-1:]])
+            lengths = np.diff(edges)
+            if float(lengths.max()) > longest:
+                longest, begin = float(lengths.max()), float(edges[int(np.argmax(lengths))] - record.start)
+            since = float(edges[-2])
+        if changes > 1 and longest > STUCK:
+            what = f"{key} does not change for {longest:.2f} s, from {begin:.2f} s on"
+            yield LogFinding("held channel", "warning", what, longest, "s")
 
 
 def _duplicates(path: Path) -> Iterator[LogFinding]:

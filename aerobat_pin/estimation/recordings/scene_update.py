@@ -1,0 +1,110 @@
+"""Arrows as messages `foxglove_msgs/msg/SceneUpdate`, which Foxglove's 3D panel draws.
+
+The fields are those of Foxglove's documentation (docs.foxglove.dev, schemas SceneUpdate, SceneEntity and its
+primitives). An entity replaces the one before with the same `id`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.numerics import Array
+
+PACKAGE = "foxglove_msgs/msg"
+POSED = "geometry_msgs/Pose pose"
+COLOURED = "foxglove_msgs/Color color"
+PRIMITIVES = {  # list in an entity -> type of its entries, and their fields
+    "arrows": (
+        "ArrowPrimitive",
+        (POSED, *(f"float64 {part}" for part in ("shaft_length", "shaft_diameter", "head_length", "head_diameter"))),
+    ),
+    "cubes": ("CubePrimitive", (POSED, "geometry_msgs/Vector3 size")),
+    "spheres": ("SpherePrimitive", (POSED, "geometry_msgs/Vector3 size")),
+    "cylinders": (
+        "CylinderPrimitive",
+        (POSED, "geometry_msgs/Vector3 size", "float64 bottom_scale", "float64 top_scale"),
+    ),
+    "lines": (
+        "LinePrimitive",
+        ("uint8 type", POSED, "float64 thickness", "bool scale_invariant", "geometry_msgs/Point[] points"),
+    ),
+    "triangles": ("TriangleListPrimitive", (POSED, "geometry_msgs/Point[] points")),
+    "texts": ("TextPrimitive", (POSED, "bool billboard", "float64 font_size", "bool scale_invariant")),
+    "models": ("ModelPrimitive", (POSED, "geometry_msgs/Vector3 scale")),
+}
+AFTER_COLOUR = {
+    "LinePrimitive": ("foxglove_msgs/Color[] colors", "uint32[] indices"),
+    "TriangleListPrimitive": ("foxglove_msgs/Color[] colors", "uint32[] indices"),
+    "TextPrimitive": ("string text",),
+    "ModelPrimitive": ("bool override_color", "string url", "string media_type", "uint8[] data"),
+}
+DEFINITIONS = {
+    "Color": tuple(f"float64 {part}" for part in "rgba"),
+    "KeyValuePair": ("string key", "string value"),
+    **{kind: (*fields, COLOURED, *AFTER_COLOUR.get(kind, ())) for kind, fields in PRIMITIVES.values()},
+    "SceneEntityDeletion": ("builtin_interfaces/Time timestamp", "uint8 type", "string id"),
+    "SceneEntity": (
+        "builtin_interfaces/Time timestamp",
+        "string frame_id",
+        "string id",
+        "builtin_interfaces/Duration lifetime",
+        "bool frame_locked",
+        "foxglove_msgs/KeyValuePair[] metadata",
+        *(f"foxglove_msgs/{kind}[] {name}" for name, (kind, _) in PRIMITIVES.items()),
+    ),
+    "SceneUpdate": ("foxglove_msgs/SceneEntityDeletion[] deletions", "foxglove_msgs/SceneEntity[] entities"),
+}
+HEAD = 0.25  # of an arrow's length
+SHAFT, HEAD_WIDTH = 0.01, 0.02  # diameters [m]
+
+
+def register_scene(store: Any) -> None:
+    """Make the types of a scene known to a type store of rosbags."""
+    from rosbags.typesys import get_types_from_msg
+
+    for kind, fields in DEFINITIONS.items():
+        store.register(get_types_from_msg("\n".join(fields), f"{PACKAGE}/{kind}"))
+
+
+def scene_update(store: Any, time: float, arrows: Mapping[str, tuple[Array, Array, tuple[float, float, float]]]) -> Any:
+    """Return a message with an entity for each arrow.
+
+    Args:
+        store: a type store with the types of `register_scene`.
+        time: stamp [s].
+        arrows: id -> where the arrow begins (3,), its vector (3,), both in world axes [m], and its colour.
+    """
+    types, whole = store.types, round(time * 1e9)
+    entities = []
+    for name, (start, along, (red, green, blue)) in arrows.items():
+        length = float(np.linalg.norm(along))
+        turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), along) if length else pin.Quaternion.Identity()
+        x, y, z = (float(value) for value in start)
+        pose = types["geometry_msgs/msg/Pose"](
+            position=types["geometry_msgs/msg/Point"](x=x, y=y, z=z),
+            orientation=types["geometry_msgs/msg/Quaternion"](x=turn.x, y=turn.y, z=turn.z, w=turn.w),
+        )
+        arrow = types[f"{PACKAGE}/ArrowPrimitive"](
+            pose=pose,
+            shaft_length=(1.0 - HEAD) * length,
+            shaft_diameter=SHAFT,
+            head_length=HEAD * length,
+            head_diameter=HEAD_WIDTH,
+            color=types[f"{PACKAGE}/Color"](r=red, g=green, b=blue, a=1.0),
+        )
+        entities.append(
+            types[f"{PACKAGE}/SceneEntity"](
+                timestamp=types["builtin_interfaces/msg/Time"](sec=whole // 10**9, nanosec=whole % 10**9),
+                frame_id="world",
+                id=name,
+                lifetime=types["builtin_interfaces/msg/Duration"](sec=0, nanosec=100_000_000),
+                frame_locked=False,
+                metadata=[],
+                **{**{part: [] for part in PRIMITIVES}, "arrows": [arrow]},
+            )
+        )
+    return types[f"{PACKAGE}/SceneUpdate"](deletions=[], entities=entities)

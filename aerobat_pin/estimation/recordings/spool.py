@@ -1,0 +1,151 @@
+"""Long series on disk: a temporary file that holds rows of numbers, appended in pieces and read by slices.
+
+A recording of an hour has gigabytes of samples, of which each step needs a stretch. All series of a recording share one
+file, which stays in memory while it is small, and which the operating system deletes when the process ends, however it
+ends. It lies in the folder that Python's `tempfile` chooses (`TMPDIR`).
+"""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import Array
+
+IN_MEMORY = 1 << 23  # [bytes] of a spool before it moves to disk
+EXTENT = 1 << 16  # rows that are read or written at once, at most
+SPREAD = 16  # stretches of a sample that is spread over a series
+MOST_SAMPLED = 200_000  # rows of such a sample; a median of more hardly differs
+
+
+class Spool:
+    """A temporary file of numbers."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)
+        self._size = 0
+        weakref.finalize(self, self._file.close)
+
+    def write(self, rows: Array) -> int:
+        """Append numbers and return their place. Raises LogError if the temporary folder is full."""
+        place = self._size
+        try:
+            self._file.seek(place)
+            self._file.write(np.ascontiguousarray(rows, float).data)
+        except OSError as error:
+            size = f"{(place + rows.nbytes) / 1e9:.2g} GB"
+            raise LogError(
+                f"temporary folder {tempfile.gettempdir()}: {error.strerror or error}, {size} are needed so far; "
+                "TMPDIR names another one"
+            ) from error
+        self._size += rows.nbytes
+        return place
+
+    def read(self, place: int, shape: tuple[int, ...]) -> Array:
+        """Return numbers of a shape from a place on."""
+        found = np.empty(shape)
+        self._file.seek(place)
+        self._file.readinto(found.data.cast("B") if found.size else bytearray())
+        return found
+
+
+class Series:
+    """Rows (n,) or (n, k) of doubles in a spool.
+
+    Args:
+        spool: the file.
+        width: numbers in a row; None for a series (n,).
+    """
+
+    def __init__(self, spool: Spool, width: int | None = None) -> None:
+        self.spool, self._row = spool, () if width is None else (width,)
+        self._starts: list[int] = []  # index of the first row of each extent
+        self._firsts: list[float] = []  # and its first number
+        self._places: list[int] = []
+        self._count = 0
+        self.finite = True  # whether all numbers are
+
+    def append(self, rows: Array) -> None:
+        """Append rows."""
+        for begin in range(0, len(rows), EXTENT):
+            piece = np.asarray(rows[begin : begin + EXTENT], float)
+            self._places.append(self.spool.write(piece))
+            self._starts.append(self._count)
+            self._firsts.append(float(piece.flat[0]) if piece.size else np.nan)
+            self._count += len(piece)
+            self.finite = self.finite and bool(np.isfinite(piece).all())
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of all rows together."""
+        return (self._count, *self._row)
+
+    def __getitem__(self, rows: Any) -> Any:
+        """Return a slice of rows without a step as an array, or one row."""
+        if not isinstance(rows, slice):
+            index = range(self._count)[rows]
+            return self[index : index + 1][0]
+        first, last, step = rows.indices(self._count)
+        if step != 1:
+            raise IndexError("a slice without a step was expected")
+        found, at = np.empty((max(last - first, 0), *self._row)), first
+        width = self._row[0] if self._row else 1
+        while at < last:
+            extent = bisect_right(self._starts, at) - 1
+            end = self._starts[extent + 1] if extent + 1 < len(self._starts) else self._count
+            count, skipped = min(end, last) - at, at - self._starts[extent]
+            found[at - first : at - first + count] = self.spool.read(
+                self._places[extent] + 8 * width * skipped, (count, *self._row)
+            )
+            at += count
+        return found
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.asarray(self[:], dtype)
+
+    def pieces(self) -> Iterator[Array]:
+        """Yield all rows, at most `EXTENT` at once."""
+        for first in range(0, self._count, EXTENT):
+            yield self[first : first + EXTENT]
+
+    def index(self, value: float, side: str = "left") -> int:
+        """Return where a value belongs in an increasing series (n,), as `numpy.searchsorted` does."""
+        extent = (bisect_left if side == "left" else bisect_right)(self._firsts, value) - 1
+        if extent < 0:
+            return 0
+        start = self._starts[extent]
+        end = self._starts[extent + 1] if extent + 1 < len(self._starts) else self._count
+        return start + int(np.searchsorted(self[start:end], value, side=side))  # type: ignore[call-overload]
+
+    def spread(self, most: int = MOST_SAMPLED) -> list[Array]:
+        """Return all rows, or of a longer series `SPREAD` stretches at even distances, `most` rows together."""
+        return [self[first:last] for first, last in spread_stretches(self._count, most)]
+
+
+def spread_stretches(count: int, most: int) -> list[tuple[int, int]]:
+    """Return (first, last), exclusive, of stretches of a series: all of it, or `SPREAD` with `most` rows together."""
+    if count <= most:
+        return [(0, count)]
+    size = most // SPREAD
+    return [(first, first + size) for first in np.linspace(0, count - size, SPREAD).astype(int).tolist()]
+
+
+def series_of(spool: Spool, rows: Array) -> Series:
+    """Return rows (n,) or (n, k) as a series."""
+    made = Series(spool, None if rows.ndim == 1 else rows.shape[1])
+    made.append(rows)
+    return made
+
+
+def typical_spacing(time: Series) -> float:
+    """Return the median step [s] of stamps (n,); of a long series that of a sample spread over it."""
+    return float(np.median(np.concatenate([np.diff(piece) for piece in time.spread()])))

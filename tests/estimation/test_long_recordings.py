@@ -1,0 +1,136 @@
+"""Long recordings: read, estimated and written piece by piece, in memory that does not grow with their length."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from aerobat_pin.estimation.recordings import RecordingEstimate, estimate_recording, parse_map
+from aerobat_pin.estimation.recordings.spool import Series, Spool, series_of
+from aerobat_pin.experiments import write_recorded
+
+MASS = 1.5
+AXES = {"position": "pxyz", "velocity": "vxyz", "rate": "wxyz"}
+MAP = {
+    "robot": {
+        "body": {"mass": MASS, "inertia": [0.01, 0.01, 0.02]},
+        "points": ["body"],
+        "rows": {"ignore": ["base.Mx", "base.My", "base.Mz"]},
+    },
+    "base": {key: {"columns": [f"{name[0]}{axis}" for axis in name[1:]]} for key, name in AXES.items()}
+    | {"quaternion": {"columns": ["qx", "qy", "qz", "qw"]}},
+    "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 20.0}},
+}
+SHORT, LONG = 2_000, 8_000  # rows
+
+
+@pytest.fixture
+def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make all pieces small, so that short recordings count as long ones."""
+    place = "aerobat_pin.estimation.recordings."
+    for module in ("spool", "columns", "channels", "open_record", "checks.stamps"):
+        monkeypatch.setattr(f"{place}{module}.EXTENT", 200)
+    monkeypatch.setattr(f"{place}spool.IN_MEMORY", 1)
+    monkeypatch.setattr(f"{place}csv_columns.ROWS_AT_ONCE", 200)
+    monkeypatch.setattr(f"{place}run_observers.BLOCK", 500)
+    monkeypatch.setattr(f"{place}checks.kinematics.MOST_SAMPLES", 500)
+    for name in ("MANY", "MOST_SAMPLES"):
+        monkeypatch.setattr(f"{place}checks.result.{name}", 500)
+    for module in ("stored_estimate", "checks.result"):
+        monkeypatch.setattr(f"{place}{module}.ROWS", 500)
+    monkeypatch.setattr(f"{place}sensor_scores.MOST_LAGGED", 500)
+
+
+def swinging(rows: int, folder: Path) -> Path:
+    """Write a body that swings about a point and is held by a force, at 1 kHz, and return the file."""
+    t = 1e-3 * np.arange(rows)
+    half, zero = 0.1 * np.sin(2.0 * t), np.zeros(rows)
+    columns = {
+        "t": t,
+        **dict(zip(("px", "py", "pz"), (np.sin(t), np.cos(0.7 * t), 1.0 + 0.2 * np.sin(0.3 * t)), strict=True)),
+        **dict(zip(("qx", "qy", "qz", "qw"), (np.sin(half), zero, zero, np.cos(half)), strict=True)),
+        **dict(zip(("vx", "vy", "vz"), (np.cos(t), -0.7 * np.sin(0.7 * t), 0.06 * np.cos(0.3 * t)), strict=True)),
+        **dict(zip(("wx", "wy", "wz"), (0.4 * np.cos(2.0 * t), zero, zero), strict=True)),
+        "fx": -MASS * np.sin(t),
+        "fy": -MASS * 0.49 * np.cos(0.7 * t),
+        "fz": MASS * (9.81 - 0.018 * np.sin(0.3 * t)),
+    }
+    file = folder / f"swing_{rows}.csv"
+    pd.DataFrame(columns).to_csv(file, index=False, float_format="%.9g")
+    return file
+
+
+def estimated(log: Path) -> RecordingEstimate:
+    return estimate_recording(log, parse_map(MAP, "of the test"), log.parent)
+
+
+def peak(log: Path) -> int:
+    """Return the largest memory [bytes] that Python and numpy hold while a log is estimated."""
+    tracemalloc.start()
+    try:
+        estimated(log)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.usefixtures("in_small_pieces")
+def test_memory_does_not_grow_with_the_record(tmp_path: Path) -> None:
+    """A row holds 17 numbers, its estimate 25 more: of these 340 bytes hardly any stay in memory.
+
+    What stays is where the pieces are, which are tiny here, and the stamps whose median is sought.
+    """
+    short, long = swinging(SHORT, tmp_path), swinging(LONG, tmp_path)
+    estimated(short)  # what is made once
+    assert (peak(long) - peak(short)) / (LONG - SHORT) < 75.0
+
+
+def test_pieces_give_what_the_whole_gives(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """Forces, scores behind the sensor's filter, findings, and every file."""
+    log = swinging(SHORT, tmp_path)
+    whole = estimated(log)
+    request.getfixturevalue("in_small_pieces")
+    pieces = estimated(log)
+    one, other = (found.estimates["force_level"] for found in (whole, pieces))
+    np.testing.assert_array_equal(one.time, other.time)
+    np.testing.assert_allclose(one.components, other.components, atol=1e-5)
+    scores, others = (found.compared["force_level"].scores(found.record.dt) for found in (whole, pieces))
+    for label, score in scores.items():
+        assert score.rmse < 0.05
+        assert others[label].rmse == pytest.approx(score.rmse, rel=1e-3)
+        assert others[label].offset == pytest.approx(score.offset, abs=1e-5)
+    assert [str(finding) for finding in whole.findings][:6] == [str(finding) for finding in pieces.findings][:6]
+    for name, found in (("whole", whole), ("pieces", pieces)):
+        (tmp_path / name).mkdir()
+        write_recorded(found, tmp_path / name)
+    with (
+        xr.open_dataset(tmp_path / "whole" / "estimate.nc") as first,
+        xr.open_dataset(tmp_path / "pieces" / "estimate.nc") as second,
+    ):
+        xr.testing.assert_allclose(first.drop_vars("redundancy"), second.drop_vars("redundancy"), atol=1e-5)
+    tables = [pd.read_csv(tmp_path / name / "estimate.csv") for name in ("whole", "pieces")]
+    pd.testing.assert_frame_equal(*tables, atol=1e-5)
+
+
+@pytest.mark.usefixtures("in_small_pieces")
+def test_a_series_on_disk_is_read_like_an_array() -> None:
+    """Slices over extents, single rows, and places in increasing numbers."""
+    rng = np.random.default_rng(0)
+    spool = Spool()
+    time, table = np.sort(rng.uniform(0.0, 1.0, 2300)), rng.standard_normal((2300, 3))
+    stamps, rows = series_of(spool, time), Series(spool, 3)
+    for first in range(0, 2300, 700):
+        rows.append(table[first : first + 700])
+    for part in (slice(490, 1710), slice(0, 1), slice(2299, None), slice(5, 5), slice(-4, 9000)):
+        np.testing.assert_array_equal(rows[part], table[part])
+    np.testing.assert_array_equal(rows[-1], table[-1])
+    for side in ("left", "right"):
+        for value in (-1.0, 2.0, time[0], time[500], time[1499], time[-1], 0.37):
+            assert stamps.index(value, side) == np.searchsorted(time, value, side=side)
+    np.testing.assert_array_equal(np.concatenate(stamps.spread(2300)), time)
+    assert sum(map(len, stamps.spread(1600))) == 1600
