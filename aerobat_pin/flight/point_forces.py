@@ -51,7 +51,7 @@ def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> A
 
     Args:
         forces: the forces.
-        edges: (n + 1,) interval edges [s], from 0.
+        edges: (n + 1,) interval edges [s].
         seed: seed of the noise.
 
     Returns:

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, Integers, guarded
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.section import NonNegative, Number, Positive, Section, Triple
 
@@ -57,7 +57,7 @@ class UnknownForce(Section):
         """Draw the noise of a run, and average both noise and signal over intervals.
 
         Args:
-            edges: (n + 1,) interval edges [s], from 0.
+            edges: (n + 1,) interval edges [s]; noise is drawn from the tick in which the first one lies.
             rng: random generator for the noise.
 
         Returns:
@@ -67,8 +67,10 @@ class UnknownForce(Section):
         Raises:
             ScenarioError: the file of a recorded force cannot be read.
         """
-        noise = self.noise * rng.standard_normal(_ticks(edges, self.tick))
-        return tick_means(noise, self.tick, edges), _mean_rates(self.impulse_until(edges), edges)
+        ticks = _ticks(edges, self.tick)
+        noise = self.noise * rng.standard_normal(len(ticks))
+        since = edges - ticks[0] * self.tick
+        return tick_means(noise, self.tick, since), _mean_rates(self.impulse_until(edges), edges)
 
 
 class PaperForce(UnknownForce):
@@ -103,10 +105,11 @@ class PaperForce(UnknownForce):
 
     def impulse_until(self, time: Array) -> Array:
         """Return the integral of the step (n,) [N s] up to times (n,) [s]; the step changes at ticks only."""
-        start = np.arange(_ticks(time, self.tick)) * self.tick
+        ticks = _ticks(time, self.tick)
+        start = ticks * self.tick
         # The margin of 5e-4 ticks excludes t = 1.0 s from "1 s < t" even if the tick's time is rounded up.
         on = (start > self.step_start + 5e-4 * self.tick) & (start <= self.step_end + 5e-4 * self.tick)
-        return _tick_integral(self.step * on, self.tick, time)
+        return _tick_integral(self.step * on, self.tick, time - ticks[0] * self.tick)
 
 
 class StepForce(UnknownForce):
@@ -254,8 +257,9 @@ def _mean_rates(integral: Array, edges: Array) -> Array:
     return np.asarray(np.diff(integral) / np.diff(edges))
 
 
-def _ticks(edges: Array, tick: float) -> int:
-    return int(np.ceil(edges[-1] / tick - 1e-6))
+def _ticks(time: Array, tick: float) -> Integers:
+    """Return the numbers of the clock's ticks from the one in which the first of the times lies to the last one's."""
+    return np.arange(int(np.floor(time[0] / tick + 1e-6)), int(np.ceil(time[-1] / tick - 1e-6)))
 
 
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:

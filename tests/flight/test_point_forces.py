@@ -108,3 +108,15 @@ def test_the_force_is_a_fifth_of_a_newton_times_the_sine_of_the_elbow_along_its_
     clean = 0.2 * np.sin(elbow) + 0.15
     np.testing.assert_allclose(forces.force_noise_free_W[0, 0], clean * direction, atol=1e-14)
     np.testing.assert_allclose(forces.force_W[0, 0], (clean + 0.007) * direction, atol=1e-14)
+
+
+def test_a_later_window_draws_its_own_noise_only() -> None:
+    """Ten minutes into a flight, 50 intervals take 50 random numbers, and the signal is that of the whole record."""
+    late = SIGNAL.model_copy(update={"step_start": 600.01, "step_end": 600.03})
+    edges = clock(600.05)
+    rng, same = np.random.default_rng(1), np.random.default_rng(1)
+    _, step = late.interval_means(edges[-51:], rng)
+    same.standard_normal(50)
+    assert rng.random() == same.random()
+    np.testing.assert_allclose(step, late.interval_means(edges, rng)[1][-50:], rtol=0.0, atol=1e-9)
+    assert step.max() == pytest.approx(SIGNAL.step)
