@@ -1,4 +1,11 @@
-"""Run the observers on a flight log: prepare their inputs with an assumed robot model, and score their estimates."""
+"""Run the observers on a flight log: prepare their inputs with an assumed robot model, and score their estimates.
+
+What reads the recordings of any robot is imported when it is first used, so that a run need not wait for it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from aerobat_pin.estimation.air_stream import AirStream
 from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
@@ -13,23 +20,6 @@ from aerobat_pin.estimation.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.estimation.known_inputs import KnownInputs, known_inputs
 from aerobat_pin.estimation.metrics import TABLE_HEADER, Scores
 from aerobat_pin.estimation.motion import motion
-from aerobat_pin.estimation.recordings import (
-    Compared,
-    LogChannel,
-    Map,
-    OnlineEstimator,
-    OnlineSample,
-    RecordingEstimate,
-    StoredEstimate,
-    describe_map,
-    estimate_recording,
-    load_map,
-    parse_map,
-    suggested_map,
-    with_options,
-    write_flight_mcap,
-    write_mcap,
-)
 from aerobat_pin.estimation.scores import (
     FORCE_AXES,
     AxisScore,
@@ -40,6 +30,23 @@ from aerobat_pin.estimation.scores import (
 )
 from aerobat_pin.estimation.self_check import self_check
 from aerobat_pin.estimation.truth import SUM, TrueEvent, true_events, true_force
+
+if TYPE_CHECKING:
+    from aerobat_pin.estimation.recordings import Compared as Compared
+    from aerobat_pin.estimation.recordings import LogChannel as LogChannel
+    from aerobat_pin.estimation.recordings import Map as Map
+    from aerobat_pin.estimation.recordings import OnlineEstimator as OnlineEstimator
+    from aerobat_pin.estimation.recordings import OnlineSample as OnlineSample
+    from aerobat_pin.estimation.recordings import RecordingEstimate as RecordingEstimate
+    from aerobat_pin.estimation.recordings import StoredEstimate as StoredEstimate
+    from aerobat_pin.estimation.recordings import describe_map as describe_map
+    from aerobat_pin.estimation.recordings import estimate_recording as estimate_recording
+    from aerobat_pin.estimation.recordings import load_map as load_map
+    from aerobat_pin.estimation.recordings import parse_map as parse_map
+    from aerobat_pin.estimation.recordings import suggested_map as suggested_map
+    from aerobat_pin.estimation.recordings import with_options as with_options
+    from aerobat_pin.estimation.recordings import write_flight_mcap as write_flight_mcap
+    from aerobat_pin.estimation.recordings import write_mcap as write_mcap
 
 __all__ = [
     "FORCE_AXES",
@@ -91,3 +98,11 @@ __all__ = [
     "write_flight_mcap",
     "write_mcap",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from aerobat_pin.estimation import recordings
+
+    return getattr(recordings, name)

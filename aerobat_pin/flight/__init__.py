@@ -4,9 +4,9 @@ from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.channels import KNOWN, LABELS, channel
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.csv_log import read_csv, write_csv
-from aerobat_pin.flight.flight_log import FlightLog, netcdf_bytes
+from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
-from aerobat_pin.flight.netcdf import StoredVariable, checksums, netcdf_variables, read_netcdf
+from aerobat_pin.flight.netcdf import StoredVariable, checksums, netcdf_bytes, netcdf_variables, read_netcdf
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means

@@ -16,7 +16,6 @@ provides. Both are labelled tables with units.
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import InitVar, dataclass
 from pathlib import Path
@@ -35,7 +34,7 @@ from aerobat_pin.flight.channels import (
     REQUIRED_TRUTH,
     checked_channels,
 )
-from aerobat_pin.flight.netcdf import checksums, read_netcdf
+from aerobat_pin.flight.netcdf import netcdf_bytes, read_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection
@@ -241,16 +240,3 @@ def _check_attributes(attributes: dict[Any, Any], name: str) -> None:
     except ValueError as error:
         reason = " ".join(str(error).split("For further")[0].split())[:200]
         raise LogError(f"{name}: attribute air: {reason}") from None
-
-
-def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
-    """Return the content of a NetCDF-4 file: a dataset, and perhaps another in the group `truth`; with checksums.
-
-    The file is made in memory, because the HDF5 library ends the process with a segmentation fault when the disk is
-    full. Python writes the bytes, and a full disk is an OSError.
-    """
-    file = io.BytesIO()
-    root.to_netcdf(file, mode="w", engine="h5netcdf", encoding=checksums(root))
-    if truth is not None:
-        truth.to_netcdf(file, mode="a", group="truth", engine="h5netcdf", encoding=checksums(truth))
-    return file.getvalue()

@@ -18,7 +18,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.numerics.kernel_cache import SealedFiles
+from aerobat_pin.numerics.kernel_cache import KernelCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Integers = NDArray[np.intp]
@@ -90,9 +90,8 @@ def _compiled(function: Function, **more: Any) -> Function:
         return cast(Function, numba.njit(**options)(function))
     with suppress(AttributeError):  # in case another numba version keeps its files elsewhere
         # numba checks only the kernel's own file for changes, but the kernels that it calls are compiled into it.
-        name = compiled._cache._impl.filename_base
-        files = SealedFiles(compiled._cache.cache_path, name, sources_stamp())
-        compiled._cache._cache_file, compiled.compile = files, files.by_one_process()(compiled.compile)
+        compiled._cache = KernelCache(function, sources_stamp())
+        compiled.compile = compiled._cache.by_one_process()(compiled.compile)
     return cast(Function, compiled)
 
 

@@ -14,7 +14,7 @@ import fcntl
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
@@ -22,13 +22,34 @@ from typing import Any
 from zlib import crc32
 
 import numba
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.runtime import rtsys
 
 SEAL_SIZE = 4  # [bytes]
 LONGEST_WAIT = 300.0  # [s] for a process that compiles the same kernel; it may have been stopped
 _files: list[SealedFiles] = []  # those of every kernel that is imported
 _told: list[str] = []  # so that a process tells once, not for every kernel
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
+    """The compiled versions of one kernel, in sealed files.
+
+    Args:
+        function: the function that is compiled.
+        stamp: what identifies the source of all kernels.
+    """
+
+    def __init__(self, function: Callable[..., Any], stamp: object) -> None:
+        """Name the files."""
+        super().__init__(function)
+        self._cache_file = SealedFiles(self.cache_path, self._impl.filename_base, stamp)
+        self.by_one_process = self._cache_file.by_one_process
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a kernel without loading the compiler, which takes a third of a second; `compile` loads it anyway."""
+        rtsys.initialize(target_context)  # what kernels need from numba while they run
+        return self._load_overload(sig, target_context)
 
 
 class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no types

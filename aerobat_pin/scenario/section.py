@@ -27,4 +27,5 @@ PerWorldAxis = Annotated[
 class Section(BaseModel):
     """Base class of a scenario file's tables: unknown keys are errors, and values cannot change after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # A table is built when one is first read, with those inside it: most commands read few of them.
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -14,7 +14,17 @@ from scipy.signal import lfilter
 from aerobat_pin.observers.redundancy import low_passed
 
 SHORT = "--set simulation.duration=0.02 --set air.warm_up_cycles=1"
-SLOW = ("scipy.signal", "scipy.stats", "scipy.optimize", "dask.base", "distributed", "matplotlib", "jinja2", "joblib")
+SLOW = (
+    "scipy.signal",
+    "scipy.stats",
+    "scipy.optimize",
+    "dask.base",
+    "distributed",
+    "coverage.control",
+    "matplotlib",
+    "jinja2",
+    "joblib",
+)
 LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic")
 
 
@@ -23,7 +33,7 @@ LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic
     [
         ("--help", LIBRARIES),
         ("--version", LIBRARIES),
-        (f"run paper --no-report --out here {SHORT}", SLOW),
+        (f"run paper --no-report --out here {SHORT}", (*SLOW, "scipy.linalg", "aerobat_pin.estimation.recordings")),
         ("list", (*SLOW, "xarray", "aerobat_pin.flight")),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import xarray as xr
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.known_inputs import known_inputs
 from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.experiments.result_tables import estimate_dataset
 from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.netcdf import netcdf_bytes
 
 
 def test_a_log_survives_its_file(paper: Experiment, tmp_path: Path) -> None:
@@ -22,6 +25,23 @@ def test_a_log_survives_its_file(paper: Experiment, tmp_path: Path) -> None:
     assert again.truth is not None
     assert paper.log.truth is not None
     xr.testing.assert_equal(again.truth, paper.log.truth)
+
+
+def test_a_file_is_what_xarray_writes(paper: Experiment) -> None:
+    """Names, dimensions, units, types and values, as xarray reads them; for texts, truth values and scalars too."""
+    odd = xr.Dataset(
+        {"truth": ("k", [True, False]), "scalar": 3, "word": "so", "none": (("e", "k"), np.zeros((0, 2)))},
+        {"k": ["ä", ""], "other": ("k", [1.0, np.nan]), "elsewhere": ("bare", [1, 2, 3])},
+        {"number": 2.5, "text": "", "numbers": [1.0, 2.0], "words": ["a", "b"]},
+    )
+    for parts in ([paper.log.measured, paper.log.truth], [estimate_dataset(paper.estimates)], [odd]):
+        ours, expected = io.BytesIO(netcdf_bytes(*parts)), io.BytesIO()
+        for group, mode, data in zip((None, "truth"), "wa", parts, strict=False):
+            data.to_netcdf(expected, mode=mode, group=group, engine="h5netcdf")
+        for group in (None, "truth")[: len(parts)]:
+            found, right = (xr.load_dataset(file, group=group, engine="h5netcdf") for file in (ours, expected))
+            xr.testing.assert_identical(found, right)
+            assert {key: found[key].dtype for key in found} == {key: right[key].dtype for key in right}
 
 
 def test_an_observer_is_fed_from_the_measured_side_alone(paper: Experiment) -> None:

@@ -152,13 +152,8 @@ class Doors:
                 return self._broken(rng, number)
             if number == 9:
                 name, wrong = api_case(rng)
-                kind = (
-                    "silent acceptance"
-                    if "is accepted" in wrong
-                    else "traceback"
-                    if "raises" in wrong
-                    else "wrong message"
-                )
+                signs = {"is accepted": "silent acceptance", "raises": "traceback"}
+                kind = next((fault for sign, fault in signs.items() if sign in wrong), FAULTS[-1])
                 return Attempt(number, name, wrong and f"{kind}: {wrong}")
             with tempfile.TemporaryDirectory(dir=self.folder) as folder:
                 place = Path(folder)
@@ -293,13 +288,7 @@ class Doors:
         place = self.bench.new_folder()
         wrong = "; ".join(case.play(self.bench, place))
         shutil.rmtree(place, ignore_errors=True)
-        kind = (
-            "traceback"
-            if "traceback" in wrong
-            else "half-written result"
-            if "half-written" in wrong
-            else "wrong message"
-        )
+        kind = next((fault for fault in ("traceback", "half-written result") if fault.split()[0] in wrong), FAULTS[-1])
         return Attempt(number, case.name, wrong and f"{kind}: {case.name}: {wrong}")
 
 

@@ -469,7 +469,7 @@ MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kerne
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
-INNER = """checksums netcdf_bytes read_netcdf read_estimates contradictions joint_series moving_weight AllBut
+INNER = """netcdf_bytes read_netcdf read_estimates contradictions joint_series moving_weight AllBut
 Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing Allocation
 DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys keys_text
 log_with_motion"""  # called by other rooms, with what these have checked

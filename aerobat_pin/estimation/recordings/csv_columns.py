@@ -13,10 +13,8 @@ import pandas as pd
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.recordings.columns import Columns, GrowingTable
 from aerobat_pin.estimation.recordings.map_tables import LogTable
-<<<<<<< HEAD
-from aerobat_pin.estimation.recordings.table_cells import check_rows, numbers_of
-=======
 from aerobat_pin.estimation.recordings.spool import Spool
+from aerobat_pin.estimation.recordings.table_cells import check_rows, numbers_of
 from aerobat_pin.numerics import Array
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}

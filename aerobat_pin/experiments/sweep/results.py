@@ -16,6 +16,7 @@ from aerobat_pin.experiments.experiment import versions
 from aerobat_pin.experiments.sweep.columns import FLIGHT_UNITS, JUDGED, LISTS, SCORES
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.sweep_file import DRAW
+from aerobat_pin.flight import netcdf_bytes
 
 
 def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
@@ -76,7 +77,7 @@ def check_labels(sweep: Sweep) -> None:
     """Raise SweepError if NetCDF cannot hold the labels of a dimension; the last run would be too late to find this."""
     for dimension in sweep.dimensions:
         try:
-            xr.Dataset(coords={dimension.name: list(dimension.labels)}).to_netcdf(engine="h5netcdf")
+            netcdf_bytes(xr.Dataset(coords={dimension.name: list(dimension.labels)}))
         except (TypeError, ValueError, OverflowError) as error:
             labels = ", ".join(map(repr, dimension.labels[:3]))
             raise SweepError(f"sweep {sweep.file.name}: labels {labels}, ... of {dimension.name}: {error}") from error
