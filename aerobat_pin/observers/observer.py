@@ -39,7 +39,7 @@ from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
-from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, modes
+from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
 
@@ -220,7 +220,7 @@ class Observer:
         Raises:
             ObserverError, ShapeError: for the same reasons as `update` and `reset`.
         """
-        time = np.ascontiguousarray(time)
+        time = for_kernels(time)
         count = len(time) - 1
         if time.ndim != 1 or count < 1:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")

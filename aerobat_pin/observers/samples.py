@@ -63,8 +63,13 @@ def check_configurations(directions: list[tuple[int, int]], q: Array) -> None:
         raise ShapeError(f"q[{at}] of sample {row} = {q[row, at]:g}: at most {FARTHEST:g} m or rad was expected")
 
 
+def for_kernels(values: ArrayLike) -> Array:
+    """Return an array that is contiguous and can be written: a kernel is compiled once more for any other kind."""
+    return np.require(values, requirements=["C", "W"])
+
+
 def checked_record(values: ArrayLike, rows: int, columns: int, name: str) -> Array:
-    """Return a record as a contiguous (rows, columns) array of finite doubles. Raises ShapeError with `name`."""
+    """Return a record as a (rows, columns) array of finite doubles for kernels. Raises ShapeError with `name`."""
     table = real_numbers(values, name)
     checked_shape(table, (len(table) if table.ndim == 2 else rows, columns), name)
     if len(table) != rows:
@@ -72,4 +77,4 @@ def checked_record(values: ArrayLike, rows: int, columns: int, name: str) -> Arr
     if not np.all(np.abs(table) <= LARGEST_REAL):
         row = int(np.argmin(np.all(np.abs(table) <= LARGEST_REAL, axis=1)))
         raise ShapeError(f"{name} holds NaN or infinity in row {row}, or a number beyond {LARGEST_REAL:g}")
-    return np.ascontiguousarray(table)
+    return for_kernels(table)

@@ -19,7 +19,10 @@ from support.observer_twins import ObserverTwin
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.numerics import jit, pinocchio_views, small_matrices
-from aerobat_pin.observers import Observer
+from aerobat_pin.observers import MomentumObserver, Observer, SmootherObserver
+from aerobat_pin.observers.kalman import kernels as kalman_kernels
+from aerobat_pin.observers.kalman import smoother_kernels
+from aerobat_pin.observers.kernels import residual
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 
 # ------------------------------------------------------------------------------------------------- Pinocchio's memory
@@ -190,6 +193,22 @@ if sys.argv[1] == "compiled":
     kernels.record_sample, kernels.observe_all = ours
 print(hashlib.sha256(observer.run(np.arange(50) * 1e-3, q, v, tau).force.tobytes()).hexdigest())
 """
+
+
+@compiled_only
+@pytest.mark.parametrize("kind", [MomentumObserver, SmootherObserver])
+def test_a_record_that_cannot_be_written_costs_no_compilation(kind: type[Observer]) -> None:
+    """As xarray gives its times: the kernels would be compiled once more, for ten seconds."""
+    model, frames = MODELS["aerobat"]
+    time, q, v, tau, known = record(model)
+    observer = kind(model, frames, 400.0)
+    expected = observer.run(time, q, v, tau, known)
+    kernels = residual.observe_all, kalman_kernels.filter_all, smoother_kernels.smooth_all
+    before = [len(one.signatures) for one in kernels]
+    for one in (time, q, v, tau, *known.values()):
+        one.setflags(write=False)
+    np.testing.assert_array_equal(observer.run(time, q, v, tau, known).force, expected.force)
+    assert [len(one.signatures) for one in kernels] == before
 
 
 @compiled_only
