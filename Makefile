@@ -9,8 +9,8 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames tool_pictures \
 	observer_study structural_error method animation real_recordings
 BIN := $(VENV)/bin
-# Tests of a file stay together, as they share flights.
-PARALLEL := -n auto --maxprocesses 4 --dist loadfile
+# Tests of a file stay together, as they share flights; the longest files come first (tests/conftest.py).
+PARALLEL := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 # Says which Python was found and which would do, and how to name it; exit code 1 for one that would not do.
 RIGHT_PYTHON = -c 'import sys; v = sys.version_info[:2]; ok = (3, 11) <= v <= (3, 13); ok or print("%s is Python %d.%d: Python 3.11 to 3.13 was expected; name one, as in: make PYTHON=python3.12 $(or $(MAKECMDGOALS),demo)" % (sys.argv[1], *v), file=sys.stderr); sys.exit(not ok)'
 

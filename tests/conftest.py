@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +22,30 @@ from aerobat_pin.visualization.write_all import write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
     signal.signal(signal.SIGINT, lambda *_: None)  # tests ignore Ctrl-C further on, the programs that they start do not
+
+LONGEST = (  # a quarter of a minute of processor time and more
+    "test_docs",
+    "test_sweep_interrupted",
+    "test_bad_inputs",
+    "test_tutorials",
+    "test_play",
+    "test_broken_runs",
+    "test_wheel",
+    "test_site",
+    "test_replay",
+    "test_screens",
+    "test_recording",
+    "test_notebook",
+    "test_calibration",
+    "test_shipped_scenarios",
+    "test_jit",
+    "test_pages",
+    "test_raw_sensors",
+    "test_sweep",
+    "test_mismatch",
+    "test_files",
+    "test_estimate",
+)
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
 settings.load_profile("untimed")
@@ -39,11 +65,24 @@ def paper() -> Experiment:
 
 
 @pytest.fixture(scope="session")
-def paper_folder(paper: Experiment, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder with everything that `aerobat run paper` writes."""
-    target = tmp_path_factory.mktemp("paper")
-    write(paper, target)
-    write_figures_and_pages(paper, target)
+def paper_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder with everything that `aerobat run paper` writes: one for all processes that run tests.
+
+    Tests write nothing into it.
+    """
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    target, half = shared / "of_paper", shared / "of_paper_half"
+    with (shared / "of_paper.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not target.exists():
+            paper = request.getfixturevalue("paper")
+            shutil.rmtree(half, ignore_errors=True)
+            half.mkdir()
+            write(paper, half)
+            write_figures_and_pages(paper, half)
+            half.rename(target)
     return target
 
 
@@ -59,6 +98,12 @@ def paper_plant() -> Plant:
     """Build the paper's plant."""
     scenario = load_scenario("paper")
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest, so that no process is busy with one long after the others have ended."""
+    items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

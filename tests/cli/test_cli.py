@@ -207,13 +207,14 @@ def test_trim_writes_a_scenario_that_flies(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Standard output alone is the scenario; with --out it is a file, and the summary is printed."""
-    assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 0
+    (tmp_path / "found.toml").write_text("of an earlier trim")
+    guess = ["trim", "paper_open_loop", "--set", "crank.frequency=6.8"]
+    assert call(monkeypatch, *guess, "--force", "--out", str(tmp_path / "found.toml")) == 0
     assert "6.501 Hz, wing offset -83.75 mm" in capsys.readouterr().out
-    assert call(monkeypatch, "trim", "paper_open_loop", "--set", "crank.frequency=6.8") == 0
-    assert capsys.readouterr().err.startswith("from a first guess of 6.8 Hz: 6.501 Hz, ")
-    assert call(monkeypatch, "trim", "paper_open_loop") == 0
+    assert call(monkeypatch, *guess) == 0
     printed = capsys.readouterr()
     assert printed.out == (tmp_path / "found.toml").read_text()
+    assert printed.err.startswith("from a first guess of 6.8 Hz: 6.501 Hz, ")
     assert "doubles in" in printed.err
     out = str(tmp_path / "run")
     short = ["--set", "simulation.duration=0.02"]
@@ -225,7 +226,6 @@ def test_trim_writes_a_scenario_that_flies(
         assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / target)) == 2
         assert message in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
-    assert call(monkeypatch, "trim", "paper_open_loop", "--force", "--out", str(tmp_path / "found.toml")) == 0
 
 
 def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(

@@ -1,12 +1,15 @@
-"""The command line as tests call it: in this process, or in one of its own."""
+"""The command line as tests call it: in this process, which saves the second of a start, or in one of its own."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import signal
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import pytest
@@ -23,9 +26,23 @@ def call(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 
 
 def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run `aerobat` with these words in a process of its own."""
-    command = [sys.executable, "-m", "aerobat_pin", *words]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    """Run `aerobat` with these words in a folder, in this process but with the warnings that a program shows."""
+    out, errors, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["aerobat", *words]
+    try:
+        with (
+            contextlib.chdir(cwd),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(errors),
+            warnings.catch_warnings(),
+        ):
+            warnings.resetwarnings()
+            warnings.simplefilter("ignore", DeprecationWarning)
+            with pytest.raises(SystemExit) as stop:
+                cli.main()
+    finally:
+        sys.argv = before
+    return subprocess.CompletedProcess(words, int(stop.value.code or 0), out.getvalue(), errors.getvalue())
 
 
 def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[str]:

@@ -65,13 +65,14 @@ def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, si
 
 @needs_browser
 def test_a_phone_that_is_turned_keeps_everything_in_its_place(paper_folder: Path, browser: Any) -> None:
-    """From portrait to landscape without loading the page again."""
+    """To portrait and to landscape without loading the page again: no panel covers another one, the robot is seen."""
     with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
         ready(page)
         for width, height in (SIZES[2], SIZES[1]):
             resized(page, width, height)
             page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
             assert overlaps(boxes(page, TOUCHED)) == []
+            assert page.evaluate("seen()")
 
 
 @needs_browser
