@@ -197,6 +197,9 @@ def _accelerometer(
     constant = d.push[first] @ by_rate.T + np.einsum("kij,kj->ki", by_twist, d.kick[first])
     h = channel.turn.T @ h
     h[:, :, ACCELEROMETER_BIAS] += np.eye(3)
+    if (mount := layout.mount_at) is not None:
+        by_place = cross_matrices(d.middle_acceleration[first, 3:]) + W @ W
+        h[:, :, mount] = np.concatenate([channel.turn.T @ by_place, cross_matrices(here)], axis=2)
     return h, values - here - constant @ channel.turn, slope
 
 
