@@ -299,7 +299,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[*(case.name for case in CASES), "own model", "mount"])
     parser.add_argument("--write", type=Path)
     chosen = parser.parse_args()
-    kept, lines = kept_rows(chosen.write), [TEXT + HEAD]
+    kept, lines = kept_rows(chosen.write), [f"{TEXT}\n{HEAD}"]
 
     def add(rows: Iterator[str], names: list[str]) -> None:
         """Add measured rows, or the kept ones of these names."""

@@ -86,7 +86,7 @@ class JointSmoother:
     ) -> None:
         """Set up the air."""
         self.robot = robot = replace(robot, linkage=SeriesSculpture(robot.linkage))
-        self.frames, self.settings = frames, settings
+        self.frames, self.settings, self._data = frames, settings, robot.model.createData()
         self.air, self.weight = (
             AirAboutNominal(robot, air),
             robot.mass * float(np.linalg.norm(robot.model.gravity.linear)),
@@ -126,7 +126,7 @@ class JointSmoother:
         layout: Layout,
     ) -> LinearRecord:
         """Linearise a record about a motion."""
-        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force)
+        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force, self._data)
         return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts))
 
     def solve(
