@@ -2,7 +2,8 @@
 
 PYTHONPATH=tests python benchmarks/raw_sensors.py [--seeds 1 2 3 4 5] [--only NAME ...] [--write docs/raw_sensors.md]
 
-Each row is the worse wing and the worst of the seeds, against the true force without its noise. About ten minutes.
+Each row is the worse wing and the worst of the seeds, against the true force without its noise. About ten minutes. With
+`--only`, the other rows of a page that is written stay as they are.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 from support.own_model import own_model_errors
 
 from aerobat_pin import load_scenario, simulate
 from aerobat_pin.estimation import r_squared
-from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, raw_record
+from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.estimation.raw.nominal import first_guess
 from aerobat_pin.estimation.raw.prior import first_prior
 from aerobat_pin.estimation.raw.smoother import part_of
@@ -81,6 +83,7 @@ CASES = (
 )
 
 
+OWN_FLIGHTS = ("paper", "observer_benchmark", "tumble")
 CAUSAL = ("paper, all", "paper, all, no accelerometer", "benchmark, all")  # rows that the causal filter has too
 TEXT = """# Forces from raw sensors
 
@@ -117,13 +120,24 @@ Truths and samples drawn from the smoother's own linear model (first second of e
 
 | flight | NEES | inside 1.96 deviations |
 |---|---|---|"""
+MOUNT = """
+## The accelerometer's place and turn
+
+"Off" means 5 mm along x and half a degree about every axis from what is stated; "calibrated", that `aerobat calibrate`
+has found it from 2 s of a flight without unknown forces that starts with 6 rad/s of roll and yaw. The deviations are
+those that it states.
+
+| paper, all | R2 of Fx/Fy/Fz | error of place x/y/z [mm] | deviation | error of turn roll/pitch/yaw [deg] | deviation |
+|---|---|---|---|---|---|"""
 COST = """## What it costs, and what it does not see
 
 * With given walks, 2 s of flight take {given:.1f} s of CPU. Records beyond 5 s are smoothed in overlapping parts, so
   memory stays bounded. The filter for streams (`aerobat_pin.estimation.raw.JointFilter`) takes a set of samples at a
   time; most of its time is Python's, for air and dynamics of one interval.
+* Poses may come to that filter up to 50 ms late: it carries them along its own motion since their stamp. Other sensors'
+  samples must come before the next update.
 * Fx on the paper's flight has a signal of 9 mN; without an accelerometer its error is more than half of that.
-* An accelerometer off its stated place or turn is not seen in the innovations, and costs Fx.
+* An accelerometer off its stated place or turn is hardly seen in the innovations, and costs Fx: calibrate.
 * The air's derivative by the body's twist is that of a lasting shift; on flights far beyond stall more linearisations
   are needed, and a warning tells if they did not settle."""
 
@@ -209,7 +223,7 @@ def smoother_rows(cases: list[Case], seeds: list[int]) -> Iterator[str]:
 def own_model_rows(draws: int) -> Iterator[str]:
     """Yield the mean normalised error squared, and the coverage of 95 %, on truths of the smoother's own model."""
     settings = RawSection(iterations=3, offset_error=0.0)
-    for name in ("paper", "observer_benchmark", "tumble"):
+    for name in OWN_FLIGHTS if draws else ():
         scenario = scenario_of(Case(name, name), 1)
         log, robot = simulate(scenario), believed_robot(scenario)
         record = part_of(raw_record(log, robot, "measured", settings), 0, 1000)
@@ -226,6 +240,51 @@ def own_model_rows(draws: int) -> Iterator[str]:
             yield f"| {name}, {kind} | {nees:.3f} | {100 * covered:.1f} % |"
 
 
+def mount_rows(seeds: list[int]) -> Iterator[str]:
+    """Yield rows for an accelerometer that is exact, off, and off but calibrated."""
+    frames, settings, off = FRAMES, RawSection(), {"place": [0.0, 0.0, 0.0], "turn_deg": [0.0, 0.0, 0.0]}
+    place = ("sensors.accelerometer.place=[0.005,0,0]", "sensors.accelerometer.turn_deg=[0.5,0.5,0.5]")
+    if not seeds:
+        return
+    found: dict[str, list[list[float]]] = {"exact": [], "off": [], "off, calibrated": []}
+    misses = []
+    for seed in seeds:
+        records = []
+        for forces in ((), ("unknown_force=[]", "flight.angular_velocity=[6,0,6]")):
+            scenario = load_scenario("raw_sensors", [f"simulation.seed={seed}", *place, *forces])
+            log, robot = simulate(scenario), believed_robot(scenario)
+            exact = raw_record(log, robot, "measured", settings)
+            log.measured["accelerometer"].attrs.update(off)
+            records.append((log, exact, raw_record(log, robot, "measured", settings)))
+        (log, exact, wrong), (_, _, free) = records
+        air, truth = scenario.believed_air, true_forces(log)
+        mount, _ = find_mount([free], robot, air, frames, settings)
+        smoother = JointSmoother(robot, air, frames, settings)
+        for label, record in zip(found, (exact, wrong, mounted(wrong, mount)), strict=True):
+            made = smoother.run(record)
+            found[label].append(figures(made.force, made.force_covariance, truth, total=False))
+        true = exact.channels["accelerometer"]
+        turn = np.degrees(pin.log3(true.turn.T @ mount.turn))
+        spread = np.sqrt(np.diag(mount.covariance))
+        misses.append([*(1e3 * (mount.place - true.place)), *(1e3 * spread[:3]), *turn, *np.degrees(spread[3:])])
+    worst = np.max(np.abs(misses), axis=0)
+    cells = ["/".join(f"{value:.2f}" for value in worst[3 * i : 3 * i + 3]) for i in range(4)]
+    for label, rows in found.items():
+        r2 = "/".join(f"{value:.4f}" for value in np.min(rows, axis=0)[:3])
+        yield f"| {label} | {r2} | {' | '.join(cells if label == 'off, calibrated' else [''] * 4)} |"
+
+
+def kept_rows(page: Path | None) -> dict[str, list[str]]:
+    """Return the rows of a page by their first cell; those that begin with dots belong to the row before them."""
+    kept: dict[str, list[str]] = {}
+    name = ""
+    for line in page.read_text(encoding="utf-8").splitlines() if page is not None and page.is_file() else []:
+        if line.startswith("| "):
+            name = name if line.startswith("| ...") else line[2:].split(" | ")[0].split(" (")[0]
+            kept.setdefault(name, []).append(line)
+    return kept
+
+
 def given_walks(seed: int) -> float:
     """Return the seconds of CPU that 2 s of the paper's flight take with given walks, without looking for offsets."""
     case = Case("given", raw=RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0))
@@ -237,18 +296,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5])
     parser.add_argument("--draws", type=int, default=10)
-    parser.add_argument("--only", nargs="+", default=[case.name for case in CASES])
+    parser.add_argument("--only", nargs="+", default=[*(case.name for case in CASES), "own model", "mount"])
     parser.add_argument("--write", type=Path)
     chosen = parser.parse_args()
-    lines = [TEXT, HEAD]
-    for row in smoother_rows([case for case in CASES if case.name in chosen.only], chosen.seeds):
-        print(row, flush=True)
-        lines.append(row)
+    kept, lines = kept_rows(chosen.write), [f"{TEXT}\n{HEAD}"]
+
+    def add(rows: Iterator[str], names: list[str]) -> None:
+        """Add measured rows, or the kept ones of these names."""
+        for row in rows:
+            print(row, flush=True)
+            lines.append(row)
+        lines.extend(row for name in names for row in kept.get(name, []))
+
+    for case in CASES:
+        measure = case.name in chosen.only
+        names = [case.name, f"{case.name}, causal filter"]
+        add(smoother_rows([case] if measure else [], chosen.seeds), [] if measure else names)
     lines.append(OWN)
-    for row in own_model_rows(chosen.draws):
-        print(row, flush=True)
-        lines.append(row)
-    lines.append(COST.format(given=given_walks(1)))
+    own = [f"{name}, {kind}" for name in OWN_FLIGHTS for kind in ("smoother", "filter")]
+    add(own_model_rows(chosen.draws if "own model" in chosen.only else 0), [] if "own model" in chosen.only else own)
+    lines.append(MOUNT)
+    labels = ["exact", "off", "off, calibrated"]
+    add(mount_rows(chosen.seeds if "mount" in chosen.only else []), [] if "mount" in chosen.only else labels)
+    lines.append("\n" + COST.format(given=given_walks(1)))
     print(lines[-1])
     if chosen.write is not None:
         chosen.write.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -86,4 +86,5 @@ def _free_flight(path: Path, morphology: str | None, settings: list[str]) -> Fre
         belief = belief_about(log, path.stem, morphology, [], settings)
         typer.echo(f"{name}: {describe_belief(belief, morphology, settings)}")
     observers = belief.observers
-    return FreeFlight(name, log, believed_robot(belief), belief.believed_air, observers.torque, observers.frames)
+    robot, air = believed_robot(belief), belief.believed_air
+    return FreeFlight(name, log, robot, air, observers.torque, observers.frames, observers.raw)

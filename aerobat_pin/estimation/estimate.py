@@ -128,8 +128,10 @@ def estimate_log(
         from aerobat_pin.estimation.raw import estimate_raw  # compiles kernels that other logs do not need
 
         if calibration is not None:
-            raise CalibrationError("raw samples: a calibration of interval means was given; leave it out")
-        return estimate_raw(log, robot, belief, progress)
+            calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
+            if calibration.accelerometer is None:
+                raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
+        return estimate_raw(log, robot, belief, progress, None if calibration is None else calibration.accelerometer)
     if calibration is not None:
         calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
         robot, air = calibration.believed(robot, air)

@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.own_model import own_model_errors
 
-from aerobat_pin.errors import LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import contradictions, estimate_log, r_squared
-from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, raw_record
+from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
+from aerobat_pin.estimation import (
+    FreeFlight,
+    calibrate,
+    calibration_bytes,
+    contradictions,
+    estimate_log,
+    r_squared,
+    read_calibration,
+)
+from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
 from aerobat_pin.estimation.raw.air import AirForces
 from aerobat_pin.estimation.raw.dynamics import linear_dynamics
 from aerobat_pin.estimation.raw.linear import LinearRecord
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import Prior, first_prior
+from aerobat_pin.estimation.raw.smoother import _stretches
 from aerobat_pin.estimation.raw.tuning import Tuning
 from aerobat_pin.flight import FlightLog, simulate
 from aerobat_pin.linkage import SeriesSculpture
@@ -24,6 +37,7 @@ from aerobat_pin.scenario import RawSection, load_scenario
 
 FRAMES = ("left_force_point", "right_force_point")
 GIVEN = RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0)  # as likelihood finds them
+FREE = RawSection(walk=(0.02, 0.05, 0.05), white=(1e-3, 1e-3, 1e-3), crank_jerk=5.0)
 SHORT = ("simulation.duration=1.3",)  # the forces' step is at 1 s
 
 
@@ -162,6 +176,78 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
         stream.update(0.601, {"gyro": (0.5, [0.0, 0.0, 0.0])})
     with pytest.raises(ObserverError, match="a later one was expected"):
         stream.update(0.5, {})
+
+
+def test_poses_may_come_late_to_the_causal_filter() -> None:
+    """Ten milliseconds: carried along the filter's motion they say what they would have said at once."""
+    smoother, record, found = smoothed("measured")
+    cut = RawRecord(record.time[:301], record.channels, record.known[:300], "measured")
+    at_once, _ = JointFilter(smoother, found.tuning, record.channels, "measured").run(cut)
+    stream, late, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), None, []
+    for k in range(301):
+        samples = {}
+        for name, channel in record.channels.items():
+            use = (channel.time <= record.time[k] + 1e-9) & (channel.time > record.time[max(k - 1, 0)] + 1e-9 * (k > 0))
+            if np.any(use | ((k == 0) & (channel.time <= 1e-9))):
+                at = int(np.flatnonzero(channel.time <= record.time[k] + 1e-9)[-1])
+                samples[name] = float(channel.time[at]), channel.values[at]
+        poses = {name: samples.pop(name) for name in ("position", "orientation") if stream.started and name in samples}
+        waiting.append(poses)
+        if stream.started and len(waiting) > 10:
+            samples |= waiting[-11]
+        late = stream.update(float(record.time[k]), samples, record.known[max(k - 1, 0)])
+    last = at_once[-1]
+    assert late is not None
+    assert last is not None
+    np.testing.assert_allclose(late.placement[:3], last.placement[:3], atol=1e-3)
+    np.testing.assert_allclose(late.twist[:3], last.twist[:3], atol=5e-3)
+    np.testing.assert_allclose(late.force, last.force, atol=0.01)
+    with pytest.raises(ObserverError, match="position is stamped"):
+        stream.update(0.301, {"position": (0.2, np.zeros(3))})
+
+
+def test_long_records_are_smoothed_in_parts_that_overlap_and_leave_no_gap() -> None:
+    """Whatever the length, a part has at most 5.6 s; the parts' kept knots follow each other."""
+    for seconds in (3.0, 5.4, 5.7, 20.0):
+        time = np.arange(0.0, seconds + 5e-4, 1e-3)
+        parts = list(_stretches(time))
+        assert all(time[part.stop] - time[part.start] < 5.7 for part in parts)
+        assert (parts[0].first, parts[-1].last) == (0, len(time) - 1)
+        for one, other in itertools.pairwise(parts):
+            assert one.last == other.first
+            assert one.next == other.start < other.first
+        assert (len(parts) > 1) == (seconds > 5.6)
+
+
+def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight() -> None:
+    """Within 1 mm and .3 degrees, kept in the file of a calibration, and Fx is what it is with the true ones."""
+    where = ("sensors.accelerometer.place=[0.005,0,0]", "sensors.accelerometer.turn_deg=[0.5,0.5,0.5]")
+
+    def unaware(*settings: str) -> tuple[FlightLog, Aerobat]:
+        log, robot = flight(*where, *settings)
+        place = log.measured["accelerometer"].assign_attrs(place=[0.0] * 3, turn_deg=[0.0] * 3)
+        return FlightLog(log.measured.assign(accelerometer=place), log.truth), robot
+
+    log, robot = unaware("unknown_force=[]", "flight.angular_velocity=[6,0,6]")
+    air = load_scenario("raw_sensors").believed_air
+    learnt = calibrate([FreeFlight("free", log, robot, air, "measured", FRAMES, FREE)])
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "hall.nc")
+        file.write_bytes(calibration_bytes(learnt))
+        mount = read_calibration(file).accelerometer
+    assert mount is not None
+    np.testing.assert_allclose(mount.place, [0.005, 0.0, 0.0], atol=1e-3)
+    true = pin.rpy.rpyToMatrix(*np.radians([0.5] * 3))
+    assert np.all(np.abs(np.degrees(pin.log3(true.T @ mount.turn))) < 0.3)
+    pushed, robot = unaware()
+    record = raw_record(pushed, robot, "measured", GIVEN)
+    found = JointSmoother(robot, air, FRAMES, GIVEN.model_copy(update={"offset_error": 0.0})).run(
+        mounted(record, mount)
+    )
+    _, _, exact = smoothed("measured")
+    assert worst_r2(found.force, truth(pushed))[0] > worst_r2(exact.force, truth(flight()[0]))[0] - 0.01
+    with pytest.raises(CalibrationError, match="'mass' cannot be learnt from raw samples"):
+        calibrate([FreeFlight("free", log, robot, air, "measured", FRAMES, FREE)], parameters=["mass"])
 
 
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:

@@ -11,9 +11,11 @@ from scipy.stats import chi2
 from support.kalman_twins import KalmanTwin
 from support.kernel_cases import MODELS, assert_equal, believable, record
 from support.observer_twins import point_jacobian
+from support.rails import Rails
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.experiments.experiment import run
+from aerobat_pin.flight import simulate
 from aerobat_pin.observers import Application, KalmanObserver, KalmanSample, SmootherObserver, tie_joints
 from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
@@ -88,7 +90,7 @@ WALK, PRIOR, DOUBT, RUNS = 0.5, 0.1, 0.2, 60
 
 
 def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
-    """Draw a record from the filter's own statistics: forces, a factor of the air, sensors that read their noise.
+    """Draw a record from the filter's own statistics: forces, a factor of the air, errors of the model, sensors' noise.
 
     A robot on rails: its joints and base are posed anew at every sample, its true momentum stays zero, and tau is what
     keeps it so. Returns the record and the true forces (steps, 6).
@@ -104,6 +106,9 @@ def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
     weight = np.array([pin.computeGeneralizedGravity(model, data, one) for one in q])
     pushed = np.einsum("kci,kc->ki", 0.5 * (J[1:] + J[:-1]), force)
     tau = 0.5 * (weight[1:] + weight[:-1]) - pushed - (1.0 + DOUBT * rng.normal()) * air
+    arms = np.where(np.arange(nv) < 3, 1.0, 0.05)  # what the filter thinks the rows to be wrong by, at least
+    least = 0.004 * 9.81 * pin.computeTotalMass(model) * np.sqrt(0.01 / dt) * arms
+    tau += least * np.random.default_rng(1000 + seed).normal(size=tau.shape)
     return (dt * np.arange(steps + 1), np.array(q), v, tau, {"air": air}), force
 
 
@@ -131,6 +136,24 @@ def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanO
     assert np.all(squares[0, 1] > low), squares[0]
     assert squares[1].max() > high
     assert squares[2].max() > high
+
+
+def test_the_deviations_are_true_where_noise_of_the_velocity_passes_through_the_coriolis_product() -> None:
+    """On draws from an exact model, with no floor of the misfit; with C^T v of the measured velocity 1.3 to 1.7."""
+    log = simulate(load_scenario("observer_benchmark", ["simulation.duration=0.4"]))
+    q, v = (np.asarray(log.measured[key].values, float) for key in ("q", "v"))
+    model = load_aerobat("aerobat_light").model
+    rails = Rails(model, log.time, q, v, FORCE_POINTS, misfit=False)
+    for kind in (KalmanObserver, SmootherObserver):
+        ratios = []
+        for seed in range(2):
+            measured, tau, force = rails.draw(seed)
+            observer = kind(model, FORCE_POINTS, sensor_noise=SENSORS)
+            observer._kalman.filter.doubtful[1] = 0.0
+            found = observer.run(log.time, q, measured, tau)
+            ratios.append((found.components - force)[20:] / found.standard_deviation[20:])
+        assert np.mean(np.square(ratios)) == pytest.approx(1.0, abs=0.15)
+        assert np.mean(np.abs(ratios) < 1.96) == pytest.approx(0.95, abs=0.025)
 
 
 @pytest.mark.parametrize("settings", [{}, {"force_walk": WALK, "prior": 10.0}, {"force_walk": "gain", "gain": 100.0}])

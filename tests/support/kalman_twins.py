@@ -47,7 +47,7 @@ class KalmanTwin:
         h, nz = blocks * c, blocks * c + len(spread)
         samples = [remembered(self.model, self.frames, *one) for one in zip(q, v, strict=True)]
         inertias = [pin.crba(self.model, self.model.createData(), one).copy() for one in q]
-        slopes = [self.slope(*one) @ np.linalg.inv(M) for *one, M in zip(q, v, inertias, strict=True)]
+        slopes = [self.slope(*one) for one in zip(q, v, strict=True)]
         weight = 9.81 * pin.computeTotalMass(self.model)
         weights = np.diag(believed(self.model, "all", v[0]))
         x = np.concatenate([samples[0][0], np.zeros(nz)])
@@ -56,6 +56,7 @@ class KalmanTwin:
         P[nv:, nv:] = np.diag([*np.full(h, self.prior**2), *np.square(spread)])
         H, doubt, first = np.eye(nv, nv + nz), np.zeros(nv), True
         speeds, rests, misfit, count = [v[0]], [np.zeros((2, nv))], 0.0, 0
+        ended: Vector | None = None
         roots = 0.822179 * np.sqrt(np.sqrt(924.0) * self.sensors)
         track: list[tuple[Vector, ...] | None] = []
         for k, torque in enumerate(tau):
@@ -75,17 +76,27 @@ class KalmanTwin:
             )
             if self.mass_error:
                 repaired = repaired + x[-1] * u
-            rest, unseen = self.explain(samples[k], samples[k + 1], repaired, dt)
+            rest, unseen, shown = self.explain(samples[k], samples[k + 1], repaired, dt)
             rests.append(low_passed(rests[-1], rest, dt))
             recent = 1.0 - np.exp(-dt / 0.2)
             redundant = max(len(believed(self.model, self.rows, v[0])) - c + unseen.shape[1], 1)
-            misfit += max(recent, 1.0 / count) * (np.sum(rests[-1][1] ** 2) / redundant - misfit)
             sensors = self.sensors
             if count >= 6:
                 root = np.sqrt(np.abs(np.diff(speeds[-7:], 6, axis=0)[0]))
                 roots += max(recent, 1.0 / (count - 3)) * (root - roots)
                 sensors = np.clip(roots**2 / (0.822179**2 * np.sqrt(924.0)), 1e-3 * self.sensors, self.sensors)
-            disbelief = misfit + (0.004 * weight) ** 2
+            half = 0.5 * dt
+            begun, ends = (
+                shown @ (M + side * D) * sensors / dt
+                for M, D, side in ((inertias[k], slopes[k], half), (inertias[k + 1], slopes[k + 1], -half))
+            )
+            leak = leaked(begun if ended is None else ended, begun, dt)
+            ended = ends
+            if len(believed(self.model, self.rows, v[0])) == c - unseen.shape[1]:
+                leak = 0.0
+            told = 1.0 + np.sqrt(2.5 * 0.015 / 0.2 / redundant)
+            misfit += max(recent, 1.0 / count) * ((np.sum(rests[-1][1] ** 2) - told * leak) / redundant - misfit)
+            disbelief = max(misfit, (0.004 * weight) ** 2)
             if count <= 12:
                 disbelief = max(disbelief, self.prior**2)
             a = np.exp(-dt / self.error_time)
@@ -100,8 +111,11 @@ class KalmanTwin:
                 G[h + i] = known[name][k]
             if self.mass_error:
                 G[-1] = u + G[:h].T @ (seen @ x[nv:])[:h]
-            turn = 0.5 * dt * (slopes[k] + slopes[k + 1])
-            F = np.block([[np.eye(nv) + turn, dt * G.T @ A], [np.zeros((nz, nv)), A]])
+            onward = (inertias[k] + half * slopes[k]) @ np.linalg.inv(inertias[k])
+            bent = inertias[k + 1] - half * slopes[k + 1]
+            own = np.eye(nv + nz)
+            own[:nv, :nv] = inertias[k + 1] @ np.linalg.inv(bent)  # C^T v of the velocity sought
+            F = np.block([[onward, dt * G.T @ A], [np.zeros((nz, nv)), A]])
             noise = np.vstack([dt * G.T, np.eye(nz)]) @ seen
             square = np.sum((np.array(spread)[:, None] * G[h:]) ** 2, axis=0) if spread else np.zeros(nv)
             doubt = square if first else square + a * (doubt - square)
@@ -110,32 +124,38 @@ class KalmanTwin:
             Q[:nv, :nv] += np.diag(self.misfit**2 * dt * doubt + 0.01 * dt * disbelief / weights**2)
             if self.rows != "all":
                 Q[:nv, :nv] += self.unknown_torques(inertias[k + 1], 0.01 * dt * disbelief / weights**2)
-            ahead = F @ x + np.concatenate([dt * (u + mean[1]) - turn @ x[:nv], np.zeros(nz)])
-            told = np.ones(nv) if self.rows == "all" else (np.arange(nv) < 6).astype(float)
-            bent = slopes[k] @ (x[:nv] - samples[k][0]) + slopes[k + 1] @ (told * (ahead[:nv] - samples[k + 1][0]))
-            ahead[:nv] += 0.5 * dt * bent
+            measured = half * (slopes[k] @ v[k] + slopes[k + 1] @ v[k + 1])
+            ahead = F @ x + np.concatenate([dt * (u + mean[1]) - measured, np.zeros(nz)])
             P_ahead = F @ P @ F.T + Q
+            earlier = F, ahead, P_ahead, own
+            ahead, P_ahead = own @ ahead, own @ P_ahead @ own.T
             R = inertias[k + 1] @ np.diag(sensors**2) @ inertias[k + 1]
             K = np.linalg.solve(H @ P_ahead @ H.T + R, H @ P_ahead).T
             x = ahead + K @ (samples[k + 1][0] - H @ ahead)
             P = (np.eye(nv + nz) - K @ H) @ P_ahead @ (np.eye(nv + nz) - K @ H).T + K @ R @ K.T  # Joseph
-            track.append((F, ahead, P_ahead, x, P, basis, unseen))
+            track.append((*earlier, x, P, basis, unseen))
         found, sure, later = [], [], None
         for step in reversed(track) if smooth else track:
             if step is None:
                 found.append(None)
                 sure.append(None)
                 continue
-            F, ahead, P_ahead, x, P, basis, unseen = step
+            *earlier, x, P, basis, unseen = step
             if smooth and later is not None:
-                after, P_after, next_F, next_ahead, next_P_ahead = later
+                after, P_after, next_F, next_ahead, next_P_ahead, next_own = later
+                back = np.linalg.inv(next_own)
+                after, P_after = back @ after, back @ P_after @ back.T
+                scale = np.sqrt(np.diag(next_P_ahead))  # unknown torques are 1e8 times as large as all else
+                balanced = next_P_ahead / np.outer(scale, scale)
                 C = (
-                    P @ next_F.T @ np.linalg.pinv(next_P_ahead, 1e-15, hermitian=True)
-                    if unseen.size
-                    else (np.linalg.solve(next_P_ahead, next_F @ P).T)
+                    P
+                    @ next_F.T
+                    / scale
+                    @ np.linalg.pinv(balanced, 1e-11 if unseen.size else 0.0, hermitian=True)
+                    / scale
                 )
                 x, P = x + C @ (after - next_ahead), P + C @ (P_after - next_P_ahead) @ C.T
-            later = x, P, F, ahead, P_ahead
+            later = x, P, *earlier
             found.append(basis @ x[nv : nv + h])
             deviation = np.sqrt(np.diag(basis @ P[nv : nv + h, nv : nv + h] @ basis.T))
             sure.append(np.where(np.any(np.abs(unseen) > 1e-3, axis=1), np.inf, deviation))
@@ -155,8 +175,11 @@ class KalmanTwin:
 
         return np.column_stack([0.5 * (drift(v + unit) - drift(v - unit)) for unit in np.eye(self.model.nv)])
 
-    def explain(self, before: Vector, after: Vector, u: Vector, dt: float) -> tuple[Vector, Vector]:
-        """Return the weighted rows (nv,) that no force explains, and the patterns (c, k) that leave no trace."""
+    def explain(self, before: Vector, after: Vector, u: Vector, dt: float) -> tuple[Vector, Vector, Vector]:
+        """Return the weighted rows (nv,) that no force explains, and the patterns (c, k) that leave no trace.
+
+        The third result maps any generalised force to what no force explains of it.
+        """
         mean, nv = 0.5 * (before + after), self.model.nv
         phi = (after[0] - before[0]) / dt - mean[1] - u
         _, sizes, patterns = np.linalg.svd(believed(self.model, self.rows, after[2]) @ after[3:].T)
@@ -170,7 +193,9 @@ class KalmanTwin:
             held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
             force = np.linalg.solve(held, kept @ J @ W.T @ W @ phi)
         left = W @ (phi - J.T @ force)
-        return np.pad(left, (0, nv - len(left))), unseen
+        A, B = J @ W.T @ W @ J.T, J @ W.T
+        shown = W - B.T @ np.linalg.solve(A + 1e-6 * np.trace(A) * np.eye(len(J)), B @ W)
+        return np.pad(left, (0, nv - len(left))), unseen, shown
 
     def unknown_torques(self, M: Vector, misfit: Vector) -> Vector:
         """Return the covariance (nv, nv) of the impulse of any torque at the joints behind a free base."""
@@ -183,3 +208,13 @@ def low_passed(state: Vector, value: Vector, dt: float) -> Vector:
     share = 1.0 - np.exp(-dt / 0.015)
     first = state[0] + share * (value - state[0])
     return np.array([first, state[1] + share * (first - state[1])])
+
+
+def leaked(ended: Vector, begun: Vector, dt: float) -> float:
+    """Return the power that white noise n leaves behind both low-passes: `ended` n in an interval, -`begun` n after."""
+    share = 1.0 - np.exp(-dt / 0.015)
+    steps = np.arange(4000)
+    response = share**2 * (steps + 1) * (1.0 - share) ** steps
+    return float(np.sum((np.outer(response[1:], ended) - np.outer(response[:-1], begun)) ** 2)) + float(
+        np.sum((response[0] * ended) ** 2)
+    )

@@ -19,6 +19,7 @@ from aerobat_pin.estimation.calibration.learnt_range import LOST_UNNOTICED, Lear
 from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.known_inputs import KnownInputs
 from aerobat_pin.estimation.motion import Motion
+from aerobat_pin.estimation.raw_mount import Mount
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.robot import Aerobat
@@ -85,6 +86,7 @@ class Calibration:
         detection: what is normal where nothing pushes; None if that was not learnt.
         flights: names of the flights.
         notes: what was found, in words.
+        accelerometer: its place and turn; None if they were not sought.
     """
 
     belief: Belief
@@ -95,6 +97,7 @@ class Calibration:
     detection: Detection | None = None
     flights: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    accelerometer: Mount | None = None
 
     @property
     def values(self) -> Mapping[str, float]:

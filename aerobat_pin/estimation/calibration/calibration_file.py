@@ -16,6 +16,7 @@ from aerobat_pin.estimation.calibration.flight_state import STATES
 from aerobat_pin.estimation.calibration.harmonics import Harmonics
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
+from aerobat_pin.estimation.raw_mount import PLACE_AXES, Mount
 from aerobat_pin.flight import netcdf_bytes, read_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
@@ -23,6 +24,7 @@ from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection
 
 LARGEST_NUMBER_LEARNT, VELOCITIES = 1.0e6, 10  # of any number in the file; velocities of the robot
+FARTHEST_PLACE = 1.0  # [m] from the body's centre of mass, of an accelerometer
 KIND = "aerobat calibration 1"  # attribute `kind` of the file, with the number of its form
 
 
@@ -57,6 +59,13 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         )
         variables["friction_deviation"] = (("joint", "coefficient"), loss.deviation)
         coords |= {"joint": list(JOINTS), "coefficient": list(FRICTION_COEFFICIENTS)}
+    if calibration.accelerometer is not None:
+        mount = calibration.accelerometer
+        variables["accelerometer_place"] = (("body_axis",), mount.place, {"units": "m"})
+        variables["accelerometer_turn"] = (("body_axis", "sensor_axis"), mount.turn)
+        variables["accelerometer_covariance"] = (("mount", "mount_other"), mount.covariance)
+        coords |= {"body_axis": list("xyz"), "sensor_axis": list("xyz")}
+        coords |= {"mount": list(PLACE_AXES), "mount_other": list(PLACE_AXES)}
     if calibration.detection is not None:
         normal = calibration.detection
         variables["normal"] = (("component", "limit"), np.column_stack([normal.bias, normal.threshold]))
@@ -100,6 +109,9 @@ def _check_forged(data: xr.Dataset) -> None:
         "range": (len(STATES), 3),
         "friction": (len(JOINTS), 4),
         "friction_deviation": (len(JOINTS), 4),
+        "accelerometer_place": (3,),
+        "accelerometer_turn": (3, 3),
+        "accelerometer_covariance": (6, 6),
     }
     if "coefficients" in data:
         factors, terms, _ = data["coefficients"].shape
@@ -154,6 +166,18 @@ def _calibration(data: xr.Dataset) -> Calibration:
     if "normal" in data:
         bias, threshold = np.asarray(data["normal"].values, float).T
         detection = Detection(_read_texts(data, "frame"), bias, threshold)
+    mount = None
+    if "accelerometer_place" in data:
+        place, turn, covariance = (
+            np.asarray(data[f"accelerometer_{part}"].values, float) for part in ("place", "turn", "covariance")
+        )
+        if not (np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0.0):
+            raise ValueError("accelerometer_turn: a rotation matrix was expected")
+        if np.any(np.abs(place) > FARTHEST_PLACE) or np.any(np.diag(covariance) < 0.0):
+            raise ValueError(
+                f"accelerometer_place: within {FARTHEST_PLACE:g} m of the body's centre of mass was expected"
+            )
+        mount = Mount(place, turn, covariance)
     return Calibration(
         belief=Belief(str(noted["morphology"]), str(noted["fingerprint"]), air, str(noted["torque"])),
         learnt=LearntRange(*np.asarray(data["range"].values, float).T),
@@ -163,6 +187,7 @@ def _calibration(data: xr.Dataset) -> Calibration:
         detection=detection,
         flights=_read_texts(data, "flight"),
         notes=_read_texts(data, "note"),
+        accelerometer=mount,
     )
 
 

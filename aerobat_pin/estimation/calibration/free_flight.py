@@ -14,13 +14,16 @@ from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import MOMENT_ARM, Redundancy, moving_weight, redundancy_of
 from aerobat_pin.robot import BASE_SIZE, FORCE_POINTS, Aerobat
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.scenario import AirSection, RawSection
 
 
 @guarded()
 @dataclass(frozen=True)
 class FreeFlight:
-    """A flight without unknown forces, what is believed of it, and the frames at which contacts would be sought."""
+    """A flight without unknown forces, what is believed of it, and the frames at which contacts would be sought.
+
+    `raw` is the table `observers.raw`, for a log of raw samples.
+    """
 
     name: str
     log: FlightLog
@@ -28,6 +31,7 @@ class FreeFlight:
     air: AirSection
     torque: Torque
     frames: Sequence[str] = FORCE_POINTS
+    raw: RawSection | None = None
 
     @cached_property
     def inputs(self) -> KnownInputs:

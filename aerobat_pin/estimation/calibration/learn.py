@@ -27,6 +27,7 @@ from aerobat_pin.estimation.calibration.harmonics import Harmonics, fit_harmonic
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.identify import HELD_OUT, identify
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
+from aerobat_pin.estimation.calibration.mounting import calibrate_mount
 from aerobat_pin.estimation.calibration.residual import interval_residual
 from aerobat_pin.estimation.known_inputs import KnownInputs
 from aerobat_pin.estimation.motion import Motion, motion
@@ -74,7 +75,7 @@ def calibrate(
     parameters: Sequence[str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Calibration:
-    """Learn a calibration.
+    """Learn a calibration; of raw samples the accelerometer's place and turn alone.
 
     Args:
         flights: flights without unknown forces, all with one belief.
@@ -96,6 +97,8 @@ def calibrate(
         Belief.of(flights[0].robot, flights[0].air, flights[0].torque).refuse_other(
             Belief.of(one.robot, one.air, one.torque)
         )
+    if any(one.log.is_raw for one in flights):
+        return calibrate_mount(flights, parameters)
     left = [_as_believed(one) for one in flights]
     notes = [line for one in flights for line in steady_forces(one)]
     notes.append(f"as believed: {_sizes(left)} unexplained")

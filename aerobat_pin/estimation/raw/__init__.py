@@ -2,6 +2,7 @@
 
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord, raw_record
 from aerobat_pin.estimation.raw.filter import JointFilter, JointSample
+from aerobat_pin.estimation.raw.mount import find_mount, mounted
 from aerobat_pin.estimation.raw.offsets import ClockOffset
 from aerobat_pin.estimation.raw.results import estimate_raw
 from aerobat_pin.estimation.raw.smoother import JointEstimate, JointSmoother
@@ -17,5 +18,7 @@ __all__ = [
     "RawRecord",
     "Tuning",
     "estimate_raw",
+    "find_mount",
+    "mounted",
     "raw_record",
 ]

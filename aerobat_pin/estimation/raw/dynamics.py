@@ -65,6 +65,7 @@ def linear_dynamics(
     air: AirForces,
     known: Array,
     force: Array,
+    data: pin.Data | None = None,
 ) -> LinearDynamics:
     """Linearise the dynamics about a nominal motion.
 
@@ -76,6 +77,7 @@ def linear_dynamics(
         air: the air along it.
         known: (m, nv) other known generalised forces.
         force: (m, points, 3) forces of the last iteration, world axes [N]; they turn with the Jacobians.
+        data: of the robot's model, changes; made anew when omitted.
     """
     dt = np.diff(nominal.time)
     m, n, nv = len(dt), layout.size, robot.model.nv
@@ -86,20 +88,21 @@ def linear_dynamics(
     angle, turning, speeding = nominal.crank[:-1].T
     crank = np.stack([angle + half * turning + 0.5 * half**2 * speeding, turning + half * speeding, speeding])
     closure = robot.linkage.solve(*crank)
-    ahead, behind = (robot.linkage.solve(crank[0] + sign * CRANK_STEP) for sign in (1.0, -1.0))
+    near = robot.linkage.solve(crank[0] + np.array([[CRANK_STEP], [-CRANK_STEP]]))
 
     def both(shoulder: Array, elbow: Array) -> Array:
         return np.stack([shoulder, elbow, shoulder, elbow], axis=-1)
 
     d1, d2 = both(closure.dtheta_s, closure.dtheta_e), both(closure.d2theta_s, closure.d2theta_e)
-    d3 = both(ahead.d2theta_s - behind.d2theta_s, ahead.d2theta_e - behind.d2theta_e) / (2.0 * CRANK_STEP)
+    d3 = -both(*(np.diff(one, axis=0)[0] for one in (near.d2theta_s, near.d2theta_e))) / (2.0 * CRANK_STEP)
     v = robot.velocity(twist, closure.theta_s_dot, closure.theta_e_dot)
     a = robot.velocity(rate, closure.theta_s_ddot, closure.theta_e_ddot)
     rotation = np.empty((m, 3, 3))
     ID, Dq, Dv, M = np.empty((m, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv))
     J = np.empty((m, 3 * len(frames), nv))
     defect, ad_half, ad = np.empty((m, 6)), np.empty((m, 6, 6)), np.empty((m, 6, 6))
-    model, data = robot.model, robot.model.createData()
+    model = robot.model
+    data = model.createData() if data is None else data
     ids = [model.getFrameId(frame) for frame in frames]
     placement = np.zeros((m, 7))
     for k in range(m):

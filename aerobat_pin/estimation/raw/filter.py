@@ -2,15 +2,18 @@
 
 Each update linearises one interval about the latest estimate and takes the samples of that interval: an extended Kalman
 filter. It starts when the first poses have come, from the smoother's result on them. What it loses against the smoother
-is what later samples would have said; see docs/raw_sensors.md.
+is what later samples would have said; see docs/raw_sensors.md. A pose that comes late, as those of motion capture do,
+is carried along the filter's own motion since its stamp, and then taken as one of the latest update.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
@@ -26,6 +29,7 @@ from aerobat_pin.estimation.raw.tuning import Tuning
 from aerobat_pin.numerics import Array
 
 FIRST_POSES = 8  # with which the filter starts
+POSES, MOST_LATE = ("position", "orientation"), 0.05  # what may come late, and by how much [s]
 OVER_INTERVAL = ("accelerometer", "torque")  # sensors that average over an interval: their stamp is its middle
 
 
@@ -72,6 +76,7 @@ class JointFilter:
         self.layout, self._nv = smoother.layout, smoother.robot.model.nv
         self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []
         self._here: NominalMotion | None = None
+        self._way: deque[tuple[float, float, pin.SE3]] = deque()  # start, end [s], motion of each latest interval
         self._x, self._P, self._rate = np.zeros(0), np.zeros((0, 0)), np.zeros(6)
         white = self.layout.white
         self._fresh = np.array([white.start, white.stop], dtype=np.intp)
@@ -94,7 +99,8 @@ class JointFilter:
             time: now [s]; later than at the last update.
             samples: sensor (`position`, `orientation` as a quaternion xyzw, `gyro`, `accelerometer`, `crank`, `torque`)
                 -> its sample, or stamp and sample. Without a stamp, accelerometer and torque belong to the middle of
-                the time since the last update, the others to now.
+                the time since the last update, the others to now. A pose may be stamped up to 50 ms before the last
+                update.
             known: (nv,) known generalised force since the last update; zero when omitted.
 
         Returns:
@@ -108,6 +114,7 @@ class JointFilter:
         if last is not None and not time > last:
             raise ObserverError(f"joint filter: time = {time:g} s after {last:g} s: a later one was expected")
         taken = {name: self._checked(name, sample, time, last) for name, sample in samples.items()}
+        taken = {name: self._carried(name, *sample, last) for name, sample in taken.items()}
         force = np.zeros(self._nv) if known is None else np.asarray(known, float)
         if self._here is not None:
             return self._step(self._here, time, taken, force)
@@ -147,9 +154,34 @@ class JointFilter:
         array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
         if array.shape != (size,) or not np.all(np.isfinite(array)):
             raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
-        if stamp > time + 1e-9 or (last is not None and stamp <= last):
+        earliest = last if last is None or name not in POSES or not self._way else self._way[0][0] - 1e-9
+        if stamp > time + 1e-9 or (earliest is not None and stamp <= earliest):
             raise ObserverError(f"joint filter: {name} is stamped {stamp:g} s, at an update from {last} to {time:g} s")
         return float(stamp), array
+
+    def _carried(self, name: str, stamp: float, values: Array, last: float | None) -> tuple[float, Array]:
+        """Return a sample; a late pose as it would have been at the last update."""
+        if last is None or stamp > last:
+            return stamp, values
+        for start, end, step in self._way:
+            if end > stamp:
+                part = min((end - stamp) / (end - start), 1.0)
+                if name == "position":
+                    values = values + part * step.translation
+                else:
+                    turned = pin.Quaternion(values / np.linalg.norm(values)).matrix()
+                    mark = self.sensors[name].turn
+                    body = turned @ mark.T @ pin.exp3(part * pin.log3(step.rotation))
+                    values = pin.Quaternion(body @ mark).coeffs()
+        return last, values
+
+    def _remember(self, start: NominalMotion, end: NominalMotion) -> None:
+        """Remember an interval's motion, without the corrections at its end: way of the markers in world axes, turn."""
+        lever = (end.rotation[0] - start.rotation[0]) @ self.sensors["position"].place
+        step = pin.SE3(start.rotation[0].T @ end.rotation[0], end.position[0] - start.position[0] + lever)
+        self._way.append((float(start.time[0]), float(end.time[0]), step))
+        while self._way[0][1] < end.time[0] - MOST_LATE:
+            self._way.popleft()
 
     def _record(self, times: list[float], each: list[dict[str, tuple[float, Array]]], known: Array) -> RawRecord:
         channels = {}
@@ -195,7 +227,9 @@ class JointFilter:
         self._rate = self._rate + d.push[0] + d.acceleration[0] @ x
         advance(x, P, d.transition[0], d.shift[0], noise, self._fresh, self._scratch)
         take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, middle, last)
-        self._here = motion.part(1, 1).moved(x[None, :MOVING])
+        there = motion.part(1, 1)
+        self._remember(here, there)
+        self._here = there.moved(x[None, :MOVING])
         x[:MOVING] = 0.0
         ratio = float(np.sum(innovations[:, 0] ** 2 / innovations[:, 1]))
         return self._sample(self._here, found, block, (ratio, len(rows.e)))

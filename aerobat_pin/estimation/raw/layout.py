@@ -9,24 +9,26 @@ from aerobat_pin.estimation.raw.recursion import MOVING
 
 POSE_ERROR, TWIST_ERROR, CRANK_ERROR = slice(0, 6), slice(6, 12), slice(12, 15)
 GYRO_BIAS, ACCELEROMETER_BIAS = slice(15, 18), slice(18, 21)
-FIRST_FORCE = 21
+FIRST_FORCE, MOUNT_SIZE = 21, 6
 assert CRANK_ERROR.stop == MOVING
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The states: errors of pose (se(3), body axes), twist and crank, then biases, forces, factors, clock offsets.
+    """The states: errors of pose (se(3), body axes), twist, crank; then biases, forces, factors, mount, clock offsets.
 
     Attributes:
         points: number of points at which a force is sought.
         mass: whether the factor of the mass is estimated.
         air: whether the factor of the air is estimated.
+        mount: whether place and turn of the accelerometer are estimated.
         offsets: sensors whose clock offset is estimated.
     """
 
     points: int
     mass: bool = False
     air: bool = False
+    mount: bool = False
     offsets: tuple[str, ...] = ()
 
     @property
@@ -49,13 +51,20 @@ class Layout:
         """Error of the air's factor."""
         return self.white.stop + int(self.mass) if self.air else None
 
+    @property
+    def mount_at(self) -> slice | None:
+        """Errors of the accelerometer's place, body axes [m], and of its turn, a rotation vector in its axes [rad]."""
+        first = self.white.stop + int(self.mass) + int(self.air)
+        return slice(first, first + MOUNT_SIZE) if self.mount else None
+
     @cached_property
     def offset_at(self) -> dict[str, int]:
         """Sensor -> where its clock offset [s] stands."""
-        first = self.white.stop + int(self.mass) + int(self.air)
+        first = self.size - len(self.offsets)
         return {name: first + i for i, name in enumerate(self.offsets)}
 
     @property
     def size(self) -> int:
         """Number of states."""
-        return FIRST_FORCE + 6 * self.points + int(self.mass) + int(self.air) + len(self.offsets)
+        more = int(self.mass) + int(self.air) + MOUNT_SIZE * int(self.mount)
+        return FIRST_FORCE + 6 * self.points + more + len(self.offsets)

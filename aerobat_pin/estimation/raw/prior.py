@@ -14,6 +14,7 @@ from aerobat_pin.scenario import RawSection
 
 START = (0.03,) * 3 + (0.1,) * 3 + (1.0,) * 3 + (3.0,) * 3 + (0.01, 1.0, 100.0) + (0.05,) * 3 + (0.5,) * 3
 FORCE_PRIOR = 2.0  # of the robot's weight
+MOUNT_PRIOR = (0.02,) * 3 + (0.05,) * 3  # of the accelerometer [m, rad]
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ def first_prior(layout: Layout, nominal: NominalMotion, weight: float, settings:
     for at, error in ((layout.mass_at, settings.mass_error), (layout.air_at, settings.air_error)):
         if at is not None:
             spread[at] = error
+    if layout.mount_at is not None:
+        spread[layout.mount_at] = MOUNT_PRIOR
     return prior_at(nominal, 0, np.zeros(layout.size), np.diag(spread**2))
 
 

@@ -9,11 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs
 from aerobat_pin.estimation.raw.channels import RawRecord, raw_record
 from aerobat_pin.estimation.raw.filter import JointFilter
+from aerobat_pin.estimation.raw.mount import mounted
 from aerobat_pin.estimation.raw.prior import FORCE_PRIOR
 from aerobat_pin.estimation.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.estimation.raw_mount import Mount
 from aerobat_pin.estimation.truth import SUM
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
@@ -36,9 +39,20 @@ def check_raw_names(names: tuple[str, ...]) -> None:
 
 
 def estimate_raw(
-    log: FlightLog, robot: Aerobat, belief: Scenario, progress: Callable[[float], None] | None = None
+    log: FlightLog,
+    robot: Aerobat,
+    belief: Scenario,
+    progress: Callable[[float], None] | None = None,
+    mount: Mount | None = None,
 ) -> tuple[KnownInputs, dict[str, Estimate]]:
     """Estimate motion and forces from raw samples.
+
+    Args:
+        log: the raw samples.
+        robot: the believed robot.
+        belief: scenario of which the observers and the assumed air are used.
+        progress: called with the share that is done.
+        mount: place and turn of the accelerometer as found by a calibration; as stated when omitted.
 
     Returns:
         The smoothed motion with the known forces in the form of inputs, and observer -> estimate.
@@ -50,9 +64,13 @@ def estimate_raw(
     section, settings = belief.observers, belief.observers.raw or RawSection()
     check_raw_names(section.names)
     record = raw_record(log, robot, section.torque, settings)
+    if mount is not None:
+        record = mounted(record, mount)
     smoother = JointSmoother(robot, belief.believed_air, section.frames, settings)
     found = smoother.run(record, progress)
     inputs = smoothed_inputs(record, robot, smoother, found)
+    if mount is not None:
+        inputs = replace(inputs, calibration=CalibrationUse("inside", f"calibration: {mount}"))
     checked = OBSERVERS["force_level"](robot.model, section.frames, section.gain, ROWS_OF_TORQUE[section.torque]).run(
         inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
     )

@@ -186,17 +186,21 @@ def _accelerometer(
     middle = 0.5 * (nominal.time[1:] + nominal.time[:-1])
     first = np.minimum(k, len(middle) - 1)
     r, v, w = channel.place, d.middle_twist[:, :3], d.middle_twist[:, 3:]
-    felt = d.middle_acceleration[:, :3] + np.cross(w, v) - d.up
-    felt += np.cross(d.middle_acceleration[:, 3:], r) + np.cross(w, np.cross(w, r))
+    Wm, turned = cross_matrices(w), cross_matrices(w) @ r
+    felt = d.middle_acceleration[:, :3] + np.einsum("kij,kj->ki", Wm, v + turned) - d.up
+    felt += cross_matrices(d.middle_acceleration[:, 3:]) @ r
     here, slope = _interpolated(middle, felt @ channel.turn, at)[0], _rate_of(middle, felt @ channel.turn, at)
     by_rate = np.concatenate([np.eye(3), -cross_matrices(r[None])[0]], axis=1)  # a_lin + a_ang x r
-    W, V, R = (cross_matrices(series[first]) for series in (w, v, np.cross(w, r)))
+    W, V, R = Wm[first], cross_matrices(v[first]), cross_matrices(turned[first])
     by_twist = np.concatenate([W, -V - R - W @ cross_matrices(r[None])[0]], axis=2)
     by_pose = np.concatenate([np.zeros((len(k), 3, 3)), -cross_matrices(d.up[first])], axis=2)
     h = by_rate @ d.acceleration[first] + by_twist @ d.twist[first] + by_pose @ d.pose[first]
     constant = d.push[first] @ by_rate.T + np.einsum("kij,kj->ki", by_twist, d.kick[first])
     h = channel.turn.T @ h
     h[:, :, ACCELEROMETER_BIAS] += np.eye(3)
+    if (mount := layout.mount_at) is not None:
+        by_place = cross_matrices(d.middle_acceleration[first, 3:]) + W @ W
+        h[:, :, mount] = np.concatenate([channel.turn.T @ by_place, cross_matrices(here)], axis=2)
     return h, values - here - constant @ channel.turn, slope
 
 

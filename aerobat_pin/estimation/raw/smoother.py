@@ -45,6 +45,7 @@ class JointEstimate:
         force: (m, points, 3) slowly changing forces in world axes, of each interval [N].
         force_covariance: (m, 3 points, 3 points) their covariance.
         bias: (6,) of gyro and accelerometer at the end.
+        mount: (6,) error of the accelerometer's place [m] and turn [rad], and their covariance; None if not sought.
         factors: name (`mass`, `air`) -> factor and its standard deviation.
         tuning: the walk in use; `chosen` says whether it was chosen by likelihood.
         offsets: clock offsets that the samples ask for.
@@ -58,6 +59,7 @@ class JointEstimate:
     force: Array
     force_covariance: Array
     bias: Array
+    mount: tuple[Array, Array] | None
     factors: dict[str, tuple[float, float]]
     tuning: Tuning
     chosen: bool
@@ -76,18 +78,21 @@ class JointSmoother:
         air: the believed air.
         frames: frames at whose origins unknown forces act.
         settings: the table `observers.raw`.
+        mount: whether place and turn of the accelerometer are estimated too.
     """
 
-    def __init__(self, robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection) -> None:
+    def __init__(
+        self, robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection, *, mount: bool = False
+    ) -> None:
         """Set up the air."""
         self.robot = robot = replace(robot, linkage=SeriesSculpture(robot.linkage))
-        self.frames, self.settings = frames, settings
+        self.frames, self.settings, self._data = frames, settings, robot.model.createData()
         self.air, self.weight = (
             AirAboutNominal(robot, air),
             robot.mass * float(np.linalg.norm(robot.model.gravity.linear)),
         )
         self.weight = self.weight or robot.mass * 9.81
-        self.layout = Layout(len(frames), settings.mass_error > 0.0, settings.air_error > 0.0)
+        self.layout = Layout(len(frames), settings.mass_error > 0.0, settings.air_error > 0.0, mount)
 
     def run(self, record: RawRecord, progress: Callable[[float], None] | None = None) -> JointEstimate:
         """Smooth a record."""
@@ -121,7 +126,7 @@ class JointSmoother:
         layout: Layout,
     ) -> LinearRecord:
         """Linearise a record about a motion."""
-        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force)
+        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force, self._data)
         return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts))
 
     def solve(
@@ -201,6 +206,7 @@ class JointSmoother:
             force=np.concatenate(forces),
             force_covariance=np.concatenate(blocks),
             bias=np.concatenate([x[GYRO_BIAS], x[ACCELEROMETER_BIAS]]),
+            mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.covariances[-1][at, at]),
             factors=factors,
             tuning=first.tuning,
             chosen=bool(np.any(free_logs(self.settings))),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,10 @@ class Tuning:
         """Return the tuning with these logarithms."""
         values = np.exp(logs)
         return cls(values[:3], values[3:6], float(values[6]))
+
+    def stated(self) -> dict[str, Any]:
+        """Return the tuning as entries of the table `observers.raw`."""
+        return {"walk": tuple(self.walk.tolist()), "white": tuple(self.white.tolist()), "crank_jerk": self.jerk}
 
     def __str__(self) -> str:
         """Return the tuning in words."""

@@ -246,7 +246,7 @@ class KalmanObserver(Observer):
         else:
             spread[: self._walks] = self._prior
         filter_.x[:] = 0.0
-        filter_.x[:nv] = sample[0]
+        filter_.half[:], filter_.back[:] = 0.0, np.linalg.solve(sample[-2 * nv : -nv], sample[-nv:])
         filter_.P[:] = np.diag(np.concatenate([np.zeros(nv), spread]))
         filter_.P[:nv, :nv] = blurred.T @ blurred
 

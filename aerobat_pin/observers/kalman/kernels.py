@@ -1,13 +1,14 @@
 """Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M, C and g.
 
-The state is the momentum p (nv,) and coefficients z (nz,). The coefficients are the forces, their harmonics, and the
-errors of the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, one interval
-is
+The state is the error x (nv,) of the momentum and coefficients z (nz,): the forces, their harmonics, and the errors of
+the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, and p = M v of the
+measured velocity v, an interval from sample 0 to sample 1 is
 
-    z <- a z + noise,   p <- p + dt (u + mean(C^T v - g)) + dt G^T z,   then p is measured: M v, covariance B B^T
+    z <- a z + noise,   x_1 = F x_0 + dt G^T z - (p_1 - p_0 - dt (u + mean(C^T v - g))),   F = (M_0 + D_0 dt/2) V_0^-1
 
-where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. C^T v is that of the
-filter's own velocity: h(v_m) + D (M^-1 p - v_m) at the measured v_m, with D the derivative of C^T v (see `slopes`).
+where a is the decay factor. C^T v is that of the velocity sought, to first order with its derivative D (see `slopes`):
+h(v) + D V^-1 x. At the end of an interval x is V = M - D dt/2 times the error of v, so that x is measured there as
+zero with covariance B B^T, B = V diag(s), for velocity sensors with standard deviations s (see `noisy_sample`).
 Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
 from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
 and the rows get white noise as large as what no force explains. The update uses the Cholesky factor of the innovation's
@@ -23,12 +24,13 @@ from aerobat_pin.observers.kalman.learning import (
     MISFIT_TIME,
     drop_unseen,
     drop_unseen_forces,
+    leak_of_noise,
     learn_misfit,
     learn_noise,
     misfit_variance,
 )
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
-from aerobat_pin.observers.kalman.noisy_sample import write_noisy_sample
+from aerobat_pin.observers.kalman.noisy_sample import own_velocity_until, write_noisy_sample
 from aerobat_pin.observers.kalman.process_noise import add_unknown_torques, set_walk_by_gain
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import fit_forces
@@ -82,23 +84,19 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
         for a in range(h):
             for i in range(nv):
                 shear[nz - 1, i] += shear[a, i] * z[a]
+    filter_.half[1] = own_velocity_until(after, 0.5 * dt, filter_)
+    half = filter_.half[0] + filter_.half[1]
     for i in range(nv):
-        e[i] = after[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
+        for j in range(nv):
+            step.turn[i, j] = half * filter_.back[j, i]
+    for i in range(nv):
+        e[i] = after[0, i] - before[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
+        e[i] -= dot(step.turn[i], x[:nv])
     for a in range(nz):
         now = step.decay[a] * z[a]
         for i in range(nv):
             e[i] -= now * shear[a, i]
-    starts, ends, bent, missed = before[3 + c + nv :], after[3 + c + nv :], filter_.inverse[0], filter_.inverse[1]
-    for i in range(nv):  # C^T v of the filter's own velocity, not of the measured one
-        missed[i], bent[i] = e[i], 0.0
-        for j in range(filter_.hidden.shape[0]):  # behind an unknown torque, the measured one
-            missed[i] -= filter_.hidden[i, j] * e[j]
     for i in range(nv):
-        for j in range(nv):
-            step.turn[i, j] = 0.5 * dt * (starts[i, j] + ends[i, j])
-            bent[i] += starts[i, j] * (x[j] - before[0, j]) - ends[i, j] * missed[j]
-    for i in range(nv):
-        e[i] -= 0.5 * dt * bent[i]
         if not abs(e[i]) < TOO_LARGE * min(dt, 1.0):  # NaN too
             return False
     return True
@@ -114,7 +112,7 @@ def predict_covariance(
     nv, blurred = n - nz, filter_.blurred
     for k in range(nv):
         for i in range(nv):
-            blurred[k, i] = filter_.sensed[k] * after[3 + c + k, i]
+            blurred[k, i] = filter_.sensed[k] * (after[3 + c + k, i] - filter_.half[1] * after[3 + c + nv + k, i])
     if by_gain:
         set_walk_by_gain(before, after, filter_, rows)
     grown = dt * (dt if by_gain else 1.0) + dt * filter_.head_start[0]
@@ -244,10 +242,14 @@ def filter_interval(
         return False
     if not filter_.walk_gain[0] > 0.0:
         learn_noise(after[2], dt, filter_)
-        learn_misfit(rest[:nv], observer.sizes.believed - c + observer.blind[0], dt, filter_)
+        redundant = observer.sizes.believed - c + observer.blind[0]
+        leak = leak_of_noise(before, after, dt, observer, filter_) if redundant > 0 else 0.0
+        learn_misfit(rest[:nv], redundant, dt, leak, filter_)
     predict_covariance(before, after, dt, observer, filter_, step)
+    filter_.half[0] = filter_.half[1]
     for i in range(nv):
-        x[i] = after[0, i] - step.e[i]
+        x[i] = -step.e[i]
+        copy_values(filter_.inverse[i, nv:], filter_.back[i])
     for a in range(n - nv):
         x[nv + a] *= step.decay[a]
     correct(x, P, step)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, inner
+from aerobat_pin.numerics import Array, add_product, dot, factorise, inner
 from aerobat_pin.observers.kalman.memory import Filter, Step
+from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
+from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels.projection import add_to_rows, power_unit
 
 MEMORY_TIME = 0.2  # [s]: time over which sensor noise and misfit are averaged: one wing beat at 5 Hz
 MISFIT_LAG = 0.015  # [s]: two low-passes of this time keep most sensor noise out of the misfit
+CORRELATION = 2.5  # [MISFIT_LAG]: integral of the squared correlation of white noise behind both low-passes
 MISFIT_TIME = 0.01  # [s]: time over which an error of the model stays what it is
 DIFFERENCES = (
     6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
@@ -42,9 +46,13 @@ def learn_noise(v: Array, dt: float, filter_: Filter) -> None:
 
 
 @inner
-def learn_misfit(rest: Array, redundant: int, dt: float, filter_: Filter) -> None:
-    """Update the running mean square of what no force explains from one interval's rows `rest` (nv,)."""
-    slow, share, size = filter_.slow, 1.0 - np.exp(-dt / MISFIT_LAG), 0.0
+def learn_misfit(rest: Array, redundant: int, dt: float, leak: float, filter_: Filter) -> None:
+    """Update the running mean square of what no force explains from one interval's rows `rest` (nv,).
+
+    What noise of the sensors leaves, `leak` [N^2] of `leak_of_noise`, and one deviation of its mean are no misfit.
+    """
+    slow, share = filter_.slow, 1.0 - np.exp(-dt / MISFIT_LAG)
+    size = -leak * (1.0 + np.sqrt(CORRELATION * MISFIT_LAG / (MEMORY_TIME * max(redundant, 1))))
     for i in range(rest.shape[0]):
         slow[0, i] += share * (rest[i] - slow[0, i])
         slow[1, i] += share * (slow[0, i] - slow[1, i])
@@ -52,6 +60,52 @@ def learn_misfit(rest: Array, redundant: int, dt: float, filter_: Filter) -> Non
     size /= max(redundant, 1)
     share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (filter_.intervals[0] + 1.0))
     filter_.disbelief[0] += share * (size - filter_.disbelief[0])
+
+
+@inner
+def leak_of_noise(before: Array, after: Array, dt: float, observer: ObserverMemory, filter_: Filter) -> float:
+    """Return the mean square [N^2] that sensor noise leaves in the rows that no force explains, behind both low-passes.
+
+    Noise n of a sample enters the rows of the interval before it as a n, a = N (M - D dt/2) / dt, and those of the next
+    one as -b n, b = N (M + D dt/2) / dt, with N the projection of weighted rows onto what no force explains. White n of
+    covariance diag(s^2) leaves |a s|^2 sum(h^2) - 2 (a s).(b s) sum(h h') + |b s|^2 sum(h^2), h the response of the
+    low-passes and h' the same one interval later.
+    """
+    c, nv, J, made, ended = filter_.seen.shape[0], before.shape[1], observer.jacobian, filter_.made, filter_.ended
+    span, unit, top = filter_.span, power_unit(observer), before.shape[0] - 2 * before.shape[1]
+    span[:, :], made[:, :] = 0.0, 0.0
+    for a in range(c):
+        for k in range(nv):
+            add_to_rows(observer, k, J[a, k], unit, span[a, c:])
+    trace = 0.0
+    for a in range(c):
+        for b in range(a, c):
+            span[a, b] = dot(span[a, c:], span[b, c:])
+        trace += span[a, a]
+    for a in range(c):
+        span[a, a] += LEAST_INFORMATION * trace if trace > 0.0 else 1.0
+    factorise(span)
+    for k in range(nv):
+        size = filter_.sensed[k] / dt
+        for i in range(nv):
+            start = before[top + k, i] + 0.5 * dt * before[top + nv + k, i]
+            end = after[top + k, i] - 0.5 * dt * after[top + nv + k, i]
+            add_to_rows(observer, i, size * start, unit, made[:, k])
+            add_to_rows(observer, i, size * end, unit, made[:, nv + k])
+    filter_.along[:, :] = 0.0
+    add_product(filter_.along, span[:, c:], made, 1.0)
+    add_product(made, span[:, c:].T, filter_.along, -1.0)
+    apart, together, first = 0.0, 0.0, filter_.intervals[0] == 0.0
+    for s in range(nv):
+        for k in range(nv):
+            b, a = made[s, k], made[s, k] if first else ended[s, k]
+            apart += (a - b) * (a - b)
+            together += a * b
+            ended[s, k] = made[s, nv + k]
+    share = 1.0 - np.exp(-dt / MISFIT_LAG)
+    kept = 1.0 - (1.0 - share) ** 2
+    power = share**4 / kept**3  # sum(h^2) is (2 - kept) power, sum(h^2) - sum(h h') is share^2 power
+    return float(power * ((2.0 - kept) * apart + 2.0 * share * share * together))
 
 
 @inner
@@ -91,7 +145,7 @@ def misfit_variance(filter_: Filter) -> float:
     Until the sensor noise is known, the model is thought to be wrong by as much as the forces: no row then counts more
     than the others.
     """
-    doubt: float = filter_.disbelief[0] + filter_.doubtful[1] * filter_.doubtful[1]
+    doubt: float = max(filter_.disbelief[0], filter_.doubtful[1] * filter_.doubtful[1])
     if filter_.intervals[0] < LEARNING:
         doubt = max(doubt, filter_.doubtful[0] * filter_.doubtful[0])
     return doubt

@@ -15,7 +15,7 @@ class Step(NamedTuple):
     """
 
     shear: Array  # dt G, padded with zero columns
-    turn: Array  # dt D M^-1, mean of both ends: what an error of the momentum adds to itself by C^T v
+    turn: Array  # what C^T v adds to an error of the momentum, see `noisy_sample`
     decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
     rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
@@ -54,13 +54,21 @@ class Filter(NamedTuple):
     doubt: Array  # running mean square of the possible errors of known forces and mass, for each row
     x: Array  # estimate of the state
     P: Array  # covariance of the estimate
-    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and D M^-1
+    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and D^T
     derivatives: Integers  # addresses of two matrices of `slopes`, from which D is made
+    half: (
+        Array  # half the length of the latest interval and of the one in work [s]; 0 with the measured velocity's C^T v
+    )
+    back: Array  # (D (M - half D)^-1)^T at the latest sample
     inverse: Array  # scratch, like the field below
     turned: Array
     blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
     phi: Array  # scratch, like the field below
     seen: Array
+    span: Array  # scratch: equations of the forces, then what they explain of the weighted rows
+    made: Array  # scratch: weighted rows that noise of the two samples' velocities makes
+    along: Array  # scratch: the part of it that forces explain
+    ended: Array  # what no force explains of the rows made by the latest sample's noise
 
 
 class KalmanMemory(NamedTuple):
@@ -145,11 +153,17 @@ def kalman_in(memory: Array) -> KalmanMemory:
             P=take(cursor, (nv + nz, nv + nz)),
             samples=take(cursor, (2, 3 + c + 2 * nv, nv)),
             derivatives=take_integers(cursor, (2,)),
+            half=take(cursor, (2,)),
+            back=take(cursor, (nv, nv)),
             inverse=take(cursor, (nv, 2 * nv)),
             turned=take(cursor, (nv, nv + nz)),
             blurred=take(cursor, (nv, nv)),
             phi=take(cursor, (nv,)),
             seen=take(cursor, (c, nv + nz)),
+            span=take(cursor, (c, c + nv)),
+            made=take(cursor, (nv, 2 * nv)),
+            along=take(cursor, (c, 2 * nv)),
+            ended=take(cursor, (nv, nv)),
         ),
         step=step_fields(cursor, nv, nz, c, blocks),
     )

@@ -133,28 +133,40 @@ def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalize
         generalized: (nv,) generalised force phi.
         rest: (nv + 1,) written: r, padded with zeros, and the smallest pivot of the equations over their trace.
     """
-    nv, rows, force = generalized.shape[0], observer.sizes.rows, observer.fitted
-    J, velocity = observer.jacobian, observer.velocity
+    nv, force, J = generalized.shape[0], observer.fitted, observer.jacobian
     rest[nv] = project(observer, before, after, generalized, force)
-    power, speed = 0.0, 0.0
     for k in range(nv):
         rest[k] = 0.0
     if force.shape[0] == 0:
         return
+    unit = power_unit(observer)
     for k in range(nv):
         left = generalized[k]
         for i in range(force.shape[0]):
             left -= J[i, k] * force[i]
-        if rows == TIED:
-            for s in range(observer.tied.shape[1]):
-                rest[s] += observer.tied[k, s] * left
-        elif rows == ALL_ROWS or k < BASE_ROWS:
-            rest[k] = observer.weight[k] * left
-        elif rows == POWER_ROW:
-            power += velocity[k] * left
-            speed += in_unit_of_last_row(observer, velocity, k) ** 2
-    if speed > 0.0:
-        rest[BASE_ROWS] = observer.weight[nv - 1] * power / np.sqrt(speed)
+        add_to_rows(observer, k, left, unit, rest)
+
+
+@inner
+def power_unit(observer: ObserverMemory) -> float:
+    """Return the weight of the row of the joints' power, over the joints' speed; 0 if they stand still."""
+    nv, speed = observer.velocity.shape[0], 0.0
+    if observer.sizes.rows == POWER_ROW:
+        for k in range(BASE_ROWS, nv):
+            speed += in_unit_of_last_row(observer, observer.velocity, k) ** 2
+    return float(observer.weight[nv - 1] / np.sqrt(speed)) if speed > 0.0 else 0.0
+
+
+@inner
+def add_to_rows(observer: ObserverMemory, k: int, value: float, unit: float, rows: Array) -> None:
+    """Add an entry k of a generalised force to the weighted rows in use (nv,); unit is `power_unit`."""
+    if observer.sizes.rows == TIED:
+        for s in range(observer.tied.shape[1]):
+            rows[s] += observer.tied[k, s] * value
+    elif observer.sizes.rows == ALL_ROWS or k < BASE_ROWS:
+        rows[k] += observer.weight[k] * value
+    elif observer.sizes.rows == POWER_ROW:
+        rows[BASE_ROWS] += unit * observer.velocity[k] * value
 
 
 @inner
