@@ -12,7 +12,6 @@ from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
 MOST_COLUMNS = 4
-SHORTEST = 0.02  # share of the record that the second row of the sensor's figure enlarges
 Lines = tuple[Array, Array]
 
 
