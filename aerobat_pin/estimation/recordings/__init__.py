@@ -5,7 +5,7 @@ from aerobat_pin.estimation.recordings.map_file import describe_map, load_map, p
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.online import OnlineEstimator, OnlineSample
 from aerobat_pin.estimation.recordings.suggest import suggested_map
-from aerobat_pin.estimation.recordings.tell import write_flight_mcap, write_mcap
+from aerobat_pin.estimation.recordings.write_mcap import write_flight_mcap, write_mcap
 
 __all__ = [
     "Map",

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.recordings.inverse_dynamics import frame_axes, sensor_force, sensor_point
 from aerobat_pin.estimation.recordings.record import Record
-from aerobat_pin.estimation.recordings.required import frame_axes, sensor_force, sensor_point
 from aerobat_pin.estimation.recordings.run_observers import settled
 from aerobat_pin.estimation.scores import lag, r_squared
 from aerobat_pin.numerics import Array
