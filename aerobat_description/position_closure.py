@@ -145,11 +145,6 @@ def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
     return {key: value for key, value in found.items() if value is not None}
 
 
-def can_turn(bars: LinkageLengths) -> bool:
-    """Return whether the crank can turn through a full circle."""
-    return _stuck_at(bars) is None
-
-
 def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
     """Return a crank angle [rad] at which the linkage cannot close, or None; the angle `first` is tried first."""
     for angle in (first, *CRANK_ANGLES):

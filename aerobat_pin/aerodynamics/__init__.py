@@ -5,7 +5,7 @@ from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, f
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine, StateSpace
 from aerobat_pin.aerodynamics.links import place_links
 from aerobat_pin.aerodynamics.memory import LINK_COUNT, RobotMemory, air_in, fill, robot_in
-from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads, air_loads_in, air_memory
+from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads, air_memory
 from aerobat_pin.aerodynamics.robot_in_air import RobotInAir
 from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, Pieces, StripLoads, strips_of
 from aerobat_pin.aerodynamics.wind import LARGEST_AIRSPEED, Gust, Wind
@@ -29,7 +29,6 @@ __all__ = [
     "add_mass",
     "air_in",
     "air_loads",
-    "air_loads_in",
     "air_memory",
     "fill",
     "fly",

@@ -34,7 +34,7 @@ from aerobat_pin.aerodynamics.strip_forces import (
     strip_rows,
 )
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, fields_of, guarded, inner, kernel, new_memory
+from aerobat_pin.numerics import Array, fields_of, guarded, inner, new_memory
 from aerobat_pin.robot import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
@@ -60,12 +60,6 @@ def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, r
     else:
         downwash = strip_loads(air, twists, state, wrenches, rates, rows)
     add_surfaces(air.surfaces, air.density[()], twists[0], downwash, wrenches[0])
-
-
-@kernel
-def air_loads_in(memory: Array, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
-    """Compute what `air_loads` does, reading the aerodynamic constants from `RobotAir.memory`."""
-    air_loads(air_in(memory), twists, state, wrenches, rates, loads)
 
 
 class RobotAir:

@@ -1,4 +1,4 @@
-"""Run the observers on a flight log: prepare their inputs with an assumed robot model, and score their estimates.
+"""From a log and a belief to forces: known inputs, calibrations, raw sensors, recordings of any robot, and scores.
 
 What reads the recordings of any robot is imported when it is first used, so that a run need not wait for it.
 """

@@ -32,7 +32,7 @@ from aerobat_pin.flight import FlightLog, log_with_motion, netcdf_bytes, simulat
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
-from aerobat_pin.scenario import RecordedForce, Scenario, changed_keys, changes_text, scenario_toml
+from aerobat_pin.scenario import RecordedForce, Scenario, changed_keys, described, scenario_toml
 
 FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power", "control")
 RESULTS = (  # all that a run or an estimate writes, as glob patterns
@@ -249,9 +249,7 @@ def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml"
             shutil.copyfile(force.file, folder / f"unknown_force_{i}.csv")
             forces[i] = force.model_copy(update={"file": f"unknown_force_{i}.csv"})
     scenario = scenario.model_copy(update={"unknown_force": tuple(forces)})
-    changes = changes_text(scenario.name, changed_keys(scenario)) if name == "scenario.toml" else ""
-    head = f"# {changes}\n" if changes else ""
-    (folder / name).write_text(head + scenario_toml(scenario), encoding="utf-8")
+    (folder / name).write_text(scenario_toml(described(scenario)), encoding="utf-8")
 
 
 def write_metrics(metrics: dict[str, Any], folder: Path) -> None:

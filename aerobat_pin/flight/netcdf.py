@@ -285,7 +285,11 @@ def _dimensions(item: h5py.Dataset, label: str, where: str) -> tuple[str, ...]:
     """Return the names of a dataset's dimensions."""
     if item.attrs.get("CLASS") == b"DIMENSION_SCALE" and item.ndim == 1:
         return (label,)
-    scales = [[str(item.file[one].name).rpartition("/")[2] for one in dim] for dim in item.attrs["DIMENSION_LIST"]] if item.ndim else []
+    scales = (
+        [[str(item.file[one].name).rpartition("/")[2] for one in dim] for dim in item.attrs["DIMENSION_LIST"]]
+        if item.ndim
+        else []
+    )
     if not all(len(names) == 1 for names in scales):
         raise LogError(f"{where}: its dimensions have no names: the dimension scales of NetCDF-4 were expected")
     return tuple(names[0] for names in scales)

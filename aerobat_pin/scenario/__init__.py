@@ -1,6 +1,13 @@
 """Read and check scenario files: their keys, units and defaults, and the messages that explain a wrong value."""
 
-from aerobat_pin.scenario.changes import changed_keys, changes_text, differing_keys, keys_text
+from aerobat_pin.scenario.changes import (
+    changed_keys,
+    changes_text,
+    described,
+    differing_keys,
+    keys_text,
+    shipped_description,
+)
 from aerobat_pin.scenario.control_tables import ControlSection, ThrustersSection
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.describe import describe_scenario, describe_tables
@@ -48,6 +55,7 @@ __all__ = [
     "changes_text",
     "describe_scenario",
     "describe_tables",
+    "described",
     "differing_keys",
     "explain",
     "explain_plainly",
@@ -56,6 +64,7 @@ __all__ = [
     "parse_scenario",
     "read_toml",
     "scenario_toml",
+    "shipped_description",
     "shipped_names",
     "shipped_scenarios",
     "with_settings",

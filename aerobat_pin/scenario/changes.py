@@ -38,6 +38,25 @@ def changes_text(name: str, changed: Mapping[str, Any]) -> str:
     return f"changed from {name}: {keys_text(changed)}" if changed else ""
 
 
+def described(scenario: Scenario) -> Scenario:
+    """Return a scenario whose description does not contradict it: that of a shipped one goes when a key is changed.
+
+    A description of the user's own stays.
+    """
+    if not os.path.isfile(SHIPPED_SCENARIOS / f"{scenario.name}.toml"):
+        return scenario
+    shipped, begin = _shipped(scenario.name).description, f"changed from {scenario.name}: "
+    if scenario.description != shipped and not scenario.description.startswith(begin):
+        return scenario
+    text = changes_text(scenario.name, changed_keys(scenario)) or shipped
+    return scenario.model_copy(update={"description": text})
+
+
+def shipped_description(name: str) -> str:
+    """Return the description of the shipped scenario of a name; nothing if there is none."""
+    return _shipped(name).description if os.path.isfile(SHIPPED_SCENARIOS / f"{name}.toml") else ""
+
+
 def keys_text(changed: Mapping[str, Any]) -> str:
     """Return `key = value, ...` as a line of text."""
     shown = [f"{key} = {_short_value(value)}" for key, value in list(changed.items())[:MOST_SHOWN]]

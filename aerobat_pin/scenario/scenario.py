@@ -65,7 +65,7 @@ class Scenario(Section):
     def __repr__(self) -> str:
         frames = ", ".join(dict.fromkeys(force.frame for force in self.unknown_force)) or "no frame"
         return (
-            f"Scenario {self.name}: {self.description}\n"
+            f"Scenario {self.name}\n"
             f"  robot {self.robot.morphology}; {self.simulation.duration:g} s in steps of {self.simulation.dt:g} s, "
             f"seed {self.simulation.seed}; unknown forces at {frames}; observers {', '.join(self.observers.names)}"
         )

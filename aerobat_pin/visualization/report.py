@@ -15,7 +15,7 @@ from markupsafe import Markup
 from aerobat_pin.estimation import TABLE_HEADER
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.scenario import scenario_toml
+from aerobat_pin.scenario import described, scenario_toml, shipped_description
 from aerobat_pin.visualization.figures.linkage_svg import linkage_animation
 from aerobat_pin.visualization.template import fill_template
 
@@ -29,10 +29,11 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
         experiment: results of the run.
         images: figure name -> PNG file; the pictures are embedded into the page.
     """
-    scenario, frequency = experiment.scenario, experiment.scenario.crank.frequency
+    scenario, frequency = described(experiment.scenario), experiment.scenario.crank.frequency
     return fill_template(
         "report.html",
         scenario=scenario,
+        shipped=shipped_description(scenario.name),
         toml=scenario_toml(scenario),
         robot=f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}",
         mass=experiment.robot.mass,

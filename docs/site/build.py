@@ -10,17 +10,19 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from pages import Stage
 from printed import commands_page, scenario_page
-from reference import door_page, doors
+from reference import door_page, doors, names_page
 
 ROOT = Path(__file__).resolve().parents[2]
 API = """# Public names
 
 Every public name of every room, from its docstring. A room is a package of `aerobat_pin`; its door is what
-`from aerobat_pin.<room> import name` gives. [The map](../architecture.md) says what each room is for.
+`from aerobat_pin.<room> import name` gives. [The map](../architecture.md) says what each room is for, and
+[all names](names.rst) stand in one list from A to Z.
 
 ```{{toctree}}
 :maxdepth: 1
 
+names
 {pages}
 ```
 """
@@ -33,6 +35,7 @@ def stage(folder: Path) -> Path:
     staged.write("commands", commands_page())
     staged.write("scenario_keys", scenario_page())
     names = doors(ROOT)
+    staged.write("api/names", names_page(ROOT), ".rst")
     staged.write("api/index", API.format(pages="\n".join(names)))
     for door in names:
         staged.write(f"api/{door}", door_page(ROOT, door), ".rst")

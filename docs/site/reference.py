@@ -9,11 +9,29 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+INNER = ["aerobat_pin.estimation.raw"]  # doors within a room that users enter, too
+
 
 def doors(root: Path) -> list[str]:
     """Return the modules whose public names the reference shows: the front door first, then every room, by name."""
-    rooms = sorted(path.parent.name for path in (root / "aerobat_pin").glob("*/__init__.py"))
-    return ["aerobat_pin", *(f"aerobat_pin.{room}" for room in rooms), "aerobat_description"]
+    rooms = [f"aerobat_pin.{path.parent.name}" for path in (root / "aerobat_pin").glob("*/__init__.py")]
+    return ["aerobat_pin", *sorted(rooms + INNER), "aerobat_description"]
+
+
+def names_page(root: Path) -> str:
+    """Return the page of all public names from A to Z: what each is, the doors that give it, and a link."""
+    found: dict[str, list[str]] = {}
+    for door in doors(root):
+        for name in importlib.import_module(door).__all__:
+            found.setdefault(name, []).append(door)
+    title = "All public names"
+    lines = [title, "=" * len(title), "", "Each leads to its signature and its docstring.", ""]
+    for name, given in sorted(found.items(), key=lambda item: (item[0].lower(), item[0])):
+        door, thing = given[-1], getattr(importlib.import_module(given[-1]), name)
+        said = _escaped(remark(root, door, name) if is_value(name, thing) else summary(thing))
+        places = ", ".join(f"``{one}``" for one in given)
+        lines.append(f"* :py:obj:`{name} <{door}.{name}>` from {places}{': ' if said else ''}{said}")
+    return "\n".join(lines) + "\n"
 
 
 def summary(thing: Any) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.air_loads import air_loads_in
 from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP
 from support.section_law import HALVES, fly_on_links, memory_of, plate, plate_drag
 
 from aerobat_pin.aerodynamics import LiftingLine, Stroke
-from aerobat_pin.aerodynamics.robot_air import air_loads_in
 from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, strips_of
 from aerobat_pin.robot.wing import LINKS
 

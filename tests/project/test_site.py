@@ -15,6 +15,7 @@ from urllib.parse import unquote
 import pytest
 from typer.main import get_command
 
+import aerobat_pin
 from aerobat_pin.cli.app import app
 from aerobat_pin.scenario import describe_scenario
 
@@ -22,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOORS = [
     "aerobat_description",
     *sorted(f"aerobat_pin.{path.parent.name}" for path in ROOT.glob("aerobat_pin/*/__init__.py")),
+    "aerobat_pin.estimation.raw",
 ]
 NO_NETWORK = """
 import socket, sys
@@ -101,9 +103,18 @@ def test_a_page_loads_nothing_from_elsewhere(pages: dict[Path, Page]) -> None:
 
 @pytest.mark.parametrize("door", DOORS)
 def test_every_public_name_of_a_room_has_an_entry(door: str, site: Path, pages: dict[Path, Page]) -> None:
-    """Under the name by which it is imported."""
-    named = pages[site / "api" / f"{door}.html"].names
-    assert [name for name in importlib.import_module(door).__all__ if f"{door}.{name}" not in named] == []
+    """Under the name by which it is imported; the list of all names leads there, and so does the site's search."""
+    public = importlib.import_module(door).__all__
+    assert [name for name in public if f"{door}.{name}" not in pages[site / "api" / f"{door}.html"].names] == []
+    listed = pages[site / "api" / "names.html"].links
+    assert [name for name in public if f"{door}.html#{door}.{name}" not in listed] == []
+    assert [name for name in public if f'"{name}"' not in (site / "searchindex.js").read_text("utf-8")] == []
+
+
+def test_the_names_of_the_front_door_are_listed(pages: dict[Path, Page], site: Path) -> None:
+    """Each leads to the entry in its room."""
+    listed = {link.rpartition(".")[2] for link in pages[site / "api" / "names.html"].links}
+    assert set(aerobat_pin.__all__) - {"__version__"} - listed == set()
 
 
 def test_the_reference_has_every_command_and_scenario_key(pages: dict[Path, Page], site: Path) -> None:

@@ -6,7 +6,14 @@ from typing import Any
 
 import pytest
 
-from aerobat_pin.scenario import changed_keys, changes_text, load_scenario, parse_scenario, shipped_scenarios
+from aerobat_pin.scenario import (
+    changed_keys,
+    changes_text,
+    described,
+    load_scenario,
+    parse_scenario,
+    shipped_scenarios,
+)
 
 
 @pytest.mark.parametrize(
@@ -44,6 +51,19 @@ def test_a_shipped_scenario_changes_nothing(name: str) -> None:
     """Not even after it was written with all its defaults."""
     assert changed_keys(load_scenario(name)) == {}
     assert changes_text(name, {}) == ""
+
+
+def test_a_description_does_not_contradict_its_scenario() -> None:
+    """That of a shipped scenario goes when a key changes and comes back with it; the user's own stays."""
+    paper = load_scenario("paper")
+    short = described(load_scenario("paper", ["simulation.duration=0.5"]))
+    assert short.description == "changed from paper: simulation.duration = 0.5"
+    longer = short.model_copy(update={"simulation": paper.simulation.model_copy(update={"duration": 3.0})})
+    assert described(longer).description == "changed from paper: simulation.duration = 3"
+    assert described(short.model_copy(update={"simulation": paper.simulation})) == paper == described(paper)
+    own = load_scenario("paper", ["description=mine", "simulation.duration=0.5"])
+    assert described(own) == own
+    assert "2 s, noise" not in repr(short)
 
 
 def test_a_long_list_of_changes_stays_a_line() -> None:

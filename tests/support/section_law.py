@@ -12,12 +12,12 @@ from aerobat_pin.aerodynamics import (
     Pieces,
     Stroke,
     air_in,
-    air_loads_in,
     air_memory,
     strips_of,
 )
 from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.robot import LINKS
+from support.air_loads import air_loads_in
 
 HALVES = [1, 3]  # the links that carry a wing's left and right half
 CYCLES, STEPS = 5, 200  # flown, of which the last is looked at; steps of a cycle

@@ -472,7 +472,7 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 INNER = """netcdf_bytes read_netcdf read_estimates contradictions joint_series moving_weight AllBut
 Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing Allocation
 DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys keys_text
-log_with_motion"""  # called by other rooms, with what these have checked
+described log_with_motion shipped_description"""  # called by other rooms, with what these have checked
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

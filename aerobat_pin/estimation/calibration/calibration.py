@@ -9,13 +9,13 @@ from hashlib import sha256
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation.calibration.changes import changed_belief, scaled_thrusters
 from aerobat_pin.estimation.calibration.crank_row import at_the_joints
 from aerobat_pin.estimation.calibration.detection import Detection
 from aerobat_pin.estimation.calibration.flight_state import flight_state
 from aerobat_pin.estimation.calibration.harmonics import Harmonics
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.learnt_range import LOST_UNNOTICED, LearntRange
+from aerobat_pin.estimation.calibration.parameters import changed_belief, scaled_thrusters
 from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.known_inputs import KnownInputs
 from aerobat_pin.estimation.motion import Motion

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration.changes import OF_MASS, changed_belief, scaled_thrusters
+from aerobat_pin.estimation.calibration.parameters import OF_MASS, changed_belief, scaled_thrusters
 from aerobat_pin.estimation.known_inputs import KnownInputs, Torque, known_inputs
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array, guarded

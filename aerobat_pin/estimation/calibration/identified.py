@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration.changes import PARAMETERS
+from aerobat_pin.estimation.calibration.parameters import PARAMETERS
 from aerobat_pin.numerics import Array
 
 UNSURE = 0.5  # of the deviation expected beforehand: a parameter that is known less well is not identifiable

@@ -17,7 +17,6 @@ from aerobat_pin.estimation.calibration.calibration import (
     friction_force,
     joint_motion,
 )
-from aerobat_pin.estimation.calibration.changes import PARAMETERS
 from aerobat_pin.estimation.calibration.crank_row import at_the_crank, at_the_joints
 from aerobat_pin.estimation.calibration.detection import learn_detection
 from aerobat_pin.estimation.calibration.flight_state import STATE_GROUPS, FlightState, flight_state
@@ -28,6 +27,7 @@ from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.identify import HELD_OUT, identify
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
 from aerobat_pin.estimation.calibration.mounting import calibrate_mount
+from aerobat_pin.estimation.calibration.parameters import PARAMETERS
 from aerobat_pin.estimation.calibration.residual import interval_residual
 from aerobat_pin.estimation.known_inputs import KnownInputs
 from aerobat_pin.estimation.motion import Motion, motion

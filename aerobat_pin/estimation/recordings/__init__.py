@@ -8,7 +8,7 @@ from aerobat_pin.estimation.recordings.online import OnlineEstimator, OnlineSamp
 from aerobat_pin.estimation.recordings.sensor_scores import Compared
 from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.recordings.suggest import suggested_map
-from aerobat_pin.estimation.recordings.tell import write_flight_mcap, write_mcap
+from aerobat_pin.estimation.recordings.write_mcap import write_flight_mcap, write_mcap
 
 __all__ = [
     "Compared",

@@ -15,15 +15,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.errors import MapError, ObserverError
-from aerobat_pin.estimation.recordings.map_tables import KnownSection
-from aerobat_pin.estimation.recordings.record import Block, Record, world_turn
-from aerobat_pin.estimation.recordings.required import (
+from aerobat_pin.estimation.recordings.inverse_dynamics import (
     accelerations,
     contact_torque,
     mean_in,
     required_torque,
     turned,
 )
+from aerobat_pin.estimation.recordings.map_tables import KnownSection
+from aerobat_pin.estimation.recordings.record import Block, Record, world_turn
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import JointFriction, fit_friction
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.recordings.columns import in_step
+from aerobat_pin.estimation.recordings.inverse_dynamics import frame_axes, sensor_force, sensor_point
 from aerobat_pin.estimation.recordings.record import Record
-from aerobat_pin.estimation.recordings.required import frame_axes, sensor_force, sensor_point
 from aerobat_pin.estimation.recordings.run_observers import blocks_of, settled
 from aerobat_pin.estimation.recordings.spool import Series
 from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate

@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.recordings.findings import LogFinding
+from aerobat_pin.estimation.recordings.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.recordings.known_forces import KnownForces
 from aerobat_pin.estimation.recordings.record import Block, Record
-from aerobat_pin.estimation.recordings.required import accelerations, required_torque
 from aerobat_pin.estimation.recordings.run_observers import believed_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, AllBut
