@@ -235,8 +235,7 @@ What remains unexplained: Fy, which two joints with parallel axes cannot show at
 against the sensor, above.
 
 The second recording has hardly any signal. Its Fz swings by 2.5 N rms in place of 13 N, its Fx by 0.6 N. After a fit to all of
-it 0.08 N m of the knee's torque and 0.09 N m of the hip's stay unexplained, which is what stays in the first recording, too (0.06
-and 0.15 N m). The hip's whole torque swings by 0.084 N m: it is all error. At the 0.2 m from hip to foot, 0.09 N m is 0.45 N: the
+it 0.08 N m of the knee's torque and 0.09 N m of the hip's stay unexplained, much as in the first recording (0.15 and 0.06 N m). The hip's whole torque swings by 0.084 N m: it is all error. At the 0.2 m from hip to foot, 0.09 N m is 0.45 N: the
 error of Fx, and most of what Fx does. The estimate of Fz is 1.3 times the sensor's force: the fit finds 0.82 of the knee's torque, 0.03 N m
 of Coulomb friction and an offset of -0.09 N m, and leaves 0.82 N of 1.20 N. Fitted on one half, this does not hold on the other,
 as the command warns. A shorter time constant does not help (K = 1000 1/s: Fz 0.80, Fx -0.05). Not explained: why the torque
@@ -253,7 +252,7 @@ flight. There is no force sensor; what is left over should oppose the velocity:
 
 In `B5_helix_rep1` the pose turns by up to 320 deg/s between 32 and 36 s while the gyro shows at most 10 deg/s (63 at the end): motion
 capture lost the body. A tilt that is off by 10 deg is 46 mN, and the two ways smooth such jumps differently. Until then, in
-stretches of 4 s, the slopes of the difference on the velocity along x are at most 0.2 mN per m/s.
+stretches of 4 s, the slopes of the difference on the velocity along x are at most 0.21 mN per m/s.
 
 ## A quadrotor in a wind tunnel
 
@@ -277,7 +276,7 @@ The last column was noted before this command existed. The two columns in the mi
 (`docs/scripts/plain_arm.py`), with the same law of friction and the same parabolas. They tell where the difference comes from: a single row of
 the table has noise of its own in its current, which no friction explains. `aerobat estimate` uses means over intervals, since an observer
 needs impulses; already the mean of two rows has the smaller figures, and single rows have the noted ones within 5 %, but for
-arm_1: that is 10 % above (3 % with Coulomb friction that sets in at a quarter of the speed), which remains unexplained.
+arm_1: that is 11 % above (3 % with Coulomb friction that sets in at a quarter of the speed), which remains unexplained.
 """
 
 

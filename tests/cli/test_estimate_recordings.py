@@ -61,6 +61,10 @@ def test_a_map_gives_every_file(
     check_arrows(*updates[30])
     np.testing.assert_allclose(forces[20:], walk().force[20:-1, 0, 2], atol=0.2)
     assert call(monkeypatch, *words) == 2  # the folder is not empty
+    words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.mcap"]
+    assert call(monkeypatch, *words) == 0
+    assert (folder / "again.mcap").is_file()
+    assert (folder / "runs" / "walk-estimate" / "report.html").is_file()
     assert call(monkeypatch, *words, "--force") == 0
 
 
