@@ -191,19 +191,6 @@ def test_a_wrong_map_or_log_is_refused_or_named(name: str, folder: Path) -> None
     assert any(re.search(expected, text) for text in said), said
 
 
-def test_currents_of_all_joints_have_one_constant(folder: Path) -> None:
-    """`*` stands for every joint; a foreign name does not."""
-    scaled(TAU, 1 / 3)(table(walk())).to_csv(folder / "walk.csv", index=False)
-    values = copy.deepcopy(table_map(folder / "quadruped.urdf"))
-    values["joints"]["effort"] |= {"unit": "A", "torque_per_unit": {"*": 3.0}}
-    found = estimated(folder / "walk.csv", values)
-    assert np.max(foot_errors(found, 0.0)) < 0.03
-    assert found.warnings == []
-    values["joints"]["effort"]["torque_per_unit"] = {"knee": 3.0}
-    with pytest.raises(MapError, match=r"torque_per_unit: no joint 'knee'"):
-        estimated(folder / "walk.csv", values)
-
-
 def test_a_file_under_two_names_is_named(folder: Path) -> None:
     """The same bytes beside the log."""
     for name in ("walk.csv", "other.csv"):
