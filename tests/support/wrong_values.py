@@ -470,8 +470,8 @@ HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 INNER = """checksums netcdf_bytes read_netcdf netcdf_variables read_estimates contradictions joint_series moving_weight
-AllBut Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing Allocation
-DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys keys_text
+AllBut Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing
+Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys keys_text
 log_with_motion"""  # called by other rooms, with what these have checked
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
