@@ -28,7 +28,9 @@ def estimate_command(
     observers: ObserverNames = None,
     settings: Settings = None,
     calibration: CalibrationFile = None,
-    out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<log>-estimate.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Output folder, default runs/<log>-estimate; or, for --out-mcap, X.mcap.")
+    ] = None,
     force: Force = False,
     map_file: Annotated[
         Path | None, typer.Option("--map", help="What the log's columns mean (`aerobat describe map`).")
@@ -55,6 +57,8 @@ def estimate_command(
     from aerobat_pin.errors import LogError, output_folder
     from aerobat_pin.estimation import belief_about, describe_belief, read_calibration, read_log
 
+    if out is not None and out.suffix == ".mcap":
+        out, out_mcap = None, out
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
     if suggest and log is not None:
@@ -65,6 +69,12 @@ def estimate_command(
     if log is not None and (map_file is not None or urdf is not None):
         if settings or morphology or self_check:
             raise LogError("estimate: --set, --morphology and --self-check are for Aerobat's own tables, without --map")
+        if calibration is not None:
+            raise LogError(
+                f"estimate: --calibration {calibration} holds what was learnt about Aerobat over its crank's phase, "
+                "which no other robot has; the map itself learns friction, factors of efforts and thrust: "
+                "joints.friction, known.NAME.fit (docs/recordings.md)"
+            )
         chosen, folder = chosen_map(map_file, urdf, points, observers or [])
         target = out or Path("runs") / f"{log.stem}-estimate"
         estimate_by_map(log, chosen, folder, target, out_mcap, force=force, trust=trust)

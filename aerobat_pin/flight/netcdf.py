@@ -285,12 +285,9 @@ def _dimensions(item: h5py.Dataset, label: str, where: str) -> tuple[str, ...]:
     """Return the names of a dataset's dimensions."""
     if item.attrs.get("CLASS") == b"DIMENSION_SCALE" and item.ndim == 1:
         return (label,)
-    scales = (
-        [[str(item.file[one].name).rpartition("/")[2] for one in dim] for dim in item.attrs["DIMENSION_LIST"]]
-        if item.ndim
-        else []
-    )
-    if not all(len(names) == 1 for names in scales):
+    listed = item.attrs.get("DIMENSION_LIST", ())  # h5py's item.dims would end the process if this list is damaged
+    scales = [[str(item.file[scale].name).rpartition("/")[2] for scale in dim] for dim in listed]
+    if [len(names) for names in scales] != [1] * item.ndim:
         raise LogError(f"{where}: its dimensions have no names: the dimension scales of NetCDF-4 were expected")
     return tuple(names[0] for names in scales)
 

@@ -36,6 +36,7 @@ from aerobat_pin.numerics.pinocchio_views import (
     motions,
     placements,
 )
+from aerobat_pin.numerics.quiet_parsing import read_robot
 from aerobat_pin.numerics.small_matrices import copy_values, dot, eigenvectors, solve_positive
 
 __all__ = [
@@ -77,6 +78,7 @@ __all__ = [
     "next_tangent",
     "number",
     "placements",
+    "read_robot",
     "real_numbers",
     "remove_damaged_kernels",
     "rewind",

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
 import tomli_w
+from scipy.spatial.transform import Rotation
 from support.commands import call
 from support.walking_log import FEET, bag, table, table_map, urdf, walk
 
@@ -51,43 +53,38 @@ def test_a_map_gives_every_file(
         forces = [
             reader.deserialize(raw, connection.msgtype).wrench.force.z for _, _, raw in reader.messages([connection])
         ]
+        scene = next(one for one in reader.connections if one.topic == "/scene")
+        assert scene.msgtype == "foxglove_msgs/msg/SceneUpdate"  # the name by which Foxglove knows it
+        updates = [(time, reader.deserialize(raw, scene.msgtype)) for _, time, raw in reader.messages([scene])]
     assert counts["/joint_states"] == counts["/pose"] == counts["/truth/FL_FOOT"] == 1500
-    assert counts["/arrows"] > 50
+    assert counts["/arrows"] == counts["/scene"] == len(updates) > 50
+    check_arrows(*updates[30])
     np.testing.assert_allclose(forces[20:], walk().force[20:-1, 0, 2], atol=0.2)
     assert call(monkeypatch, *words) == 2  # the folder is not empty
+    words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.mcap"]
+    (folder / "runs" / "walk-estimate").mkdir(parents=True)
+    (folder / "runs" / "walk-estimate" / "report.html").write_text("of an earlier run")
+    assert call(monkeypatch, *words) == 2
     assert call(monkeypatch, *words, "--force") == 0
+    assert (folder / "again.mcap").is_file()
+    assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
 
 
-def test_mistakes_cost_one_line(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A foreign log without a map, a map with a misspelt key, a robot that is not there; nothing is left behind."""
-    cases = {
-        ("estimate", "walk.csv"): r"--map MAP\.toml says what its columns mean .*--suggest",
-        ("estimate", "walk.csv", "--map", "bad.toml"): r"unknown key 'base\.positions'; did you mean 'position'",
-        ("estimate", "walk.csv", "--map", "map.toml", "--urdf", "none.urdf"): r"none\.urdf: there is no such file",
-        ("estimate", "walk.csv", "--map", "map.toml", "--points", "NOSE"): r"no frame 'NOSE' .*robot\.points",
-        (
-            "estimate",
-            "walk.csv",
-            "--map",
-            "map.toml",
-            "--observer",
-            "crystal",
-        ): r"observer\.names .* choose from momentum",
-        ("estimate", "none.csv", "--map", "map.toml"): r"none\.csv: there is no such file",
-        ("estimate", "quadruped.urdf", "--map", "map.toml"): r"quadruped\.urdf: ",
-        ("convert", "walk.csv", "--mcap", "x.mcap"): r"not the folder of a run",
-    }
-    (folder / "bad.toml").write_text(
-        '[robot]\nurdf = "quadruped.urdf"\npoints = ["trunk"]\n[base.positions]\ncolumns = ["x"]\n'
-    )
-    for words, expected in cases.items():
-        assert call(monkeypatch, *words) == 2, words
-        said = capsys.readouterr().err.strip()
-        assert re.search(expected, said), (words, said)
-        assert said.count("\n") == 0
-    assert not (folder / "runs").exists()
+def check_arrows(time: int, update: Any) -> None:
+    """Check that each foot has an arrow in a scene that points as its force does and is as long, on one scale."""
+    arrows = {entity.id: entity.arrows[0] for entity in update.entities}
+    assert set(arrows) == {f"/force/force_level/{foot}" for foot in FEET} | {"/truth/FL_FOOT"}
+    at = int(np.argmin(np.abs(walk().time - 1e-9 * time)))
+    scales = []
+    for k, foot in enumerate(FEET):
+        arrow, force = arrows[f"/force/force_level/{foot}"], walk().force[at, k]
+        turn = arrow.pose.orientation
+        along = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).apply([1.0, 0.0, 0.0])
+        size = float(np.linalg.norm(force))
+        if size > 1.0:
+            assert along @ force / size > 0.999
+            scales.append((arrow.shaft_length + arrow.head_length) / size)
+    np.testing.assert_allclose(scales, scales[0], rtol=0.02)
 
 
 def test_a_suggested_map_is_a_map(

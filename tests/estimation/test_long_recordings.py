@@ -42,7 +42,7 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("MANY", "MOST_SAMPLES"):
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
     for module in ("stored_estimate", "checks.result"):
-        monkeypatch.setattr(f"{place}{module}.ROWS", 500)
+        monkeypatch.setattr(f"{place}{module}.ROWS_READ", 500)
     monkeypatch.setattr(f"{place}sensor_scores.MOST_LAGGED", 500)
 
 

@@ -461,7 +461,7 @@ RESULTS = """Belief Calibration CalibrationUse
 Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
-Redundancy JointFriction OnlineSample RecordingEstimate
+Redundancy JointFriction OnlineSample RecordingEstimate StoredEstimate Compared LogChannel StoredVariable
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
 SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
@@ -469,10 +469,10 @@ MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kerne
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
-INNER = """netcdf_bytes read_netcdf read_estimates contradictions joint_series moving_weight AllBut
-Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing Allocation
-DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys keys_text
-described log_with_motion shipped_description"""  # called by other rooms, with what these have checked
+INNER = """checksums netcdf_bytes read_netcdf netcdf_variables read_estimates contradictions joint_series moving_weight
+AllBut Contradiction redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing
+Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys
+keys_text described log_with_motion shipped_description"""  # called by other rooms, with what these have checked
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

@@ -133,13 +133,13 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
     time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
     for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
         stamps = own[rows]
-        values.append(request.factor * np.stack([_at(stamps, rows, own, *part) for part in parts], axis=1))
+        values.append(request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1))
         if time is not own:
             time.append(stamps - request.delay)
     return LogChannel(request.key, request.names, time, values)
 
 
-def _at(stamps: Array, rows: slice, own: Series, time: Series, values: Series) -> Array:
+def _column_at(stamps: Array, rows: slice, own: Series, time: Series, values: Series) -> Array:
     """Return a column (m,) at stamps, which are the rows of a clock: its own rows, or interpolated linearly."""
     if time is own or (len(time) == len(own) and np.array_equal(time[rows], stamps)):
         return np.asarray(values[rows])

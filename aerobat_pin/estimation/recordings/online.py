@@ -157,10 +157,9 @@ class OnlineEstimator:
         tau = np.zeros(self.robot.model.nv)
         if "joints.effort" in self._requests:
             section = self._map.joints.effort
-            factors = {} if section is None else section.torque_per_unit
             means = line_means(*self._series("joints.effort"), np.array([first, last]))[0]
             for joint, value in zip(self.joints, means, strict=True):
-                tau[self.robot.v_index(joint)] = value * factors.get(joint, 1.0)
+                tau[self.robot.v_index(joint)] = value * (1.0 if section is None else section.torque_of(joint))
         return tau
 
     def _state(self, time: float) -> tuple[Array, Array]:

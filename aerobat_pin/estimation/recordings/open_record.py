@@ -111,17 +111,16 @@ def _torques(chosen: Map, joints: tuple[str, ...], channel: LogChannel) -> LogCh
     if section is None:
         return channel
     factors = section.torque_per_unit
-    wrong = [joint for joint in factors if joint not in joints]
+    wrong = [joint for joint in factors if joint not in (*joints, "*")]
     if wrong:
         raise MapError(f"map: joints.effort.torque_per_unit: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
-    missing = [joint for joint in joints if joint not in factors]
+    missing = [joint for joint in joints if joint not in factors and "*" not in factors]
     if section.unit in CURRENTS and missing:
         raise MapError(
             f"map: joints.effort.unit = '{section.unit}': torque_per_unit = {{{missing[0]} = ...}} was "
-            "expected, in N m "
-            f"per unit, for {', '.join(missing)}"
+            f'expected, in N m per unit, for {", ".join(missing)}; "*" stands for all'
         )
-    factor = np.array([factors.get(joint, 1.0) for joint in joints])
+    factor = np.array([section.torque_of(joint) for joint in joints])
     return channel if np.all(factor == 1.0) else channel.changed(lambda _, values: values * factor)
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +12,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.recordings.map_tables import RobotTable
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, read_robot
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
@@ -125,9 +123,9 @@ def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     def read() -> pin.Model:
         return pin.buildModelFromMJCF(str(path), *root) if mjcf else pin.buildModelFromXML(text, *root)
 
-    model = _quietly(path, read)
+    model = read_robot(path, read)
     if model.njoints > 2 and all(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints.tolist()[1:3]):
-        model = _quietly(path, lambda: pin.buildModelFromMJCF(str(path)))  # the file has a free joint of its own
+        model = read_robot(path, lambda: pin.buildModelFromMJCF(str(path)))  # the file has a free joint of its own
     if model.nv == 0:
         raise LogError(f"robot {path}: no joint of it moves")
     return model
@@ -148,23 +146,3 @@ def _with_angles(path: Path) -> str:
                 if limit.get(key) is None or key in ("lower", "upper"):
                     limit.set(key, value)
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def _quietly(path: Path, read: Callable[[], pin.Model]) -> pin.Model:
-    """Call a parser that prints its reasons to standard error. Raises LogError with them if it fails."""
-    with tempfile.TemporaryFile() as said:
-        stderr = os.dup(2)
-        os.dup2(said.fileno(), 2)
-        try:
-            model, reason = read(), ""
-        except (ValueError, RuntimeError) as error:
-            model, reason = None, " ".join(str(error).split())[:300]
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        said.seek(0)
-        lines = said.read().decode(errors="replace").splitlines()
-    errors = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
-    if model is None or errors:
-        raise LogError(f"robot {path}: Pinocchio cannot read it: {'; '.join(errors) or reason}")
-    return model

@@ -16,7 +16,7 @@ from aerobat_pin.numerics import Array
 
 PACKAGE = "foxglove_msgs/msg"
 POSED = "geometry_msgs/Pose pose"
-COLOURED = "foxglove_msgs/Color color"
+COLOUR_FIELD = "foxglove_msgs/Color color"
 PRIMITIVES = {  # list in an entity -> type of its entries, and their fields
     "arrows": (
         "ArrowPrimitive",
@@ -45,7 +45,7 @@ AFTER_COLOUR = {
 DEFINITIONS = {
     "Color": tuple(f"float64 {part}" for part in "rgba"),
     "KeyValuePair": ("string key", "string value"),
-    **{kind: (*fields, COLOURED, *AFTER_COLOUR.get(kind, ())) for kind, fields in PRIMITIVES.values()},
+    **{kind: (*fields, COLOUR_FIELD, *AFTER_COLOUR.get(kind, ())) for kind, fields in PRIMITIVES.values()},
     "SceneEntityDeletion": ("builtin_interfaces/Time timestamp", "uint8 type", "string id"),
     "SceneEntity": (
         "builtin_interfaces/Time timestamp",
@@ -58,7 +58,7 @@ DEFINITIONS = {
     ),
     "SceneUpdate": ("foxglove_msgs/SceneEntityDeletion[] deletions", "foxglove_msgs/SceneEntity[] entities"),
 }
-HEAD = 0.25  # of an arrow's length
+HEAD_SHARE = 0.25  # of an arrow's length
 SHAFT, HEAD_WIDTH = 0.01, 0.02  # diameters [m]
 
 
@@ -90,9 +90,9 @@ def scene_update(store: Any, time: float, arrows: Mapping[str, tuple[Array, Arra
         )
         arrow = types[f"{PACKAGE}/ArrowPrimitive"](
             pose=pose,
-            shaft_length=(1.0 - HEAD) * length,
+            shaft_length=(1.0 - HEAD_SHARE) * length,
             shaft_diameter=SHAFT,
-            head_length=HEAD * length,
+            head_length=HEAD_SHARE * length,
             head_diameter=HEAD_WIDTH,
             color=types[f"{PACKAGE}/Color"](r=red, g=green, b=blue, a=1.0),
         )

@@ -13,7 +13,7 @@ from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, innovat
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy
 
-ROWS = 50_000  # intervals that are read at once
+ROWS_READ = 50_000  # intervals that are read at once
 
 
 class StoredEstimate:
@@ -84,9 +84,9 @@ class StoredEstimate:
         return replace(self.head, **_rows_of(self.start[rows], self._end[rows], columns, self.head))
 
     def blocks(self) -> Iterator[Estimate]:
-        """Yield all intervals, at most `ROWS` at once."""
-        for first in range(0, len(self), ROWS):
-            yield self.between(first, min(first + ROWS, len(self)))
+        """Yield all intervals, at most `ROWS_READ` at once."""
+        for first in range(0, len(self), ROWS_READ):
+            yield self.between(first, min(first + ROWS_READ, len(self)))
 
     def whole(self) -> Estimate:
         """Return all intervals at once, in memory.

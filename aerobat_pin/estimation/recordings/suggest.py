@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +11,35 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.recordings.columns import Columns
-from aerobat_pin.estimation.recordings.csv_columns import SECONDS, TIME_NAMES, header_of
+from aerobat_pin.estimation.recordings.csv_columns import SECONDS, header_of
 from aerobat_pin.estimation.recordings.map_tables import LogTable, TimeSection
 from aerobat_pin.estimation.recordings.read import BAGS, NETCDF, read_columns
 from aerobat_pin.numerics import guarded
 
+TIME = re.compile(
+    r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds)[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$", re.IGNORECASE
+)
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
     "rate": ("gyro", "omega", "angular", "rate", "w"),
     "quaternion": ("q", "quat", "orientation", "attitude"),
     "velocity": ("v", "vel", "velocity", "linear"),
-    "position": ("p", "pos", "position", "translation", ""),
+    "position": ("p", "pos", "position", "translation", "mocap", "vicon", "optitrack", "base", "xyz", ""),
     "force": ("f", "force", "wrench"),
 }
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
     "velocity": {"vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
-    "effort": {"tau", "torque", "effort", "efforts", "current", "moment"},
-    "position": {"pos", "position", "positions", "angle", "q", ""},
+    "effort": {"tau", "torque", "effort", "efforts", "current", "cur", "i", "moment"},
+    "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
+}
+UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
+    "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
+    "length": {"mm": "mm", "cm": "cm", "m": "m"},
+    "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
+    "rate": {"dps": "deg/s", "deg": "deg/s", "rad": "rad/s", "rads": "rad/s", "rpm": "rpm"},
+    "torque": {"a": "A", "ma": "mA", "nm": "N m"},
+    "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
 }
 LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 
@@ -43,7 +54,7 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
         f"#   aerobat estimate {log} --map map.toml",
         "",
     ]
-    lines += _robot(columns, urdf, bool(groups.get("position") or _topic(columns, "Pose", "Odometry", "Transform")))
+    lines += _robot(columns, urdf, "position" in groups or bool(_topic(columns, "Pose", "Odometry", "Transform")))
     lines += ["", "[log]"]
     if not columns.kinds and not str(log).endswith(NETCDF):
         lines += _time(log, columns)
@@ -111,11 +122,12 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
             "Then leave this out",
         ]
     model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if free else []))
-    moved = [model.getJointId(name) for name in _joint_columns(columns, model.names.tolist()[1:])] or [
+    moved = {model.getJointId(name) for name in _joint_columns(columns, model.names.tolist()[1:])} or {
         model.njoints - 1
-    ]
+    }
+    leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
     bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
-    ends = [frame.name for frame in bodies if frame.parentJoint == max(moved)][-1:]
+    ends = [[frame.name for frame in bodies if frame.parentJoint == joint][-1] for joint in leaves]
     known = ", ".join(frame.name for frame in model.frames.tolist()[1:][:60])
     return [
         "[robot]",
@@ -126,14 +138,17 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
 
 
 def _time(log: Path, columns: Columns) -> list[str]:
-    name = next((name for name in header_of(log, LogTable())[1] if name.lower() in TIME_NAMES), None)
-    if name is None:
+    found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
+    if found is None:
         return [
             "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
             '= ..., unit = "s"}'
         ]
-    step = float(np.median(np.diff(columns.clocks["table"].time[:1000])))
-    unit = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+    name = found[0]
+    series = columns.values.get(name, columns.clocks["table"].time)
+    step = float(np.median(np.diff(series[:1000])))
+    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+    unit = UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess)
     return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
 
 
@@ -147,7 +162,8 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         yield ""
     elif "position" in groups:
         yield "[base]"
-        yield f'position = {{columns = {_listed(groups["position"])}, unit = "m"}}'
+        unit = _named_unit("length", groups["position"]) or "m"
+        yield f'position = {{columns = {_listed(groups["position"])}, unit = "{unit}"}}'
         if "quaternion" in groups:
             yield f'quaternion = {{columns = {_listed(groups["quaternion"])}, order = "xyzw", sense = "body_to_world"}}'
         else:
@@ -161,7 +177,7 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:
             size = float(np.nanstd(np.stack([columns.sample(name) for name in groups["rate"]])))
-            unit = "deg/s" if size > 8.0 else "rad/s"
+            unit = _named_unit("rate", groups["rate"]) or ("deg/s" if size > 8.0 else "rad/s")
             yield (
                 f'rate = {{columns = {_listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
                 f"scatter is {size:.3g}"
@@ -196,7 +212,7 @@ def _suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
         return
     whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
     size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    angle = "deg" if size > LARGEST_RADIANS else "rad"
+    angle = _named_unit("angle", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
     yield f"names = {_listed(there)}"
     yield f'position = {{columns = {_listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
     if len(whole["velocity"]) == len(there):
@@ -204,7 +220,13 @@ def _suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
     else:
         yield 'velocity = {from = "position", window = 0.02}'
     if len(whole["effort"]) == len(there):
-        yield f'effort = {{columns = {_listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
+        unit = _named_unit("torque", whole["effort"])
+        if unit in ("A", "mA"):
+            yield f"# how many N m for each {unit} (torque constant times gear ratio, with its sign)? Or joint by joint"
+            columns_of = _listed(whole["effort"])
+            yield f'effort = {{columns = {columns_of}, unit = "{unit}", torque_per_unit = {{"*" = 1.0}}}}'
+        else:
+            yield f'effort = {{columns = {_listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
     if len(there) < len(names):
         rest = ", ".join(name for name in names if name not in there)
         yield f'held = {{"*" = 0.0}}  # do they stand still? {rest}'
@@ -237,7 +259,7 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
         size = float(
             np.nanmedian(np.linalg.norm(np.stack([columns.sample(name) for name in groups["acceleration"]]), axis=0))
         )
-        unit = "g" if 0.5 < size < 2.0 else "m/s2"
+        unit = _named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
         yield (
             f'specific_force = {{columns = {_listed(groups["acceleration"])}, unit = "{unit}"}}  # its '
             f"median is {size:.3g}"
@@ -254,6 +276,12 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
         )
     if wrench or imu or "acceleration" in groups or "force" in groups:
         yield ""
+
+
+def _named_unit(kind: str, names: Sequence[str]) -> str | None:
+    """Return the unit that the last words of columns' names say, if they all say the same."""
+    found = {UNITS_IN_NAMES[kind].get(re.split(r"[^a-z0-9]+", name.lower().rstrip(")] "))[-1]) for name in names}
+    return found.pop() if len(found) == 1 else None
 
 
 def _topic(columns: Columns, *kinds: str) -> str | None:

@@ -25,7 +25,7 @@ def write_mcap(found: RecordingEstimate, path: Path) -> None:
     for estimate in found.stored.values():
         for columns in _force_columns(estimate.head).values():
             for block in estimate.blocks():
-                largest = max(largest, _largest(block.components[:, columns]))
+                largest = max(largest, _largest_force(block.components[:, columns]))
     write_telling(_tellings(found, largest), path)
 
 
@@ -63,7 +63,7 @@ def _force_columns(estimate: Estimate) -> dict[str, list[int]]:
     return {frame: own for frame, own in columns.items() if len(own) in (3, 6)}
 
 
-def _largest(forces: Array) -> float:
+def _largest_force(forces: Array) -> float:
     """Return the largest size of forces (m, 3 or 6)."""
     return float(np.max(np.linalg.norm(forces[:, :3], axis=1), initial=0.0))
 
@@ -93,5 +93,5 @@ def write_flight_mcap(model: pin.Model, log: FlightLog, estimates: xr.Dataset, p
     if log.truth is not None and "force_W" in log.truth:
         for point in map(str, log.truth["point"].values):
             forces[f"/truth/{point}"] = (point, log.truth["force_W"].sel(point=point).values)
-    largest = max((_largest(force) for _, force in forces.values()), default=0.0)
+    largest = max((_largest_force(force) for _, force in forces.values()), default=0.0)
     write_telling([Telling(model, log.time, q, v, None, forces, joint_rows(model), largest)], path)

@@ -9,11 +9,9 @@ which must be pictures in the same folders.
 from __future__ import annotations
 
 import os
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
@@ -21,9 +19,9 @@ import pinocchio as pin
 
 from aerobat_description import PACKAGE_PATH
 from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import read_robot
 
 Element = ElementTree.Element
-Loaded = TypeVar("Loaded")
 FREE_BASE = 7  # number of entries of q for a free base
 LARGEST_ROBOT_FILE = 100_000_000  # of a URDF or a mesh
 DEEPEST_XML = 100  # of nested elements
@@ -58,7 +56,7 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
             check = _check_mesh if element.tag == "mesh" else _check_picture
             element.set("filename", str(packages.file(element.attrib["filename"], urdf.parent, check)))
     text = ElementTree.tostring(root, encoding="unicode")
-    model = _by_pinocchio(urdf, lambda: pin.buildModelFromXML(text))
+    model = read_robot(urdf, lambda: pin.buildModelFromXML(text))
     fixed = model.nq
     if columns == fixed + FREE_BASE:
         model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
@@ -72,7 +70,7 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
             f"{fixed + FREE_BASE} on a free base, in the order {', '.join(list(model.names)[1:])}"
         )
     kind = pin.GeometryType.VISUAL
-    visual_model = _by_pinocchio(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind))
+    visual_model = read_robot(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind))
     for part in visual_model.geometryObjects:
         if hasattr(part.geometry, "vertices") and not np.all(np.isfinite(part.geometry.vertices())):
             raise LogError(f"robot {urdf}: mesh {part.meshPath} holds NaN or infinity")
@@ -196,26 +194,3 @@ def _check_numbers(root: Element, name: str) -> None:
                     )
                 if not good:
                     raise LogError(f'{name}: <{element.tag} {key}="{text[:80]}">: {rule}')
-
-
-def _by_pinocchio(urdf: Path, load: Callable[[], Loaded]) -> Loaded:
-    """Call a function of Pinocchio, whose parser prints its reasons to standard error and can leave parts out.
-
-    Raises LogError with those reasons.
-    """
-    with tempfile.TemporaryFile() as said:
-        stderr = os.dup(2)
-        os.dup2(said.fileno(), 2)
-        try:
-            loaded, reason = load(), ""
-        except (ValueError, RuntimeError) as error:
-            reason = " ".join(str(error).rpartition("message: ")[2].partition("\nHint")[0].split())
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        said.seek(0)
-        lines = said.read().decode(errors="replace").splitlines()
-    errors = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
-    if errors or reason:
-        raise LogError(f"robot {urdf}: Pinocchio cannot read it: {'; '.join(errors) or reason}")
-    return loaded

@@ -14,7 +14,7 @@ from aerobat_pin.estimation.recordings.known_forces import KnownForces, command_
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.run_observers import settled
 from aerobat_pin.estimation.recordings.sensor_scores import Compared
-from aerobat_pin.estimation.recordings.stored_estimate import ROWS, StoredEstimate
+from aerobat_pin.estimation.recordings.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
 
 LATE_COMMAND = 5.0e-3  # [s]
@@ -153,8 +153,8 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
     for name, estimate in estimates.items():
         squares, count = np.zeros(len(estimate.head.units)), 0
         first, last = (estimate.index(record.start + time) for time in free)
-        for begin in range(first, last + 1, ROWS):
-            block = estimate.between(begin, min(begin + ROWS, last + 1))
+        for begin in range(first, last + 1, ROWS_READ):
+            block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
             when = block.time[:-1] - record.start
             inside = settled(record, block.time[:-1]) & (when >= free[0]) & (when <= free[1])
             squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())

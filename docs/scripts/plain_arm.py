@@ -1,0 +1,50 @@
+"""What friction leaves of an arm's torques, row by row of its table, without a map: beside `aerobat estimate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+from scipy.signal import savgol_filter
+
+SMOOTHED, SLOW = 11, 0.02  # rows of the parabolas that differentiate; [rad/s] of Coulomb's tanh
+
+
+def arm_residuals(table: Path, urdf: Path, chosen: dict[str, Any], joints: list[str]) -> dict[str, list[list[float]]]:
+    """Return rms of the torque [N m] that is left over on the second half: joint -> [without, with friction] twice.
+
+    The first pair is of single rows, the second of the means of two neighbouring rows.
+
+    Args:
+        table: the table that `examples/recordings/tiago.py` writes.
+        urdf: the robot.
+        chosen: the map as values.
+        joints: those to return.
+    """
+    data = pd.read_csv(table)
+    first, last = chosen["use"]["part"]
+    data = data[(data.t >= data.t.iloc[0] + first) & (data.t <= data.t.iloc[0] + last)]
+    names, constants = chosen["joints"]["names"], chosen["joints"]["effort"]["torque_per_unit"]
+    q, current = (data[[f"{name}_{part}" for name in names]].to_numpy() for part in ("position", "effort"))
+    model, dt = pin.buildModelFromUrdf(str(urdf)), float(np.median(np.diff(data.t)))
+    v, a = (savgol_filter(q, SMOOTHED, 2, deriv=order, delta=dt, axis=0) for order in (1, 2))
+    rows = [model.joints[model.getJointId(name)].idx_v for name in names]
+    at = [model.joints[model.getJointId(name)].idx_q for name in names]
+    needed, workspace = np.empty(q.shape), model.createData()
+    for k in range(len(q)):
+        whole, speed, push = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+        whole[at], speed[rows], push[rows] = q[k], v[k], a[k]
+        needed[k] = pin.rnea(model, workspace, whole, speed, push)[rows]
+    left = current * [constants[name] for name in names] - needed
+    found: dict[str, list[list[float]]] = {joint: [] for joint in joints}
+    for series in ((left, v, a), tuple(0.5 * (one[1:] + one[:-1]) for one in (left, v, a))):
+        for joint in joints:
+            torque, rate, push = (one[:, names.index(joint)] for one in series)
+            shape, half = np.column_stack([np.tanh(rate / SLOW), rate, push, np.ones(len(rate))]), len(rate) // 2
+            fit = np.linalg.lstsq(shape[:half], torque[:half], rcond=None)[0]
+            rest = (torque - shape @ fit)[half:]
+            found[joint].append([float(np.sqrt(np.mean(one**2))) for one in (torque[half:], rest)])
+    return found
