@@ -3,16 +3,17 @@
     forces     F = m (w^2 e + 2 z w e') + integral - disturbance              forward, left, up of the course
     bank       roll_ref = -asin(F_left / (m g)), limited                      the thrusters cannot push sideways
     nose       down by what they leave of F_forward / (m g), slowly, limited  they hardly push forward
-    moments    M = J (w^2 e_R - 2 z w omega) + integral - disturbance         about the body's axes
+    moments    M = J (w^2 e_R - 2 z w omega) + integral - disturbance + c x its force sideways
     wrench     (F_forward, 0, F_up / R_zz, M) about the nominal wrench        body axes, at the body's centre of mass
     lead       (1 + lag s) / (1 + lag s / lead) of the wrench                 against the thrusters' lag
     thrusts    bounded least squares with priorities                          see `allocation`
 
 e is reference less measurement; e_R is twice the vector part of the quaternion from the body to its reference, which is
-the rotation vector for small errors. w and z are natural frequency and share of critical damping. Mass m, inertia J,
-nominal wrench, lag and limits are those that are *believed*. An integral stands still while its component cannot be
-realised. The disturbance is what a momentum observer sees (`disturbance`); it may be switched off, and so may the
-integrals. Every gain stands in the table `control` of the scenario.
+the rotation vector for small errors. c leads from the body's centre of mass, about which moments count, to the robot's:
+about that one, an unknown force sideways that the thrusters leave has no moment. w and z are natural frequency and
+share of critical damping. Mass m, inertia J, nominal wrench, lag and limits are those that are *believed*. An integral
+stands still while its component cannot be realised. The disturbance is what a momentum observer sees (`disturbance`);
+it may be switched off, and so may the integrals. Every gain stands in the table `control` of the scenario.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class Controller:
         self._observer = disturbance
         if disturbance is None and self.control.feedforward:
             self._observer = DisturbanceObserver(
-                robot, scenario.believed_air, self.control, nominal.air, self.dt, self._crank_rate
+                robot, scenario.believed_air, self.control, nominal, self.dt, self._crank_rate
             )
         lead = believed.lag / self.control.lead
         self._follow = 1.0 - math.exp(-self.dt / lead) if lead > 0.0 else 1.0
@@ -137,7 +138,8 @@ class Controller:
         if control.rate is not None:
             raise ScenarioError(f"control.source = {control.source!r}: no control.rate was expected")
         gains, air = observer_gains(control) if control.source == "filtered_truth" else None, self.scenario.believed_air
-        self._observer = TrueDisturbance(plant, self._robot, air, gains, self.dt, self._crank_rate)
+        centre = self.nominal.centre
+        self._observer = TrueDisturbance(plant, self._robot, air, centre, gains, self.dt, self._crank_rate)
 
     @guarded(q=("nq",), v=("nv",))
     def begin(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
@@ -217,9 +219,12 @@ class Controller:
             damping = 2.0 * control.damping * inertia * frequencies[i]
             moment[i] = stiffness * errors_R[i] - damping * rates[i] + integral[3 + i] - push[3 + i]
 
+        # The thrusters make no force sideways, so the unknown one turns the robot about its own centre of mass.
         Fx, _, Fz, Mx, My, Mz = nominal.wrench.tolist()
+        cx, _, cz = nominal.centre.tolist()
+        roll, pitch, yaw = Mx + moment[0] - cz * push[1], My + moment[1], Mz + moment[2] + cx * push[1]
         upright = max(R[2][2], 0.5)
-        return np.array([Fx + force[0], 0.0, (Fz + force[2]) / upright, Mx + moment[0], My + moment[1], Mz + moment[2]])
+        return np.array([Fx + force[0], 0.0, (Fz + force[2]) / upright, roll, pitch, yaw])
 
     def _pitched(self, level: list[float]) -> list[float]:
         """Return the attitude to keep, xyzw: nose down for a forward force that the thrusters leave, within limits."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.flight.sensors import _errors, _last_arrived, _quantised, _sampling_times
+from aerobat_pin.flight.sensors import last_arrived, quantised, sampling_times, sensor_errors
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import SensorSection, SensorsSection
@@ -72,12 +72,12 @@ class _Reader:
 
     def __init__(self, name: str, sensor: SensorSection, time: Array, rng: np.random.Generator) -> None:
         self._attitude, self._quantum = name == "attitude", sensor.quantum
-        taken = _sampling_times(time, sensor.rate)
+        taken = sampling_times(time, sensor.rate)
         axes = 4 if name.startswith("joint") else 3
-        self._errors = _errors(time[taken], axes, sensor, rng)
+        self._errors = sensor_errors(time[taken], axes, sensor, rng)
         self._number = np.full(len(time), -1)
         self._number[taken] = np.arange(len(taken))
-        self._shown = _last_arrived(time, taken, sensor, rng)
+        self._shown = last_arrived(time, taken, sensor, rng)
         newest = np.searchsorted(taken, np.arange(len(time)), side="right") - 1
         kept = int(np.max(newest - self._shown)) + 1  # samples that are still waiting, or lost since
         self._samples = np.zeros((kept, 4 if self._attitude else axes))
@@ -92,10 +92,10 @@ class _Reader:
 
     def _sample(self, true: Array, error: Array) -> Array:
         if not self._attitude:
-            return _quantised(true + error, self._quantum)
+            return quantised(true + error, self._quantum)
         attitude = pin.Quaternion(true) * _quaternion_of(pin.exp3(error))
         if self._quantum > 0.0:
-            angles = _quantised(pin.rpy.matrixToRpy(attitude.matrix()), self._quantum)
+            angles = quantised(pin.rpy.matrixToRpy(attitude.matrix()), self._quantum)
             attitude = _quaternion_of(pin.rpy.rpyToMatrix(angles))
         shown = attitude.coeffs()
         return np.asarray(shown if shown @ true >= 0.0 else -shown)

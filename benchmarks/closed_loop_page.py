@@ -1,0 +1,67 @@
+"""What `closed_loop` measured: figures beside their bounds, printed, and written into `docs/control_results.md`."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+TITLES = {
+    "drift": "Against PD, and PD with integral",
+    "comparison": "Every law against every disturbance",
+    "margins": "Margins, and other thrusters than believed",
+    "impact": "A blow of 25 mN s on the left wing",
+    "cost": "Time and memory of the loop",
+    "environment": "The environment",
+}
+PREFACE = """# What the closed loop shows
+
+`python benchmarks/closed_loop.py --page docs/control_results.md` measures this page; [control.md](control.md) says what
+flies. Medians over seeds; a ratio is taken seed by seed; without a name of its own, a row is that of PD + I + observer.
+Angles and distances are root mean squares about the course over a whole flight. Pushed is `paper_left_closed_loop`, the
+gusts are `gust_closed_loop`, of 1.5 m/s.
+
+Yaw is the last angle of Rz Ry Rx. A body that is banked by r and pitches by p, as wings make it, has a yaw of about
+-r p even if it does not turn about its own z; a bank that answers a gust makes yaw so. The row "turn about the body's
+own z" is yaw without that part.
+"""
+
+
+class Board:
+    """The figures that were measured, with their bounds."""
+
+    def __init__(self) -> None:
+        self.missed: list[str] = []
+        self.lines: list[str] = []
+
+    def section(self, name: str, seeds: int) -> None:
+        """Begin a section."""
+        print(f"\n== {name}, {seeds} seeds")
+        told = f"Measured on {datetime.date.today()}; {seeds} seeds where noise counts."
+        self.lines = [TITLES[name], "", told, "", "| | measured | unit | bound |", "|---|---|---|---|"]
+
+    def head(self, title: str) -> None:
+        """Begin a group of figures."""
+        print(title, flush=True)
+        self.lines.append(f"| **{title}** | | | |")
+
+    def show(self, what: str, value: float, bound: float | None = None, unit: str = "", least: bool = False) -> None:
+        """Print a figure and its bound, an upper one unless `least`."""
+        good = bound is None or (value >= bound if least else value <= bound)
+        text = "" if bound is None else f"{'at least' if least else 'at most'} {bound:g}{'' if good else ': MISSED'}"
+        print(f"  {what:<62} {value:10.4g} {unit:<5}   {text}", flush=True)
+        self.lines.append(f"| {what} | {value:.4g} | {unit} | {text} |")
+        if not good:
+            self.missed.append(what)
+
+    def tell(self, what: str, text: str) -> None:
+        """Print a line of text."""
+        print(f"  {what:<24} {text}", flush=True)
+        self.lines.append(f"| {what} | {text} | | |")
+
+    def write(self, page: Path, name: str) -> None:
+        """Put the section into a page, after the last one that comes before it; the others stay."""
+        parts = page.read_text().split("\n## ") if page.exists() else [PREFACE]
+        found = {part.splitlines()[0]: part.rstrip("\n") for part in parts[1:]}
+        found[TITLES[name]] = "\n".join(self.lines)
+        sections = [f"\n\n## {found[title]}" for title in TITLES.values() if title in found]
+        page.write_text(PREFACE.rstrip("\n") + "".join(sections) + "\n")
