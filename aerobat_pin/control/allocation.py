@@ -44,12 +44,13 @@ class Allocation:
         self._f = weighted.T * weight
         self._free = np.linalg.solve(self._H, self._f)
         self._reach = (np.minimum(self.map, 0.0) @ self.limit, np.maximum(self.map, 0.0) @ self.limit)
+        self._limits = self.limit.tolist()
         self._set = np.zeros(len(self.limit), dtype=np.intp)
 
     def thrusts(self, wrench: Array) -> Array:
         """Return the thrusts (m,) [N] for a wanted wrench (6,) at the body's centre of mass, body axes."""
         thrust: Array = self._free @ wrench
-        if thrust.min() < 0.0 or np.any(thrust > self.limit):
+        if not all(0.0 <= one <= limit for one, limit in zip(thrust.tolist(), self._limits, strict=True)):
             asked = np.minimum(np.maximum(wrench, self._reach[0]), self._reach[1])
             limit_thrusts(self._H, self._f @ asked, self.limit, self._set, thrust)
         return thrust

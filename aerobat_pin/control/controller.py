@@ -104,6 +104,12 @@ class Controller:
         self._weight = max(nominal.mass * flight.gravity, 1e-9)
         heading = math.radians(flight.yaw_deg)
         self._course = math.cos(heading), math.sin(heading)
+        self._velocity, self._start = flight.velocity, flight.position
+        self._bank_limit = math.sin(math.radians(self.control.bank_limit_deg))
+        self._pitch_limit = math.sin(math.radians(self.control.pitch_limit_deg))
+        self._level: list[float] = nominal.quaternion.tolist()
+        self._nominal_wrench, self._centre = nominal.wrench.tolist(), nominal.centre.tolist()
+        self._gains = self._stiffness_damping_integral()
         self._restart()
 
     def __repr__(self) -> str:
@@ -112,6 +118,15 @@ class Controller:
         parts += [type(self._observer).__name__] if self._observer is not None and self.control.feedforward else []
         thrusts = ", ".join(f"{1e3 * thrust:.0f}" for thrust in self.trim)
         return f"Controller({self.scenario.name!r}: {' + '.join(parts)}; nominal thrusts {thrusts} mN)"
+
+    def _stiffness_damping_integral(self) -> list[tuple[float, float, float]]:
+        """Return stiffness, damping and share of the integral [1/s]: forward, left, up; roll, pitch, yaw."""
+        control, mass = self.control, self.nominal.mass
+        axes = [(mass, frequency, control.position_integral) for frequency in (control.forward, control.lateral)]
+        axes.append((mass, control.height, control.position_integral))
+        turning = zip(self.nominal.inertia.tolist(), (control.roll, control.pitch, control.yaw), strict=True)
+        axes += [(inertia, frequency, control.attitude_integral) for inertia, frequency in turning]
+        return [(m * w * w, 2.0 * control.damping * m * w, share) for m, w, share in axes]
 
     def _restart(self) -> None:
         self.thrust = LaggedThrust(self.thrusters, self.scenario.believed_thrusters, self._step, self.trim)
@@ -170,7 +185,7 @@ class Controller:
 
     def wrench(self, since: float, q: Array, v: Array) -> Array:
         """Return the wrench (6,) that is wanted `since` seconds after the begin: the law without its lead."""
-        control, flight, nominal, integral = self.control, self.scenario.flight, self.nominal, self._integral
+        integral = self._integral
         px, py, pz, x, y, z, w = q[:7].tolist()
         vx, vy, vz, roll_rate, pitch_rate, yaw_rate = v[:6].tolist()
         R = (
@@ -178,31 +193,29 @@ class Controller:
             (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
             (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
         )
-        push = self.disturbance.tolist() if control.feedforward else [0.0] * 6
+        push = self.disturbance.tolist() if self.control.feedforward else [0.0] * 6
 
         # Errors of position and velocity, and the disturbance, along the course: forward, left, up.
         along, across = self._course
-        (ux, uy, uz), (sx, sy, sz) = flight.velocity, flight.position
+        (ux, uy, uz), (sx, sy, sz) = self._velocity, self._start
         ex, ey, ez = sx + ux * since - px, sy + uy * since - py, sz + uz * since - pz
-        dx, dy, dz = (u - (row[0] * vx + row[1] * vy + row[2] * vz) for u, row in zip((ux, uy, uz), R, strict=True))
-        fx, fy, fz = (row[0] * push[0] + row[1] * push[1] + row[2] * push[2] for row in R)
+        dx, dy, dz = ux - _row(R[0], vx, vy, vz), uy - _row(R[1], vx, vy, vz), uz - _row(R[2], vx, vy, vz)
+        fx, fy, fz = _row(R[0], *push[:3]), _row(R[1], *push[:3]), _row(R[2], *push[:3])
         errors = (
             (along * ex + across * ey, along * dx + across * dy, along * fx + across * fy),
             (along * ey - across * ex, along * dy - across * dx, along * fy - across * fx),
             (ez, dz, fz),
         )
         force = [0.0] * 3
-        for i, frequency in enumerate((control.forward, control.lateral, control.height)):
-            error, rate, disturbance = errors[i]
-            stiffness = nominal.mass * frequency * frequency
-            self._integrate(i, control.position_integral * stiffness * error)
-            damping = 2.0 * control.damping * nominal.mass * frequency
+        for i in range(3):
+            (error, rate, disturbance), (stiffness, damping, share) = errors[i], self._gains[i]
+            self._integrate(i, share * stiffness * error)
             force[i] = stiffness * error + damping * rate + integral[i] - disturbance
 
         # Pushing to the left takes a roll to the left, which is negative: the right wing is up then.
-        limit = math.sin(math.radians(control.bank_limit_deg))
+        limit = self._bank_limit
         half = -0.5 * math.asin(min(max(force[1] / self._weight, -limit), limit))
-        ax, ay, az, aw = self._pitched(nominal.quaternion.tolist())
+        ax, ay, az, aw = self._pitched()
         s, c = math.sin(half), math.cos(half)
         tx, ty, tz, tw = ax * c + aw * s, ay * c + az * s, az * c - ay * s, aw * c - ax * s
         turn = 2.0 if w * tw + x * tx + y * ty + z * tz >= 0.0 else -2.0
@@ -212,28 +225,27 @@ class Controller:
             turn * (w * tz - z * tw - x * ty + y * tx),
         )
         moment = [0.0] * 3
-        frequencies, rates = (control.roll, control.pitch, control.yaw), (roll_rate, pitch_rate, yaw_rate)
-        for i, inertia in enumerate(nominal.inertia.tolist()):
-            stiffness = inertia * frequencies[i] * frequencies[i]
-            self._integrate(3 + i, control.attitude_integral * stiffness * errors_R[i])
-            damping = 2.0 * control.damping * inertia * frequencies[i]
+        rates = roll_rate, pitch_rate, yaw_rate
+        for i in range(3):
+            stiffness, damping, share = self._gains[3 + i]
+            self._integrate(3 + i, share * stiffness * errors_R[i])
             moment[i] = stiffness * errors_R[i] - damping * rates[i] + integral[3 + i] - push[3 + i]
 
         # The thrusters make no force sideways, so the unknown one turns the robot about its own centre of mass.
-        Fx, _, Fz, Mx, My, Mz = nominal.wrench.tolist()
-        cx, _, cz = nominal.centre.tolist()
+        Fx, _, Fz, Mx, My, Mz = self._nominal_wrench
+        cx, _, cz = self._centre
         roll, pitch, yaw = Mx + moment[0] - cz * push[1], My + moment[1], Mz + moment[2] + cx * push[1]
         upright = max(R[2][2], 0.5)
         return np.array([Fx + force[0], 0.0, (Fz + force[2]) / upright, roll, pitch, yaw])
 
-    def _pitched(self, level: list[float]) -> list[float]:
+    def _pitched(self) -> list[float]:
         """Return the attitude to keep, xyzw: nose down for a forward force that the thrusters leave, within limits."""
-        limit = math.sin(math.radians(self.control.pitch_limit_deg))
+        limit = self._pitch_limit
         asked = min(max(float(self.unrealised[0]) / self._weight, -limit), limit)
         self._nose_down += self.dt / PITCHED_IN * (asked - self._nose_down)
         s = math.sin(0.5 * self._nose_down)
         c = math.sqrt(1.0 - s * s)
-        x, y, z, w = level
+        x, y, z, w = self._level
         return [x * c - z * s, y * c + w * s, z * c + x * s, w * c - y * s]
 
     def _integrate(self, i: int, rate: float) -> None:
@@ -250,3 +262,7 @@ class Controller:
         ahead: Array = lead * wrench - (lead - 1.0) * self._slow
         self._slow = self._slow + self._follow * (wrench - self._slow)
         return ahead
+
+
+def _row(row: tuple[float, float, float], x: float, y: float, z: float) -> float:
+    return row[0] * x + row[1] * y + row[2] * z
