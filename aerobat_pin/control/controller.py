@@ -199,8 +199,12 @@ class Controller:
         along, across = self._course
         (ux, uy, uz), (sx, sy, sz) = self._velocity, self._start
         ex, ey, ez = sx + ux * since - px, sy + uy * since - py, sz + uz * since - pz
-        dx, dy, dz = ux - _row(R[0], vx, vy, vz), uy - _row(R[1], vx, vy, vz), uz - _row(R[2], vx, vy, vz)
-        fx, fy, fz = _row(R[0], *push[:3]), _row(R[1], *push[:3]), _row(R[2], *push[:3])
+        dx, dy, dz = (
+            ux - _along_row(R[0], vx, vy, vz),
+            uy - _along_row(R[1], vx, vy, vz),
+            uz - _along_row(R[2], vx, vy, vz),
+        )
+        fx, fy, fz = _along_row(R[0], *push[:3]), _along_row(R[1], *push[:3]), _along_row(R[2], *push[:3])
         errors = (
             (along * ex + across * ey, along * dx + across * dy, along * fx + across * fy),
             (along * ey - across * ex, along * dy - across * dx, along * fy - across * fx),
@@ -264,5 +268,5 @@ class Controller:
         return ahead
 
 
-def _row(row: tuple[float, float, float], x: float, y: float, z: float) -> float:
+def _along_row(row: tuple[float, float, float], x: float, y: float, z: float) -> float:
     return row[0] * x + row[1] * y + row[2] * z
