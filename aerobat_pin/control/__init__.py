@@ -1,4 +1,7 @@
-"""Closing the loop: a controller that flies the robot by its thrusters, from sensors and a momentum observer."""
+"""Closing the loop: a controller that flies the robot by its thrusters, from sensors and a momentum observer.
+
+Where gymnasium is installed, `ENVIRONMENTS` are registered: `gymnasium.make("aerobat_pin/Hover-v0")`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,15 @@ from aerobat_pin.control.summary import ControlSummary, control_summary, course_
 if TYPE_CHECKING:
     from aerobat_pin.control.environment import AerobatEnv as AerobatEnv
 
+ENVIRONMENTS = {  # id -> scenario
+    "aerobat_pin/Hover-v0": "hover_closed_loop",
+    "aerobat_pin/PaperLeft-v0": "paper_left_closed_loop",
+    "aerobat_pin/Gust-v0": "gust_closed_loop",
+    "aerobat_pin/Impact-v0": "impact_closed_loop",
+}
+
 __all__ = [
+    "ENVIRONMENTS",
     "AerobatEnv",
     "Allocation",
     "ControlSummary",
@@ -29,6 +40,19 @@ __all__ = [
     "loop_margins",
     "nominal_flight",
 ]
+
+
+def _register() -> None:
+    """Tell gymnasium of the environments, if it is installed."""
+    try:
+        from gymnasium import register
+    except ModuleNotFoundError:
+        return
+    for name, scenario in ENVIRONMENTS.items():
+        register(name, "aerobat_pin.control:AerobatEnv", kwargs={"scenario": scenario})
+
+
+_register()
 
 
 def __getattr__(name: str) -> Any:

@@ -3,10 +3,11 @@
     minimise |W (B u - w)|^2 + EVEN |W B|^2 |u|^2        0 <= u <= limit
 
 Six thrusters cannot push sideways, and a limited one leaves something of the other five components too. The weights W
-decide what is given up first: sideways is not asked for, then forward thrust, yaw, lift, and last of all roll and
-pitch, without which the robot falls. Moments count by a lever arm. Nobody is asked for more of a component than all
-thrusters can make of it, so that a lift far out of reach does not crowd out the rest. The last term chooses among
-thrusts with the same wrench the smallest ones.
+decide what is given up first: sideways is not asked for, then forward thrust, lift, yaw, and last of all roll and
+pitch, without which the robot falls. Yaw comes before lift: else, where a gust has taken the need for lift away,
+thrusters 5 and 6, which hardly roll the robot, would help to do so for the sake of a little lift, and turn it. Moments
+count by a lever arm. Nobody is asked for more of a component than all thrusters can make of it, so that a lift far out
+of reach does not crowd out the rest. The last term chooses among thrusts with the same wrench the smallest ones.
 
 The problem is convex. The active-set method (Nocedal and Wright, Numerical Optimization, section 16.5) ends at its
 solution after a few changes of the set of thrusters at a limit; none is needed where nothing is limited.
@@ -20,7 +21,7 @@ from aerobat_pin.flight import ThrusterSet
 from aerobat_pin.numerics import Array, Integers, kernel, solve_positive
 
 THRUSTER_ARM = 0.2  # [m]: about the thrusters' distance
-PRIORITY = {"Fx": 0.1, "Fy": 0.0, "Fz": 3.0, "Mx": 30.0, "My": 30.0, "Mz": 1.0}
+PRIORITY = {"Fx": 0.1, "Fy": 0.0, "Fz": 3.0, "Mx": 30.0, "My": 30.0, "Mz": 10.0}
 EVEN = 1.0e-9
 MOST_CHANGES = 60
 
@@ -43,12 +44,13 @@ class Allocation:
         self._f = weighted.T * weight
         self._free = np.linalg.solve(self._H, self._f)
         self._reach = (np.minimum(self.map, 0.0) @ self.limit, np.maximum(self.map, 0.0) @ self.limit)
+        self._limits = self.limit.tolist()
         self._set = np.zeros(len(self.limit), dtype=np.intp)
 
     def thrusts(self, wrench: Array) -> Array:
         """Return the thrusts (m,) [N] for a wanted wrench (6,) at the body's centre of mass, body axes."""
         thrust: Array = self._free @ wrench
-        if thrust.min() < 0.0 or np.any(thrust > self.limit):
+        if not all(0.0 <= one <= limit for one, limit in zip(thrust.tolist(), self._limits, strict=True)):
             asked = np.minimum(np.maximum(wrench, self._reach[0]), self._reach[1])
             limit_thrusts(self._H, self._f @ asked, self.limit, self._set, thrust)
         return thrust

@@ -3,16 +3,17 @@
     forces     F = m (w^2 e + 2 z w e') + integral - disturbance              forward, left, up of the course
     bank       roll_ref = -asin(F_left / (m g)), limited                      the thrusters cannot push sideways
     nose       down by what they leave of F_forward / (m g), slowly, limited  they hardly push forward
-    moments    M = J (w^2 e_R - 2 z w omega) + integral - disturbance         about the body's axes
+    moments    M = J (w^2 e_R - 2 z w omega) + integral - disturbance + c x its force sideways
     wrench     (F_forward, 0, F_up / R_zz, M) about the nominal wrench        body axes, at the body's centre of mass
     lead       (1 + lag s) / (1 + lag s / lead) of the wrench                 against the thrusters' lag
     thrusts    bounded least squares with priorities                          see `allocation`
 
 e is reference less measurement; e_R is twice the vector part of the quaternion from the body to its reference, which is
-the rotation vector for small errors. w and z are natural frequency and share of critical damping. Mass m, inertia J,
-nominal wrench, lag and limits are those that are *believed*. An integral stands still while its component cannot be
-realised. The disturbance is what a momentum observer sees (`disturbance`); it may be switched off, and so may the
-integrals. Every gain stands in the table `control` of the scenario.
+the rotation vector for small errors. c leads from the body's centre of mass, about which moments count, to the robot's:
+about that one, an unknown force sideways that the thrusters leave has no moment. w and z are natural frequency and
+share of critical damping. Mass m, inertia J, nominal wrench, lag and limits are those that are *believed*. An integral
+stands still while its component cannot be realised. The disturbance is what a momentum observer sees (`disturbance`);
+it may be switched off, and so may the integrals. Every gain stands in the table `control` of the scenario.
 """
 
 from __future__ import annotations
@@ -96,13 +97,19 @@ class Controller:
         self._observer = disturbance
         if disturbance is None and self.control.feedforward:
             self._observer = DisturbanceObserver(
-                robot, scenario.believed_air, self.control, nominal.air, self.dt, self._crank_rate
+                robot, scenario.believed_air, self.control, nominal, self.dt, self._crank_rate
             )
         lead = believed.lag / self.control.lead
         self._follow = 1.0 - math.exp(-self.dt / lead) if lead > 0.0 else 1.0
         self._weight = max(nominal.mass * flight.gravity, 1e-9)
         heading = math.radians(flight.yaw_deg)
         self._course = math.cos(heading), math.sin(heading)
+        self._velocity, self._start = flight.velocity, flight.position
+        self._bank_limit = math.sin(math.radians(self.control.bank_limit_deg))
+        self._pitch_limit = math.sin(math.radians(self.control.pitch_limit_deg))
+        self._level: list[float] = nominal.quaternion.tolist()
+        self._nominal_wrench, self._centre = nominal.wrench.tolist(), nominal.centre.tolist()
+        self._gains = self._stiffness_damping_integral()
         self._restart()
 
     def __repr__(self) -> str:
@@ -111,6 +118,15 @@ class Controller:
         parts += [type(self._observer).__name__] if self._observer is not None and self.control.feedforward else []
         thrusts = ", ".join(f"{1e3 * thrust:.0f}" for thrust in self.trim)
         return f"Controller({self.scenario.name!r}: {' + '.join(parts)}; nominal thrusts {thrusts} mN)"
+
+    def _stiffness_damping_integral(self) -> list[tuple[float, float, float]]:
+        """Return stiffness, damping and share of the integral [1/s]: forward, left, up; roll, pitch, yaw."""
+        control, mass = self.control, self.nominal.mass
+        axes = [(mass, frequency, control.position_integral) for frequency in (control.forward, control.lateral)]
+        axes.append((mass, control.height, control.position_integral))
+        turning = zip(self.nominal.inertia.tolist(), (control.roll, control.pitch, control.yaw), strict=True)
+        axes += [(inertia, frequency, control.attitude_integral) for inertia, frequency in turning]
+        return [(m * w * w, 2.0 * control.damping * m * w, share) for m, w, share in axes]
 
     def _restart(self) -> None:
         self.thrust = LaggedThrust(self.thrusters, self.scenario.believed_thrusters, self._step, self.trim)
@@ -137,7 +153,8 @@ class Controller:
         if control.rate is not None:
             raise ScenarioError(f"control.source = {control.source!r}: no control.rate was expected")
         gains, air = observer_gains(control) if control.source == "filtered_truth" else None, self.scenario.believed_air
-        self._observer = TrueDisturbance(plant, self._robot, air, gains, self.dt, self._crank_rate)
+        centre = self.nominal.centre
+        self._observer = TrueDisturbance(plant, self._robot, air, centre, gains, self.dt, self._crank_rate)
 
     @guarded(q=("nq",), v=("nv",))
     def begin(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
@@ -168,7 +185,7 @@ class Controller:
 
     def wrench(self, since: float, q: Array, v: Array) -> Array:
         """Return the wrench (6,) that is wanted `since` seconds after the begin: the law without its lead."""
-        control, flight, nominal, integral = self.control, self.scenario.flight, self.nominal, self._integral
+        integral = self._integral
         px, py, pz, x, y, z, w = q[:7].tolist()
         vx, vy, vz, roll_rate, pitch_rate, yaw_rate = v[:6].tolist()
         R = (
@@ -176,31 +193,33 @@ class Controller:
             (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
             (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
         )
-        push = self.disturbance.tolist() if control.feedforward else [0.0] * 6
+        push = self.disturbance.tolist() if self.control.feedforward else [0.0] * 6
 
         # Errors of position and velocity, and the disturbance, along the course: forward, left, up.
         along, across = self._course
-        (ux, uy, uz), (sx, sy, sz) = flight.velocity, flight.position
+        (ux, uy, uz), (sx, sy, sz) = self._velocity, self._start
         ex, ey, ez = sx + ux * since - px, sy + uy * since - py, sz + uz * since - pz
-        dx, dy, dz = (u - (row[0] * vx + row[1] * vy + row[2] * vz) for u, row in zip((ux, uy, uz), R, strict=True))
-        fx, fy, fz = (row[0] * push[0] + row[1] * push[1] + row[2] * push[2] for row in R)
+        dx, dy, dz = (
+            ux - _along_row(R[0], vx, vy, vz),
+            uy - _along_row(R[1], vx, vy, vz),
+            uz - _along_row(R[2], vx, vy, vz),
+        )
+        fx, fy, fz = _along_row(R[0], *push[:3]), _along_row(R[1], *push[:3]), _along_row(R[2], *push[:3])
         errors = (
             (along * ex + across * ey, along * dx + across * dy, along * fx + across * fy),
             (along * ey - across * ex, along * dy - across * dx, along * fy - across * fx),
             (ez, dz, fz),
         )
         force = [0.0] * 3
-        for i, frequency in enumerate((control.forward, control.lateral, control.height)):
-            error, rate, disturbance = errors[i]
-            stiffness = nominal.mass * frequency * frequency
-            self._integrate(i, control.position_integral * stiffness * error)
-            damping = 2.0 * control.damping * nominal.mass * frequency
+        for i in range(3):
+            (error, rate, disturbance), (stiffness, damping, share) = errors[i], self._gains[i]
+            self._integrate(i, share * stiffness * error)
             force[i] = stiffness * error + damping * rate + integral[i] - disturbance
 
         # Pushing to the left takes a roll to the left, which is negative: the right wing is up then.
-        limit = math.sin(math.radians(control.bank_limit_deg))
+        limit = self._bank_limit
         half = -0.5 * math.asin(min(max(force[1] / self._weight, -limit), limit))
-        ax, ay, az, aw = self._pitched(nominal.quaternion.tolist())
+        ax, ay, az, aw = self._pitched()
         s, c = math.sin(half), math.cos(half)
         tx, ty, tz, tw = ax * c + aw * s, ay * c + az * s, az * c - ay * s, aw * c - ax * s
         turn = 2.0 if w * tw + x * tx + y * ty + z * tz >= 0.0 else -2.0
@@ -210,25 +229,27 @@ class Controller:
             turn * (w * tz - z * tw - x * ty + y * tx),
         )
         moment = [0.0] * 3
-        frequencies, rates = (control.roll, control.pitch, control.yaw), (roll_rate, pitch_rate, yaw_rate)
-        for i, inertia in enumerate(nominal.inertia.tolist()):
-            stiffness = inertia * frequencies[i] * frequencies[i]
-            self._integrate(3 + i, control.attitude_integral * stiffness * errors_R[i])
-            damping = 2.0 * control.damping * inertia * frequencies[i]
+        rates = roll_rate, pitch_rate, yaw_rate
+        for i in range(3):
+            stiffness, damping, share = self._gains[3 + i]
+            self._integrate(3 + i, share * stiffness * errors_R[i])
             moment[i] = stiffness * errors_R[i] - damping * rates[i] + integral[3 + i] - push[3 + i]
 
-        Fx, _, Fz, Mx, My, Mz = nominal.wrench.tolist()
+        # The thrusters make no force sideways, so the unknown one turns the robot about its own centre of mass.
+        Fx, _, Fz, Mx, My, Mz = self._nominal_wrench
+        cx, _, cz = self._centre
+        roll, pitch, yaw = Mx + moment[0] - cz * push[1], My + moment[1], Mz + moment[2] + cx * push[1]
         upright = max(R[2][2], 0.5)
-        return np.array([Fx + force[0], 0.0, (Fz + force[2]) / upright, Mx + moment[0], My + moment[1], Mz + moment[2]])
+        return np.array([Fx + force[0], 0.0, (Fz + force[2]) / upright, roll, pitch, yaw])
 
-    def _pitched(self, level: list[float]) -> list[float]:
+    def _pitched(self) -> list[float]:
         """Return the attitude to keep, xyzw: nose down for a forward force that the thrusters leave, within limits."""
-        limit = math.sin(math.radians(self.control.pitch_limit_deg))
+        limit = self._pitch_limit
         asked = min(max(float(self.unrealised[0]) / self._weight, -limit), limit)
         self._nose_down += self.dt / PITCHED_IN * (asked - self._nose_down)
         s = math.sin(0.5 * self._nose_down)
         c = math.sqrt(1.0 - s * s)
-        x, y, z, w = level
+        x, y, z, w = self._level
         return [x * c - z * s, y * c + w * s, z * c + x * s, w * c - y * s]
 
     def _integrate(self, i: int, rate: float) -> None:
@@ -245,3 +266,7 @@ class Controller:
         ahead: Array = lead * wrench - (lead - 1.0) * self._slow
         self._slow = self._slow + self._follow * (wrench - self._slow)
         return ahead
+
+
+def _along_row(row: tuple[float, float, float], x: float, y: float, z: float) -> float:
+    return row[0] * x + row[1] * y + row[2] * z

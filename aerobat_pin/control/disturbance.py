@@ -2,7 +2,11 @@
 
 It gets what the sensors show and what the controller knows: the mean wrench that the thrusters should have made, by
 their believed lag, and the forces of the believed air along the measured motion. No joint torque is known, so only the
-rows of the base count: the residual there is the wrench of all that is unknown, filtered.
+rows of the base count: the residual there is the wrench of all that is unknown.
+
+It is filtered as a wrench at the robot's mean centre of mass, each component by a gain of its own, and given at the
+body's centre of mass, c away, where thrusters count. About the body's centre of mass, the angular momentum has a part
+m c x v, whose noise would be that of the velocity.
 """
 
 from __future__ import annotations
@@ -10,13 +14,17 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 
+from aerobat_pin.control.nominal import Nominal
 from aerobat_pin.estimation import AirStream
 from aerobat_pin.flight import Plant
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import MomentumObserver
+from aerobat_pin.observers import Application, ForceLevelObserver
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, ControlSection
+
+CENTRE = "mean_centre_of_mass"  # frame of the body
 
 
 class Disturbance(Protocol):
@@ -27,12 +35,20 @@ class Disturbance(Protocol):
 
     def update(self, time: float, q: Array, v: Array, thrust: Array) -> Array:
         """Take a sample and the thrusters' mean wrench (6,) since the last one; return the unknown wrench (6,)."""
+        ...
 
 
 def observer_gains(control: ControlSection) -> Array:
-    """Return the observer's gains (6,) of the base's rows [1/s]: forces x, y, z, then moments, body axes."""
+    """Return the observer's gains (6,) [1/s]: forces x, y, z, then moments at the centre of mass, body axes."""
     forces = [control.forward_gain, control.lateral_gain, control.lift_gain]
     return np.array([*forces, *[control.moment_gain] * 3])
+
+
+def moved(wrench: Array, lever: Array) -> Array:
+    """Return a wrench (6,) at a point from which its own point lies at `lever` (3,) [m]; all in the same axes."""
+    fx, fy, fz, mx, my, mz = wrench.tolist()
+    x, y, z = lever.tolist()
+    return np.array([fx, fy, fz, mx + y * fz - z * fy, my + z * fx - x * fz, mz + x * fy - y * fx])
 
 
 class TrueDisturbance:
@@ -45,15 +61,24 @@ class TrueDisturbance:
         plant: the plant that flies.
         robot: the believed robot.
         air: the believed air.
+        centre: (3,) the robot's mean centre of mass from the body's, body axes [m].
         gains: (6,) an observer's gains, to filter it by [1/s]; None does not.
         dt: time between samples [s].
         crank_rate: of the crank before the flight [rad/s].
     """
 
     def __init__(
-        self, plant: Plant, robot: Aerobat, air: AirSection, gains: Array | None, dt: float, crank_rate: float
+        self,
+        plant: Plant,
+        robot: Aerobat,
+        air: AirSection,
+        centre: Array,
+        gains: Array | None,
+        dt: float,
+        crank_rate: float,
     ) -> None:
         """Set up the believed air; `reset` starts it."""
+        self._centre = centre
         self._plant, self._stream, self._rate = plant, AirStream(robot, air, dt), crank_rate
         self._follow = np.ones(BASE_SIZE) if gains is None else 1.0 - np.exp(-gains * dt)
         self._seen = np.zeros(BASE_SIZE)
@@ -72,8 +97,8 @@ class TrueDisturbance:
         forces, believed = flight.last_forces(), self._stream.update(time, flight.q, flight.v)
         total = forces.aerodynamic[0] + forces.added_mass[0] + forces.unknown[0] + forces.thrusters[0]
         push = (total - believed[0] - believed[1])[:BASE_SIZE] - thrust
-        self._seen = self._seen + self._follow * (push - self._seen)
-        return self._seen
+        self._seen = self._seen + self._follow * (moved(push, -self._centre) - self._seen)
+        return moved(self._seen, self._centre)
 
 
 class DisturbanceObserver:
@@ -83,22 +108,25 @@ class DisturbanceObserver:
         robot: the believed robot.
         air: the believed air.
         control: gains; and whether the air is known along the motion, or by its mean only.
-        mean_air: (6,) mean wrench of the air, used in the second case.
+        nominal: the robot's mean centre of mass, and the air's mean wrench, which is used in the second case.
         dt: time between samples [s].
         crank_rate: of the crank before the flight [rad/s].
     """
 
     def __init__(
-        self, robot: Aerobat, air: AirSection, control: ControlSection, mean_air: Array, dt: float, crank_rate: float
+        self, robot: Aerobat, air: AirSection, control: ControlSection, nominal: Nominal, dt: float, crank_rate: float
     ) -> None:
         """Set up observer and air; `reset` starts them."""
-        rest = robot.model.nv - BASE_SIZE
-        gains = np.append(observer_gains(control), np.full(rest, control.moment_gain))  # joint rows are not used
-        self.observer = MomentumObserver(robot.model, gain=gains)
+        model = pin.Model(robot.model)
+        body = model.joints[1]
+        centre = pin.SE3(np.eye(3), nominal.centre)
+        model.addFrame(pin.Frame(CENTRE, body.id, 0, centre, pin.FrameType.OP_FRAME))
+        unknown = [Application(CENTRE, kind="wrench", axes="frame")]
+        self.observer = ForceLevelObserver(model, unknown, observer_gains(control), rows="base")
         self._stream = AirStream(robot, air, dt) if control.air else None
-        self._rate = crank_rate
-        self._tau, self._pushed = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
-        self._mean = np.append(mean_air, np.zeros(rest))
+        self._rate, self._centre = crank_rate, nominal.centre
+        self._tau, self._pushed = np.zeros(model.nv), np.zeros(model.nv)
+        self._mean = np.append(nominal.air, np.zeros(model.nv - BASE_SIZE))
 
     def reset(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
         """Start at a sample."""
@@ -112,4 +140,4 @@ class DisturbanceObserver:
         known = {"thrusters": self._pushed, "air": self._mean}
         if self._stream is not None:
             known["air"], known["added_mass"] = self._stream.update(time, q, v)
-        return self.observer.update(time, q, v, self._tau, known).residual[:BASE_SIZE]
+        return moved(self.observer.update(time, q, v, self._tau, known).components, self._centre)

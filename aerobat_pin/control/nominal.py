@@ -37,6 +37,7 @@ class Nominal:
         wrench: (6,) mean wrench that the thrusters must make, at the body's centre of mass, body axes [N, N m].
         air: (6,) mean wrench of the air, added mass included, the same way.
         inertia: (3,) of the whole robot about its centre of mass, body axes, mean over a flap [kg m2].
+        centre: (3,) the robot's centre of mass from the body's, body axes, mean over a flap [m].
         mass: of the robot [kg].
         quaternion: (4,) attitude xyzw to keep: heading of the start, and the pitch of the table `control`.
     """
@@ -44,6 +45,7 @@ class Nominal:
     wrench: Array
     air: Array
     inertia: Array
+    centre: Array
     mass: float
     quaternion: Array
 
@@ -82,16 +84,14 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         q = robot.configuration(placements, closed.theta_s, closed.theta_e)
         v = robot.velocity(twists, closed.theta_s_dot, closed.theta_e_dot)
         a = robot.velocity(accelerations, closed.theta_s_ddot, closed.theta_e_ddot)
-        needed, inertia, air = (
-            np.zeros((FLAP_SAMPLES, BASE_SIZE)),
-            np.zeros(3),
-            _blown(stream, time, q, v, angle[0], rate),
-        )
+        needed, air = np.zeros((FLAP_SAMPLES, BASE_SIZE)), _blown(stream, time, q, v, angle[0], rate)
+        inertia, centre = np.zeros(3), np.zeros(3)
         inverse = np.zeros((FLAP_SAMPLES, BASE_SIZE, BASE_SIZE))
         for k in range(FLAP_SAMPLES):
             needed[k] = pin.rnea(model, data, q[k], v[k], a[k])[:BASE_SIZE]
             pin.ccrba(model, data, q[k], v[k])
             inertia += np.diag(attitude.T @ data.Ig.inertia @ attitude) / FLAP_SAMPLES
+            centre += data.oMi[1].actInv(data.com[0]) / FLAP_SAMPLES
             inverse[k] = np.linalg.inv(pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE])
         wrench = np.mean(needed - air, axis=0)
         if left:
@@ -99,7 +99,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
             accelerations -= np.append(miss, miss[:1], axis=0)
             twists, placements = _without_drift(accelerations, twist, placement, np.array(flight.velocity), time)
     air = np.mean(air, axis=0)
-    return Nominal(wrench, air, inertia, robot.mass, quaternion)
+    return Nominal(wrench, air, inertia, centre, robot.mass, quaternion)
 
 
 def _blown(stream: AirStream, time: Array, q: Array, v: Array, angle: float, rate: float) -> Array:

@@ -104,6 +104,7 @@ class ClosedLoop:
         """Fly one interval."""
         k, pilot = self.done, self.pilot
         time = k * self.dt
+        self.sensing.draw(k)
         begun = thread_time()
         q, v = self.sensing.read(k, self.q, self.v)
         if k == 0:

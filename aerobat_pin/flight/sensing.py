@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.flight.sensors import _errors, _last_arrived, _quantised, _sampling_times
+from aerobat_pin.flight.sensors import last_arrived, quantised, sampling_times, sensor_errors
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import SensorSection, SensorsSection
@@ -45,12 +46,16 @@ class Sensing:
         self._time, self._seed, self._first = time, seed, 0
         self._readers = self._drawn()
 
+    def draw(self, k: int) -> None:
+        """Draw the errors that sample k needs, unless they are drawn: work of a simulation, and of no sensor."""
+        if k - self._first == len(self._time):
+            self._first = k
+            self._readers = self._drawn()
+
     def read(self, k: int, q: Array, v: Array) -> tuple[Array, Array]:
         """Return what the sensors show at sample k of a flight whose true q and v are given; k counts up by one."""
+        self.draw(k)
         k -= self._first
-        if k == len(self._time):
-            self._first, k = self._first + k, 0
-            self._readers = self._drawn()
         if self._readers:
             q, v = q.copy(), v.copy()
             table = {"q": q, "v": v}
@@ -72,33 +77,35 @@ class _Reader:
 
     def __init__(self, name: str, sensor: SensorSection, time: Array, rng: np.random.Generator) -> None:
         self._attitude, self._quantum = name == "attitude", sensor.quantum
-        taken = _sampling_times(time, sensor.rate)
+        taken = sampling_times(time, sensor.rate)
         axes = 4 if name.startswith("joint") else 3
-        self._errors = _errors(time[taken], axes, sensor, rng)
+        errors = sensor_errors(time[taken], axes, sensor, rng)
+        self._errors = [_quaternion_of(pin.exp3(error)) for error in errors] if self._attitude else errors
         self._number = np.full(len(time), -1)
         self._number[taken] = np.arange(len(taken))
-        self._shown = _last_arrived(time, taken, sensor, rng)
+        self._shown = last_arrived(time, taken, sensor, rng)
         newest = np.searchsorted(taken, np.arange(len(time)), side="right") - 1
         kept = int(np.max(newest - self._shown)) + 1  # samples that are still waiting, or lost since
         self._samples = np.zeros((kept, 4 if self._attitude else axes))
 
     def __call__(self, k: int, true: Array) -> Array:
         """Return the reading at time k, at which the channel's true value is given."""
-        samples = self._samples
-        number = self._number[k]
+        samples, number = self._samples, self._number[k]
         if number >= 0:
-            samples[number % len(samples)] = self._sample(true, self._errors[number])
+            samples[number % len(samples)] = sample = self._sample(true, self._errors[number])
+            if len(samples) == 1:  # nothing waits, and nothing was lost
+                return sample
         return np.asarray(samples[self._shown[k] % len(samples)])
 
-    def _sample(self, true: Array, error: Array) -> Array:
+    def _sample(self, true: Array, error: Any) -> Array:
         if not self._attitude:
-            return _quantised(true + error, self._quantum)
-        attitude = pin.Quaternion(true) * _quaternion_of(pin.exp3(error))
+            return quantised(true + error, self._quantum)
+        attitude = pin.Quaternion(true) * error
         if self._quantum > 0.0:
-            angles = _quantised(pin.rpy.matrixToRpy(attitude.matrix()), self._quantum)
+            angles = quantised(pin.rpy.matrixToRpy(attitude.matrix()), self._quantum)
             attitude = _quaternion_of(pin.rpy.rpyToMatrix(angles))
-        shown = attitude.coeffs()
-        return np.asarray(shown if shown @ true >= 0.0 else -shown)
+        shown: Array = attitude.coeffs()
+        return shown if shown @ true >= 0.0 else -shown
 
 
 def _quaternion_of(rotation: Array) -> pin.Quaternion:

@@ -75,26 +75,26 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
 
 def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Return the readings (n, c) of a sensor at times (n,) [s], given the true values (n, c) of its channel."""
-    taken = _sampling_times(time, sensor.rate)
-    samples = true[taken] + _errors(time[taken], true.shape[1], sensor, rng)
-    return np.asarray(_quantised(samples, sensor.quantum)[_last_arrived(time, taken, sensor, rng)])
+    taken = sampling_times(time, sensor.rate)
+    samples = true[taken] + sensor_errors(time[taken], true.shape[1], sensor, rng)
+    return np.asarray(quantised(samples, sensor.quantum)[last_arrived(time, taken, sensor, rng)])
 
 
 def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Return the readings (n, 4) of an attitude sensor at times (n,) [s], given the true quaternions xyzw (n, 4)."""
-    taken = _sampling_times(time, sensor.rate)
-    errors = _errors(time[taken], 3, sensor, rng)
+    taken = sampling_times(time, sensor.rate)
+    errors = sensor_errors(time[taken], 3, sensor, rng)
     samples = np.empty((len(taken), 4))
     for shown, row, error in zip(samples, true[taken], errors, strict=True):
         attitude = pin.Quaternion(row) * pin.Quaternion(pin.exp3(error))
         if sensor.quantum > 0.0:
-            angles = _quantised(pin.rpy.matrixToRpy(attitude.matrix()), sensor.quantum)
+            angles = quantised(pin.rpy.matrixToRpy(attitude.matrix()), sensor.quantum)
             attitude = pin.Quaternion(pin.rpy.rpyToMatrix(angles))
         shown[:] = attitude.coeffs() if attitude.coeffs() @ row >= 0.0 else -attitude.coeffs()
-    return np.asarray(samples[_last_arrived(time, taken, sensor, rng)])
+    return np.asarray(samples[last_arrived(time, taken, sensor, rng)])
 
 
-def _sampling_times(time: Array, rate: float | None) -> Indices:
+def sampling_times(time: Array, rate: float | None) -> Indices:
     """Return the indices of the times (n,) at which a sample is taken; the first time is always among them."""
     if rate is None:
         return np.arange(len(time))
@@ -102,18 +102,19 @@ def _sampling_times(time: Array, rate: float | None) -> Indices:
     return np.flatnonzero(np.diff(count, prepend=-1.0) > 0.0)
 
 
-def _errors(time: Array, axes: int, sensor: SensorSection, rng: np.random.Generator) -> Array:
+def sensor_errors(time: Array, axes: int, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Draw the errors (m, axes) of samples taken at times (m,) [s]: the sum of bias, random walk and white noise."""
     noise, steps = rng.standard_normal((2, len(time), axes))
     steps *= np.sqrt(np.diff(time, prepend=time[0]))[:, None]
     return np.asarray(sensor.noise * noise + sensor.walk * np.cumsum(steps, axis=0) + np.array(sensor.bias))
 
 
-def _quantised(values: Array, quantum: float) -> Array:
+def quantised(values: Array, quantum: float) -> Array:
+    """Round values to whole multiples of a quantum; 0 leaves them."""
     return np.asarray(np.round(values / quantum) * quantum) if quantum > 0.0 else values
 
 
-def _last_arrived(time: Array, taken: Indices, sensor: SensorSection, rng: np.random.Generator) -> Indices:
+def last_arrived(time: Array, taken: Indices, sensor: SensorSection, rng: np.random.Generator) -> Indices:
     """Return, for each time (n,), the index of the latest sample that the sensor has delivered."""
     kept = np.flatnonzero(rng.random(len(taken)) >= sensor.dropout)
     kept = kept if len(kept) and kept[0] == 0 else np.insert(kept, 0, 0)  # the first sample is never lost

@@ -19,6 +19,9 @@ from aerobat_pin.experiments import read_estimates
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text, load_scenario
 from aerobat_pin.visualization import style
+from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION
+from aerobat_pin.visualization.replay.load_run import replay_run
+from aerobat_pin.visualization.replay.side_by_side import side_by_side
 from aerobat_pin.visualization.template import fill_template
 
 HEADER = ("observer", "point", "axis", "R2", "R2", "error rms", "error rms")
@@ -64,7 +67,7 @@ class ComparedRun:
 class Comparison:
     """Two runs side by side; `print` shows what differs and the scores, `write` writes tables, figures and a page."""
 
-    FILES: ClassVar = ("comparison.html", "comparison.csv", "forces.png", "forces.pdf")
+    FILES: ClassVar = ("comparison.html", "comparison.csv", "forces.png", "forces.pdf", "replay.html")
     first: ComparedRun
     second: ComparedRun
 
@@ -127,7 +130,7 @@ class Comparison:
         return figure
 
     def write(self, folder: Path) -> None:
-        """Write `comparison.html`, `comparison.csv` and the figure of the forces into an existing folder."""
+        """Write `comparison.html`, `comparison.csv`, the figure of the forces and a replay of both into a folder."""
         style.save_figure(self.draw(), folder / "forces")
         a, b = self.first.label, self.second.label
         head = ",".join((*HEADER[:3], f"R2 {a}", f"R2 {b}", f"error rms {a}", f"error rms {b}"))
@@ -148,6 +151,8 @@ class Comparison:
             },
         )
         (folder / "comparison.html").write_text(page, encoding="utf-8")
+        flights = side_by_side(replay_run(self.first.folder), replay_run(self.second.folder), (a, b), SLOW_MOTION)
+        (folder / "replay.html").write_text(flights, encoding="utf-8")
 
 
 def compare_runs(first: Path, second: Path) -> Comparison:

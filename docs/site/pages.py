@@ -25,6 +25,7 @@ SECTIONS = {
     "Measured": [
         "docs/results.md",
         "docs/observer_results.md",
+        "docs/control_results.md",
         "docs/studies.md",
         "docs/lifting_line.md",
         "docs/section_law.md",

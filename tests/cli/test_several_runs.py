@@ -70,7 +70,7 @@ def test_two_runs_stand_side_by_side(
     score = [f"{found['force_level']['right']['Fz']['r2']:.5f}" for found in both]
     assert re.search(rf"force_level +right +Fz +{score[0]} +{score[1]} ", printed)
     folder = tmp_path / "runs" / "compare-one-two"
-    names = ["comparison.csv", "comparison.html", "forces.pdf", "forces.png"]
+    names = ["comparison.csv", "comparison.html", "forces.pdf", "forces.png", "replay.html"]
     assert sorted(path.name for path in folder.iterdir()) == names
     assert len((folder / "comparison.csv").read_text().splitlines()) == 13
     page = (folder / "comparison.html").read_text()

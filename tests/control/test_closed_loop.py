@@ -46,6 +46,14 @@ def test_the_observer_does_as_well_as_the_truth_behind_the_same_filter() -> None
     assert rms("paper_left", *alone, "control.source=truth")["y"] < 0.7 * seen
 
 
+def test_an_upward_gust_does_not_turn_the_robot() -> None:
+    """Hardly any lift is wanted then; yaw stays below a fifteenth of a degree, and z is better than without."""
+    up = ("air.gust.amplitude=[0.0, 0.0, 1.5]",)
+    best, pd = rms("gust", *up), rms("gust", *up, *PD)
+    assert best["z"] < 0.85 * pd["z"]
+    assert best["yaw"] < np.radians(1.0 / 15.0)
+
+
 def test_a_calm_flight_pays_little_for_the_observer() -> None:
     """Attitude and height within 5 %, sideways below 1.5 mm."""
     calm, pd = rms("paper_left", "unknown_force=[]"), rms("paper_left", "unknown_force=[]", *PD)
@@ -97,10 +105,11 @@ def test_a_wrong_belief_about_the_thrusters_is_what_the_observer_is_told() -> No
         ("thrusters.factor=0.6", "believed.thrusters.factor=1.0"),
         ("thrusters.factor=3.0", "believed.thrusters.factor=1.0"),
         ("thrusters.delay=0.02", "believed.thrusters.delay=0.001"),
+        ("thrusters.lag=0.03", "believed.thrusters.lag=0.045"),
         ("thrusters.lag=0.1", "believed.thrusters.lag=0.045"),
         ("control.rate=100.0",),
     ],
-    ids=["x0.6", "x3", "20 ms late", "100 ms of lag", "100 Hz"],
+    ids=["x0.6", "x3", "20 ms late", "30 ms of lag", "100 ms of lag", "100 Hz"],
 )
 def test_what_the_margins_allow_flies(settings: tuple[str, ...]) -> None:
     """Weaker and stronger, later and slower thrusters than believed, and a slow law."""

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from aerobat_pin.control.controller import Controller
+from aerobat_pin.control.disturbance import moved
 from aerobat_pin.control.margins import loop_margins
 from aerobat_pin.errors import ControlWarning, ScenarioError
 from aerobat_pin.estimation.air_stream import AirStream
@@ -85,6 +86,23 @@ def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
     answer = pilot.wrench(0.0, q, v) - level
     mass = pilot.nominal.mass
     np.testing.assert_allclose(answer[[0, 2]], [mass * 4.0 * 0.01, mass * 64.0 * 0.01], rtol=1e-9)
+
+
+def test_a_push_at_the_centre_of_mass_does_not_ask_for_yaw() -> None:
+    """The thrusters leave its part sideways, so only a roll is wanted against it; against that upwards, a pitch."""
+    pilot = controller(*STEADY[:2], "sensors={}", "control.lateral=0.0")
+    q, v = sample(pilot)
+    pilot.begin(0.0, q, v, 0.0)
+    level = pilot.wrench(0.0, q, v)
+    force, centre = np.array([0.0, 1e-3, 0.02]), pilot.nominal.centre
+    assert centre[0] == pytest.approx(-7.5e-3, abs=1e-4)
+    pilot.disturbance = moved(np.append(force, np.zeros(3)), centre)
+    np.testing.assert_allclose(pilot.disturbance, [*force, *np.cross(centre, force)], atol=1e-18)
+    answer = pilot.wrench(0.0, q, v) - level
+    assert answer[5] == pytest.approx(0.0, abs=1e-12)
+    assert answer[4] == pytest.approx(0.02 * centre[0], rel=1e-6)
+    roll = 1e-3 / (pilot.nominal.mass * 9.81)
+    assert answer[3] == pytest.approx(pilot.nominal.inertia[0] * 144.0 * roll, rel=1e-3)
 
 
 def test_margins_are_those_of_the_textbook_for_a_plain_double_integrator() -> None:

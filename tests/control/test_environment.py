@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from aerobat_pin.control import AerobatEnv, Controller
+from aerobat_pin.control import ENVIRONMENTS, AerobatEnv, Controller
 from aerobat_pin.errors import ScenarioError, SimulationError
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -64,3 +64,27 @@ def test_what_cannot_be_flown_is_refused() -> None:
     env = AerobatEnv(settings=COARSE)
     with pytest.raises(SimulationError, match=r"reset\(\) must come before"):
         env.step(env.neutral)
+
+
+@pytest.mark.parametrize("name", sorted(ENVIRONMENTS))
+def test_gymnasium_knows_the_environments_by_name(name: str) -> None:
+    """`make` builds the scenario's, with the settings that it is given."""
+    env = gymnasium.make(name, settings=["air.strips=8", "simulation.duration=0.05"])
+    assert env.unwrapped.scenario.name == ENVIRONMENTS[name]
+    seen, _ = env.reset(seed=1)
+    assert env.observation_space.contains(seen)
+    ends = [env.step(env.unwrapped.neutral)[2:4] for _ in range(5)]
+    assert ends == [(False, False)] * 4 + [(False, True)]
+
+
+def test_environments_in_processes_of_their_own_are_those_of_one_process() -> None:
+    """Two at once, with a seed each; observations are equal to the bit."""
+    settings = {"settings": ["air.strips=4", "simulation.duration=0.05", "air.warm_up_cycles=1"]}
+    many = gymnasium.make_vec("aerobat_pin/Hover-v0", 2, vectorization_mode="async", **settings)
+    try:
+        seen = [many.reset(seed=[1, 2])[0], many.step(np.zeros((2, 6)))[0]]
+    finally:
+        many.close()
+    for i, seed in enumerate((1, 2)):
+        one = gymnasium.make("aerobat_pin/Hover-v0", **settings)
+        np.testing.assert_array_equal([one.reset(seed=seed)[0], one.step(np.zeros(6))[0]], [both[i] for both in seen])

@@ -64,6 +64,7 @@ class Recording:
             motion is longer, the title of the page says so.
         sheet: sheet that trails behind the robot, or None.
         rate: speed in multiples of real time at which a notebook plays it.
+        scale: of the arrows [N/cm]; when None, the smallest round one with which the longest fit.
         subtitle: another line below the title; empty for none.
         report: address of the report that belongs to the flight; empty for none.
         size: size of the robot: half the diagonal of its bounding box, or, if its base is fixed, of the box of all
@@ -108,6 +109,7 @@ class Recording:
         self._zones: list[Zone] = []
         self.sheet: Sheet | None = None
         self.rate = 1.0
+        self.scale: float | None = None
 
     @property
     def time(self) -> Array:
@@ -157,6 +159,8 @@ class Recording:
     @property
     def newtons_per_centimetre(self) -> float:
         """Scale of the arrows [N/cm]: 1, 2 or 5 times a power of ten, so that the longest fit `LONGEST_ARROW`."""
+        if self.scale is not None:
+            return self.scale
         shown = [kind for kind in self._arrows if kind not in self._choices[1:]]
         norms = [np.linalg.norm(rows, axis=1) for kind in shown for rows in kind.force.values()]
         largest = max((float(np.percentile(norm, 99.0)) for norm in norms), default=0.0) or 1.0
