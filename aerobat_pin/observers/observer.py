@@ -70,6 +70,7 @@ class Observer:
     kind: ClassVar[int] = FIRST_ORDER
     slope: float = 0.0  # [N/s], used by the super-twisting filter only
     _result: ClassVar[type[Sample]] = Sample
+    _asks_for_inertia: ClassVar[bool] = True  # whether Pinocchio computes M and g; kernels can make them from C's parts
     _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
     @guarded(gain="any", rows="free")
@@ -188,9 +189,10 @@ class Observer:
                     if force.shape != u.shape:  # numpy would broadcast one number to all rows
                         raise TypeError
                     u = u + force
-            crba(model, data, q)
+            if self._asks_for_inertia:
+                crba(model, data, q)
+                computeGeneralizedGravity(model, data, q)
             computeCoriolisMatrix(model, data, q, v)
-            computeGeneralizedGravity(model, data, q)
             good = self._update(self._memory, q, v, u, dt, out)
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
@@ -257,11 +259,12 @@ class Observer:
 
     def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
         """Call a kernel at every sample of a record, after Pinocchio has computed M, C and g there."""
-        model, data = self.model, self.data
+        model, data, whole = self.model, self.data, self._asks_for_inertia
         for configuration, velocity in zip(q, v, strict=True):
-            crba(model, data, configuration)
+            if whole:
+                crba(model, data, configuration)
+                computeGeneralizedGravity(model, data, configuration)
             computeCoriolisMatrix(model, data, configuration, velocity)
-            computeGeneralizedGravity(model, data, configuration)
             kernel(memory)
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:

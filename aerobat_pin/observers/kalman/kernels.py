@@ -7,7 +7,8 @@ is
     z <- a z + noise,   p <- p + dt (u + mean(C^T v - g)) + dt G^T z,   then p is measured: M v, covariance B B^T
 
 where a is the decay factor and B = M diag(s) for velocity sensors with standard deviations s. C^T v is that of the
-filter's own velocity: h(v_m) + D (M^-1 p - v_m) at the measured v_m, with D the derivative of C^T v (see `slopes`).
+filter's own velocity: h(v_m) + D (M^-1 p - v_m) at the measured v_m, with D the derivative of C^T v (see
+`noisy_sample`).
 Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
 from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
 and the rows get white noise as large as what no force explains. The update uses the Cholesky factor of the innovation's
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, factorise, kernel, mirror
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, kernel, mirror
 from aerobat_pin.observers.kalman.learning import (
     MISFIT_TIME,
     drop_unseen,
@@ -88,15 +89,18 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
         now = step.decay[a] * z[a]
         for i in range(nv):
             e[i] -= now * shear[a, i]
-    starts, ends, bent, missed = before[3 + c + nv :], after[3 + c + nv :], filter_.inverse[0], filter_.inverse[1]
+    starts, ends, scratch = before[3 + c + nv :], after[3 + c + nv :], filter_.inverse[0]
+    bent, missed, start = scratch[:nv], scratch[nv:], filter_.turned[0, :nv]
     for i in range(nv):  # C^T v of the filter's own velocity, not of the measured one
         missed[i], bent[i] = e[i], 0.0
         for j in range(filter_.hidden.shape[0]):  # behind an unknown torque, the measured one
             missed[i] -= filter_.hidden[i, j] * e[j]
     for i in range(nv):
+        start[i] = x[i] - before[0, i]
         for j in range(nv):
             step.turn[i, j] = 0.5 * dt * (starts[i, j] + ends[i, j])
-            bent[i] += starts[i, j] * (x[j] - before[0, j]) - ends[i, j] * missed[j]
+    add_row_product(bent, start, starts, 1.0)
+    add_row_product(bent, missed, ends, -1.0)
     for i in range(nv):
         e[i] -= 0.5 * dt * bent[i]
         if not abs(e[i]) < TOO_LARGE * min(dt, 1.0):  # NaN too
@@ -134,16 +138,15 @@ def predict_covariance(
                 row[b] += grown * filter_.walk[a, b]
     if step.blind[0] > 0.0:
         drop_unseen(step, filter_, nv)
-    turn, turned = step.turn, filter_.turned
+    turn, turned = step.turn, filter_.turned  # from here on, P[nv:, :nv] is not kept up: `correct` mirrors it
     for i in range(nv):
         copy_values(P[i], turned[i])
     add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
-    add_product(P[:nv], turn, turned, 1.0)
-    for j in range(n):
-        copy_values(P[j, :nv], turned[0, :nv])
-        for i in range(nv):
-            P[j, i] += dot(turn[i], turned[0, :nv])
-    add_product(P, P[:, nv:], shear, 1.0)
+    add_product(P[:nv], turn.T, turned, 1.0)
+    for i in range(nv):
+        copy_values(P[i], turned[i])
+    add_product(P[:nv], turned[:, nv:], shear, 1.0)
+    add_product(P[:nv, :nv], turned[:, :nv], turn, 1.0)
     if nz > step.z.shape[0]:
         decay = step.decay[nz - 1] if filter_.elapsed[0] > 0.0 else 0.0
         for i in range(nv):
@@ -289,7 +292,7 @@ def start_filter(memory: Array, v: Array) -> None:
 
 @kernel
 def record_noisy_sample(memory: Array) -> None:
-    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M, C, g and `slopes`."""
+    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed C alone."""
     kalman = kalman_in(memory)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
     write_noisy_sample(kalman.observer, kalman.filter, v, sample)

@@ -15,7 +15,7 @@ class Step(NamedTuple):
     """
 
     shear: Array  # dt G, padded with zero columns
-    turn: Array  # dt D M^-1, mean of both ends: what an error of the momentum adds to itself by C^T v
+    turn: Array  # dt M^-1 D^T, mean of both ends: transposed, what an error of the momentum adds to itself by C^T v
     decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
     rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
@@ -54,12 +54,19 @@ class Filter(NamedTuple):
     doubt: Array  # running mean square of the possible errors of known forces and mass, for each row
     x: Array  # estimate of the state
     P: Array  # covariance of the estimate
-    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and D M^-1
-    derivatives: Integers  # addresses of two matrices of `slopes`, from which D is made
-    inverse: Array  # scratch, like the field below
+    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and M^-1 D^T
+    places: Integers  # addresses of what D is made of, see `slopes.subtree_places`
+    tree: Integers  # see `slopes.tree_of`
+    gravity: Array  # acceleration of gravity (6,), linear and angular, world axes
+    armature: Array  # inertia of each joint's rotor
+    subtree: Array  # scratch, like all fields below but `blurred`
+    pushes: Array
+    turns: Array
+    across: Array
+    inverse: Array
     turned: Array
     blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
-    phi: Array  # scratch, like the field below
+    phi: Array
     seen: Array
 
 
@@ -144,7 +151,14 @@ def kalman_in(memory: Array) -> KalmanMemory:
             x=take(cursor, (nv + nz,)),
             P=take(cursor, (nv + nz, nv + nz)),
             samples=take(cursor, (2, 3 + c + 2 * nv, nv)),
-            derivatives=take_integers(cursor, (2,)),
+            places=take_integers(cursor, (4,)),
+            tree=take_integers(cursor, (nv, nv + 1)),
+            gravity=take(cursor, (6,)),
+            armature=take(cursor, (nv,)),
+            subtree=take(cursor, (6,)),
+            pushes=take(cursor, (6, nv)),
+            turns=take(cursor, (6, nv)),
+            across=take(cursor, (nv, nv)),
             inverse=take(cursor, (nv, 2 * nv)),
             turned=take(cursor, (nv, nv + nz)),
             blurred=take(cursor, (nv, nv)),

@@ -1,41 +1,57 @@
-"""The derivative of C^T v by the velocity v, from Pinocchio's derivatives of inverse dynamics.
-
-With M' = C + C^T and C v = ID(q, v, 0) - g, where ID(q, v, a) = M a + C v + g,
-
-    C^T v = M' v - C v,      M' w = d(M w)/dq along v
-    D = d(C^T v)/dv = M' + E - B,      E = dID(q, 0, v)/dq without gravity,      B = dID(q, v, 0)/dv
-
-C^T v is quadratic in v, so differences of it with any step are exact: the tests compare D with them.
-"""
+"""Where the kernels find what the derivative of C^T v by the velocity v needs; `noisy_sample` has the equations."""
 
 from __future__ import annotations
 
+import ctypes
+
+import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import Array, addresses
+from aerobat_pin.numerics import DOUBLE, Integers, addresses, motions
+
+INERTIA_SIZE = 10  # number of doubles: mass, lever, moments of inertia xx, xy, yy, xz, yz, zz
+ABOVE, BELOW = 1, 2  # of a velocity: it moves the joint of another one; the other one moves it, and not the reverse
 
 
-class Slopes:
-    """E and B of a model at one sample, at fixed places in memory.
+def tree_of(model: pin.Model) -> Integers:
+    """Return a table (nv, nv + 1): the joint of each velocity, then how each other velocity stands to it.
 
-    Args:
-        model: any model.
+    That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
     """
+    nv, joint = int(model.nv), np.zeros(int(model.nv), np.intp)
+    for one in model.joints.tolist()[1:]:
+        joint[one.idx_v : one.idx_v + one.nv] = one.id
+    supports = [set(support.tolist()) for support in model.supports.tolist()]
+    table = np.zeros((nv, nv + 1), np.intp)
+    table[:, 0] = joint
+    for k in range(nv):
+        for other in range(nv):
+            if joint[other] in supports[joint[k]]:
+                table[k, 1 + other] = ABOVE
+            elif joint[k] in supports[joint[other]]:
+                table[k, 1 + other] = BELOW
+    return table
 
-    def __init__(self, model: pin.Model) -> None:
-        """Allocate the results."""
-        self.model = model.copy()
-        self.model.gravity.setZero()
-        self._by_q, self._by_v = self.model.createData(), self.model.createData()
-        self.E, self.B = self._by_q.dtau_dq, self._by_v.dtau_dv
-        self.places = addresses(self.E, self.B)
-        self._still = 0.0 * self.E[0]
 
-    def at(self, q: Array, v: Array) -> None:
-        """Compute E and B for a configuration q (nq,) and a velocity v (nv,)."""
-        pin.computeRNEADerivatives(self.model, self._by_q, q, self._still, v)
-        pin.computeRNEADerivatives(self.model, self._by_v, q, v, self._still)
+def subtree_places(model: pin.Model, data: pin.Data) -> Integers:
+    """Return addresses of what `computeCoriolisMatrix` leaves in `data`, all in world axes about the origin.
 
-    def __reduce__(self) -> tuple[type[Slopes], tuple[pin.Model]]:
-        """Pickle the model alone: addresses do not outlive the process."""
-        return Slopes, (self.model,)
+    That is the twists of the joints (6 each); the inertias of the subtrees (`INERTIA_SIZE` each); and, with a column
+    (6,) for each velocity, the rates of the Jacobian's columns, and the subtree's inertia times these columns.
+
+    Raises:
+        RuntimeError: the inertias do not lie in memory as this version expects.
+    """
+    q, v = pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv)), np.linspace(-0.3, 0.2, model.nv)
+    pin.computeCoriolisMatrix(model, data, q, v)
+    twists, first = motions(data.ov), data.oYcrb[0].lever.ctypes.data - DOUBLE
+    count = int(model.njoints)
+    seen = np.reshape((ctypes.c_double * (count * INERTIA_SIZE)).from_address(first), (count, INERTIA_SIZE))
+    for joint in range(1, count):
+        one = data.oYcrb[joint]
+        moments = one.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        right = np.array_equal(seen[joint], [one.mass, *one.lever, *moments])
+        if not right or not np.array_equal(twists[joint], data.ov[joint].vector):
+            raise RuntimeError("Pinocchio's inertias do not lie in memory as this version expects")
+    twist_at, rate_at, carried_at = addresses(twists[0], data.dJ, data.Ag)
+    return np.array([twist_at, first, rate_at, carried_at], np.intp)
