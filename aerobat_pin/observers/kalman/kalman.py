@@ -19,7 +19,7 @@ from aerobat_pin.observers.kalman.innovation import innovation_of
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
-from aerobat_pin.observers.kalman.slopes import subtree_places, tree_of
+from aerobat_pin.observers.kalman.subtrees import inertias_at, kinship_of
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
 
@@ -86,7 +86,7 @@ class KalmanObserver(Observer):
 
     name = "kalman"
     _result = KalmanSample
-    _asks_for_inertia = False
+    _asks_for_coriolis = False
 
     @guarded(
         gain="any",
@@ -142,9 +142,9 @@ class KalmanObserver(Observer):
         self._fill(self._kalman.observer)
         filter_ = self._kalman.filter
         filter_.noise[:], filter_.hidden[:] = noise, hidden
-        filter_.places[:] = subtree_places(self.model, self.data)
-        filter_.tree[:] = tree_of(self.model)
-        filter_.gravity[:], filter_.armature[:] = self.model.gravity.vector, self.model.armature
+        filter_.inertias[:] = inertias_at(self.model, self.data)
+        filter_.tree[:] = kinship_of(self.model)
+        filter_.gravity[:] = self.model.gravity.vector
         if frequency is not None:
             filter_.pulsation[:] = 2.0 * np.pi * _positive("frequency", frequency)
         filter_.scale[:] = scale

@@ -1,4 +1,4 @@
-"""Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M, C and g.
+"""Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M.
 
 The state is the momentum p (nv,) and coefficients z (nz,). The coefficients are the forces, their harmonics, and the
 errors of the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, one interval
@@ -292,7 +292,7 @@ def start_filter(memory: Array, v: Array) -> None:
 
 @kernel
 def record_noisy_sample(memory: Array) -> None:
-    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed C alone."""
+    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M."""
     kalman = kalman_in(memory)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
     write_noisy_sample(kalman.observer, kalman.filter, v, sample)

@@ -55,11 +55,12 @@ class Filter(NamedTuple):
     x: Array  # estimate of the state
     P: Array  # covariance of the estimate
     samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and M^-1 D^T
-    places: Integers  # addresses of what D is made of, see `slopes.subtree_places`
-    tree: Integers  # see `slopes.tree_of`
+    inertias: Integers  # address of the subtrees' inertias, see `subtrees.inertias_at`
+    tree: Integers  # see `subtrees.kinship_of`
     gravity: Array  # acceleration of gravity (6,), linear and angular, world axes
-    armature: Array  # inertia of each joint's rotor
-    subtree: Array  # scratch, like all fields below but `blurred`
+    twist: Array  # scratch, like all fields below but `blurred`
+    subtree: Array
+    carried: Array
     pushes: Array
     turns: Array
     across: Array
@@ -151,11 +152,12 @@ def kalman_in(memory: Array) -> KalmanMemory:
             x=take(cursor, (nv + nz,)),
             P=take(cursor, (nv + nz, nv + nz)),
             samples=take(cursor, (2, 3 + c + 2 * nv, nv)),
-            places=take_integers(cursor, (4,)),
+            inertias=take_integers(cursor, (1,)),
             tree=take_integers(cursor, (nv, nv + 1)),
             gravity=take(cursor, (6,)),
-            armature=take(cursor, (nv,)),
+            twist=take(cursor, (6,)),
             subtree=take(cursor, (6,)),
+            carried=take(cursor, (6, nv)),
             pushes=take(cursor, (6, nv)),
             turns=take(cursor, (6, nv)),
             across=take(cursor, (nv, nv)),

@@ -1,48 +1,39 @@
 """Compiled kernels that write a sample of the Kalman filter: what every observer keeps, then M and M^-1 D^T.
 
-D = d(C^T v)/dv follows from what `computeCoriolisMatrix` has computed anyhow. In world axes about the origin, row k of
-the momentum is J_k . h_i: J_k is column k of the Jacobian, fixed in the link of its joint i, which moves with the twist
-V_i; h_i is the momentum of the subtree behind this joint, and Y_i its inertia. Therefore
+D = d(C^T v)/dv. It follows, like C^T v itself, from what `crba` leaves in world axes about the world's origin: J_k,
+column k of the Jacobian, fixed in the link of its joint i, and Y_i, the inertia of the subtree behind this joint. With
+the twist V_i of the joint and the momentum h_i of the subtree, row k of the momentum is J_k . h_i, and
 
-    (C^T v)_k = A_k . h_i,                             A_k = dJ_k/dt = V_i x J_k
+    (C^T v)_k = A_k . h_i,     A_k = dJ_k/dt = V_i x J_k,     g_k = -a . (Y_i J_k) in the field a
     D_kl = J_l . (J_k x* h_i + Y_i A_k)                if velocity l moves joint i,
     D_kl = A_k . (Y_j J_l)                             if l belongs to a joint j further out, else 0
 
-C^T v is quadratic in v, so differences of it with any step are exact: the tests compare D with them.
+C^T v is quadratic in v, so differences of it with any step are exact: the tests compare D with them, and C^T v with
+Pinocchio's Coriolis matrix. That call alone costs as much as all of this.
 """
 
 from __future__ import annotations
 
-from aerobat_pin.numerics import (
-    Array,
-    add_product,
-    add_row_product,
-    array_at,
-    doubles_at,
-    factorise,
-    inner,
-)
+from aerobat_pin.numerics import Array, add_product, add_row_product, array_at, factorise, inner
 from aerobat_pin.observers.kalman.memory import Filter
-from aerobat_pin.observers.kalman.slopes import ABOVE, BELOW, INERTIA_SIZE
+from aerobat_pin.observers.kalman.subtrees import ABOVE, BELOW, INERTIA_SIZE
 from aerobat_pin.observers.kernels.memory import ObserverMemory
-from aerobat_pin.observers.kernels.residual import dynamics_of, write_sample
+from aerobat_pin.observers.kernels.residual import dynamics_of, write_momentum_and_jacobian
 
 
 @inner
 def write_noisy_sample(observer: ObserverMemory, filter_: Filter, v: Array, sample: Array) -> None:
-    """Write a sample: the rows (3 + c, nv) that `write_sample` writes, then M and M^-1 D^T (nv, nv each)."""
-    write_inertia_and_gravity(observer, filter_)
+    """Write a sample: the rows (3 + c, nv) that other observers write, then M and M^-1 D^T (nv, nv each)."""
     M, nv = dynamics_of(observer).M, v.shape[0]
     top = sample.shape[0] - 2 * nv
-    write_sample(observer, v, sample[:top])
-    equations = filter_.inverse
+    write_momentum_and_jacobian(observer, v, sample[:top])
+    equations, solved = filter_.inverse, sample[top + nv :]
     for k in range(nv):
         for i in range(nv):
             sample[top + k, i] = M[i, k]
             equations[k, i] = M[i, k]
-    write_slope(observer, filter_, v, equations[:, nv:])
+    write_drift_and_slope(observer, filter_, v, sample[1], equations[:, nv:])
     factorise(equations)  # [M, D^T] with M = L L^T becomes [L^T, L^-1 D^T]
-    solved = sample[top + nv :]
     for k in range(nv - 1, -1, -1):
         inverse = 1.0 / equations[k, k]
         row, right = solved[k], equations[k, nv:]
@@ -54,57 +45,59 @@ def write_noisy_sample(observer: ObserverMemory, filter_: Filter, v: Array, samp
 
 
 @inner
-def write_inertia_and_gravity(observer: ObserverMemory, filter_: Filter) -> None:
-    """Write M and g where Pinocchio would: M_kl = J_k . (Y_j J_l) for l in a joint j further out, g_k = -(Y_i J_k) . a.
-
-    `computeCoriolisMatrix` has left Y_j J_l, so this costs a fifth of Pinocchio's own calls for M and g.
-    """
-    M, _, g, J, _ = dynamics_of(observer)
-    nv, tree, a, product, rows = g.shape[0], filter_.tree, filter_.gravity, filter_.across, filter_.pushes
-    carried = doubles_at(filter_.places[3], 6, nv)
+def write_drift_and_slope(observer: ObserverMemory, filter_: Filter, v: Array, drift: Array, slope: Array) -> None:
+    """Write C^T v - g (nv,) and D^T (nv, nv)."""
+    nv, tree, J, a = v.shape[0], filter_.tree, dynamics_of(observer).J, filter_.gravity
+    inertias = array_at(filter_.inertias[0], (observer.sizes.joints, INERTIA_SIZE))
+    V, h, carried, turns, pushes = filter_.twist, filter_.subtree, filter_.carried, filter_.turns, filter_.pushes
+    joint = 0
     for k in range(nv):
-        weight = 0.0
-        for i in range(6):
-            rows[i, k] = carried[i, k]
-            weight += carried[i, k] * a[i]
-        g[k, 0] = -weight
-        for i in range(nv):
-            product[k, i] = 0.0
-    add_product(product, J.T, rows, 1.0)
-    for k in range(nv):
-        for i in range(nv):
-            how = tree[k, 1 + i]
-            M[k, i] = product[i, k] if how == ABOVE else product[k, i] if how == BELOW else 0.0
-        M[k, k] += filter_.armature[k]
-
-
-@inner
-def write_slope(observer: ObserverMemory, filter_: Filter, v: Array, slope: Array) -> None:
-    """Write D^T (nv, nv)."""
-    nv, places, tree, J = v.shape[0], filter_.places, filter_.tree, dynamics_of(observer).J
-    twists = array_at(places[0], (observer.sizes.joints, 6))
-    inertias = array_at(places[1], (observer.sizes.joints, INERTIA_SIZE))
-    rates, carried = doubles_at(places[2], 6, nv), doubles_at(places[3], 6, nv)
-    pushes, turns, across = filter_.pushes, filter_.turns, filter_.across
-    h, joint = filter_.subtree, 0
-    for k in range(nv):
-        S, A = J[:, k], rates[:, k]
-        if tree[k, 0] != joint:  # a joint's twist moves the whole subtree, joints further out add to it
+        S, Y = J[:, k], inertias[tree[k, 0]]
+        if tree[k, 0] != joint:
             joint = tree[k, 0]
-            h[0], h[1], h[2], h[3], h[4], h[5] = momentum_of(inertias[joint], twists[joint])
+            for i in range(6):
+                V[i] = 0.0
             for other in range(nv):
-                if tree[k, 1 + other] == BELOW:
+                if tree[k, 1 + other] == ABOVE:
                     for i in range(6):
-                        h[i] += v[other] * carried[i, other]
-        fx, fy, fz, mx, my, mz = momentum_of(inertias[joint], A)
-        pushes[0, k] = fx + S[4] * h[2] - S[5] * h[1]
-        pushes[1, k] = fy + S[5] * h[0] - S[3] * h[2]
-        pushes[2, k] = fz + S[3] * h[1] - S[4] * h[0]
-        pushes[3, k] = mx + S[4] * h[5] - S[5] * h[4] + S[1] * h[2] - S[2] * h[1]
-        pushes[4, k] = my + S[5] * h[3] - S[3] * h[5] + S[2] * h[0] - S[0] * h[2]
-        pushes[5, k] = mz + S[3] * h[4] - S[4] * h[3] + S[0] * h[1] - S[1] * h[0]
+                        V[i] += v[other] * J[i, other]
+        turns[0, k] = V[4] * S[2] - V[5] * S[1] + V[1] * S[5] - V[2] * S[4]
+        turns[1, k] = V[5] * S[0] - V[3] * S[2] + V[2] * S[3] - V[0] * S[5]
+        turns[2, k] = V[3] * S[1] - V[4] * S[0] + V[0] * S[4] - V[1] * S[3]
+        turns[3, k] = V[4] * S[5] - V[5] * S[4]
+        turns[4, k] = V[5] * S[3] - V[3] * S[5]
+        turns[5, k] = V[3] * S[4] - V[4] * S[3]
+        put_momentum(Y, S[0], S[1], S[2], S[3], S[4], S[5], carried[:, k])
+        drift[k] = 0.0
         for i in range(6):
-            turns[i, k] = A[i]
+            drift[k] += a[i] * carried[i, k]
+    joint = 0
+    for k in range(nv):
+        S, Y, A, push = J[:, k], inertias[tree[k, 0]], turns[:, k], pushes[:, k]
+        if tree[k, 0] != joint:  # velocities that move the joint move the whole subtree, those further out their own
+            joint = tree[k, 0]
+            for i in range(6):
+                V[i], h[i] = 0.0, 0.0
+            for other in range(nv):
+                how = tree[k, 1 + other]
+                for i in range(6):
+                    if how == ABOVE:
+                        V[i] += v[other] * J[i, other]
+                    elif how == BELOW:
+                        h[i] += v[other] * carried[i, other]
+            put_momentum(Y, V[0], V[1], V[2], V[3], V[4], V[5], push)
+            for i in range(6):
+                h[i] += push[i]
+        put_momentum(Y, A[0], A[1], A[2], A[3], A[4], A[5], push)
+        push[0] += S[4] * h[2] - S[5] * h[1]
+        push[1] += S[5] * h[0] - S[3] * h[2]
+        push[2] += S[3] * h[1] - S[4] * h[0]
+        push[3] += S[4] * h[5] - S[5] * h[4] + S[1] * h[2] - S[2] * h[1]
+        push[4] += S[5] * h[3] - S[3] * h[5] + S[2] * h[0] - S[0] * h[2]
+        push[5] += S[3] * h[4] - S[4] * h[3] + S[0] * h[1] - S[1] * h[0]
+        for i in range(6):
+            drift[k] += A[i] * h[i]
+    across = filter_.across
     for k in range(nv):
         for other in range(nv):
             slope[k, other], across[k, other] = 0.0, 0.0
@@ -118,15 +111,11 @@ def write_slope(observer: ObserverMemory, filter_: Filter, v: Array, slope: Arra
 
 
 @inner
-def momentum_of(Y: Array, twist: Array) -> tuple[float, float, float, float, float, float]:
-    """Return an inertia (mass, lever, moments about the centre of mass) times a twist (6,), about the origin."""
-    mass, x, y, z, a, b, c = Y[0], Y[1], Y[2], Y[3], twist[3], twist[4], twist[5]
-    fx, fy, fz = mass * (twist[0] + b * z - c * y), mass * (twist[1] + c * x - a * z), mass * (twist[2] + a * y - b * x)
-    return (
-        fx,
-        fy,
-        fz,
-        Y[4] * a + Y[5] * b + Y[7] * c + y * fz - z * fy,
-        Y[5] * a + Y[6] * b + Y[8] * c + z * fx - x * fz,
-        Y[7] * a + Y[8] * b + Y[9] * c + x * fy - y * fx,
-    )
+def put_momentum(Y: Array, x: float, y: float, z: float, a: float, b: float, c: float, momentum: Array) -> None:
+    """Write an inertia (mass, lever, moments about the centre of mass) times a twist (x, y, z, a, b, c)."""
+    mass, s, t, u = Y[0], Y[1], Y[2], Y[3]
+    fx, fy, fz = mass * (x + b * u - c * t), mass * (y + c * s - a * u), mass * (z + a * t - b * s)
+    momentum[0], momentum[1], momentum[2] = fx, fy, fz
+    momentum[3] = Y[4] * a + Y[5] * b + Y[7] * c + t * fz - u * fy
+    momentum[4] = Y[5] * a + Y[6] * b + Y[8] * c + u * fx - s * fz
+    momentum[5] = Y[7] * a + Y[8] * b + Y[9] * c + s * fy - t * fx

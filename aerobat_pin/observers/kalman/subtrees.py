@@ -1,4 +1,4 @@
-"""Where the kernels find what the derivative of C^T v by the velocity v needs; `noisy_sample` has the equations."""
+"""What C^T v and its derivative by v need of the robot; `noisy_sample` has the equations."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import ctypes
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import DOUBLE, Integers, addresses, motions
+from aerobat_pin.numerics import DOUBLE, Integers
 
 INERTIA_SIZE = 10  # number of doubles: mass, lever, moments of inertia xx, xy, yy, xz, yz, zz
 ABOVE, BELOW = 1, 2  # of a velocity: it moves the joint of another one; the other one moves it, and not the reverse
 
 
-def tree_of(model: pin.Model) -> Integers:
+def kinship_of(model: pin.Model) -> Integers:
     """Return a table (nv, nv + 1): the joint of each velocity, then how each other velocity stands to it.
 
     That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
@@ -33,25 +33,22 @@ def tree_of(model: pin.Model) -> Integers:
     return table
 
 
-def subtree_places(model: pin.Model, data: pin.Data) -> Integers:
-    """Return addresses of what `computeCoriolisMatrix` leaves in `data`, all in world axes about the origin.
+def inertias_at(model: pin.Model, data: pin.Data) -> int:
+    """Return the address of what `crba` in the world's convention leaves in `data`: the inertias of the subtrees.
 
-    That is the twists of the joints (6 each); the inertias of the subtrees (`INERTIA_SIZE` each); and, with a column
-    (6,) for each velocity, the rates of the Jacobian's columns, and the subtree's inertia times these columns.
+    They are `INERTIA_SIZE` numbers for each joint, in world axes about the world's origin.
 
     Raises:
-        RuntimeError: the inertias do not lie in memory as this version expects.
+        RuntimeError: they do not lie in memory as this version expects.
     """
-    q, v = pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv)), np.linspace(-0.3, 0.2, model.nv)
-    pin.computeCoriolisMatrix(model, data, q, v)
-    twists, first = motions(data.ov), data.oYcrb[0].lever.ctypes.data - DOUBLE
-    count = int(model.njoints)
+    pin.crba(
+        model, data, pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv)), pin.Convention.WORLD
+    )
+    first, count = int(data.oYcrb[0].lever.ctypes.data) - DOUBLE, int(model.njoints)
     seen = np.reshape((ctypes.c_double * (count * INERTIA_SIZE)).from_address(first), (count, INERTIA_SIZE))
     for joint in range(1, count):
         one = data.oYcrb[joint]
         moments = one.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-        right = np.array_equal(seen[joint], [one.mass, *one.lever, *moments])
-        if not right or not np.array_equal(twists[joint], data.ov[joint].vector):
+        if not np.array_equal(seen[joint], [one.mass, *one.lever, *moments]):
             raise RuntimeError("Pinocchio's inertias do not lie in memory as this version expects")
-    twist_at, rate_at, carried_at = addresses(twists[0], data.dJ, data.Ag)
-    return np.array([twist_at, first, rate_at, carried_at], np.intp)
+    return first
