@@ -1,6 +1,10 @@
 """What a calibration gives back under quasi-steady air over five seeds, and six errors at once.
 
 Exits with 1 if a figure that is asked for is missed. Run by `make evidence`; some two minutes.
+
+Asked for is that an impulse, a push of 50 ms and a step are found within 3, 5 and 15 ms. With exact sensors the push is
+the soft one. With noisy sensors nothing can find that one in 5 ms (`support/detection_bound.py`): there a push that is
+there at once is held to 5 ms, and the soft one to half as much again as the bound.
 """
 
 from __future__ import annotations
@@ -8,14 +12,26 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from support.calibrated import FREE, SIX_ERRORS, believed, free_flight, learnt, seen_with, with_six_errors
+from support.calibrated import (
+    FREE,
+    SIX_ERRORS,
+    believed,
+    false_alarms,
+    free_flight,
+    ideal_latencies,
+    latencies,
+    learnt,
+    seen_with,
+    with_six_errors,
+)
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
 from aerobat_pin.estimation import calibrate
 
 ROW = "quasi-steady air"
 SEEDS = (1, 2, 3, 4, 5)
-ONSETS, LATENCY = (0.5, 0.9, 1.3), (3.0, 5.0, 15.0)  # [s], [ms]: of impulse, push and step
+LATENCY = np.array([3e-3, 5e-3, 5e-3, 15e-3])  # [s]: of impulse, soft push, push at once, step
+SOFT, ABOVE_IDEAL = 1, 1.5
 OTHER_START = ("flight.pitch_deg=5.5", "crank.start_deg=40")
 failed = []
 
@@ -27,7 +43,7 @@ def say(what: str, seed: int, values: np.ndarray, good: bool) -> None:
     print(f"{what:<46} seed {seed}  {np.array2string(values, precision=3)}{'' if good else '  BAD'}", flush=True)
 
 
-def contacts(seed: int, noise: tuple[str, ...], allowed: tuple[float, ...]) -> None:
+def contacts(seed: int, noise: tuple[str, ...]) -> None:
     """Judge when the contacts of a flight are found, and how often there are none in 20 s."""
     free, found = free_flight(ROW, noise, 100 + seed), learnt(ROW, noise, 100 + seed)
     pushed = seen_with(found, free, "pushes", seed, noise)
@@ -35,11 +51,19 @@ def contacts(seed: int, noise: tuple[str, ...], allowed: tuple[float, ...]) -> N
     score = scores(estimated(name, pushed), pushed)[2:]
     words = "noisy" if noise else "exact"
     say(f"contact z, {words}, {name}", seed, score, bool(score[0] > least))
-    alarms = np.array([one.alarm for one in pushed.inputs.calibration.contacts if one.frame == "left_force_point"])
-    late = np.array([1e3 * min((a - onset for a in alarms if a > onset), default=np.inf) for onset in ONSETS])
-    say(f"alarm after impulse, push, step [ms], {words}", seed, late, bool(np.all(late < np.array(allowed) + 0.01)))
-    long = seen_with(found, free, "no force", 200 + seed, ("simulation.duration=20.0", *noise))
-    count = len(long.inputs.calibration.contacts)
+    allowed = LATENCY.copy()
+    if noise:
+        told, searching = ideal_latencies(free, noise)[SOFT]
+        say(
+            "soft push, any detector [ms]: told, searching",
+            seed,
+            1e3 * np.array([told, searching]),
+            told > LATENCY[SOFT],
+        )
+        allowed[SOFT] = ABOVE_IDEAL * searching
+    late = latencies(found, free, seed, noise)
+    say(f"alarm after {words} pushes [ms]", seed, 1e3 * late, bool(np.all(late < allowed + 1e-5)))
+    count = false_alarms(found, free, seed, noise)
     say(f"false alarms in 20 s, {words}", seed, np.array([count]), count <= 1)
 
 
@@ -59,8 +83,8 @@ def main() -> int:
         noisy = seen_with(learnt(ROW, NOISY, 100 + seed), free_flight(ROW, NOISY, 100 + seed), "signal", seed, NOISY)
         score = scores(estimated("smoother", noisy), noisy)
         say("signal, noisy, smoother", seed, score, bool(np.all(score[1:] > 0.95)))
-        contacts(seed, (), LATENCY)
-        contacts(seed, NOISY, LATENCY)
+        contacts(seed, ())
+        contacts(seed, NOISY)
         other = seen_with(corrected, mistaken, "signal", seed, ("flight.velocity=[3.6,0,0]", "crank.frequency=5.5"))
         score = scores(estimated("force_level", other), other)
         say("six errors, other speed and frequency", seed, score, bool(np.all(score > 0.97)))

@@ -42,6 +42,7 @@ from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
+WORLD = pin.Convention.WORLD
 
 
 class Observer:
@@ -70,6 +71,7 @@ class Observer:
     kind: ClassVar[int] = FIRST_ORDER
     slope: float = 0.0  # [N/s], used by the super-twisting filter only
     _result: ClassVar[type[Sample]] = Sample
+    _asks_for_coriolis: ClassVar[bool] = True  # False where a kernel computes C^T v and g from what `crba` leaves
     _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
     @guarded(gain="any", rows="free")
@@ -148,7 +150,7 @@ class Observer:
         check_configurations(self._directions, q[None])
         # Only streams need this kernel compiled. From here on, it accepts only arrays of doubles and raises otherwise.
         lock(self._update, self._memory.copy(), q, v, v, 1.0, np.zeros(self._width))
-        _compute(self.model, self.data, q, v)
+        _compute(self.model, self.data, q, v, self._asks_for_coriolis)
         self._start(v)
         self._time = time
         self._latest = self._result(np.zeros(self._width), self._nv, self._count)
@@ -188,16 +190,19 @@ class Observer:
                     if force.shape != u.shape:  # numpy would broadcast one number to all rows
                         raise TypeError
                     u = u + force
-            crba(model, data, q)
-            computeCoriolisMatrix(model, data, q, v)
-            computeGeneralizedGravity(model, data, q)
+            if self._asks_for_coriolis:
+                crba(model, data, q)
+                computeCoriolisMatrix(model, data, q, v)
+                computeGeneralizedGravity(model, data, q)
+            else:
+                crba(model, data, q, WORLD)
             good = self._update(self._memory, q, v, u, dt, out)
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
         if not good:
             time = number(time, "time")
             q, v, u = self._checked(q, v, tau, known)
-            _compute(model, data, q, v)
+            _compute(model, data, q, v, self._asks_for_coriolis)
             if not self._update(self._memory, q, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
@@ -257,11 +262,14 @@ class Observer:
 
     def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
         """Call a kernel at every sample of a record, after Pinocchio has computed M, C and g there."""
-        model, data = self.model, self.data
+        model, data, whole = self.model, self.data, self._asks_for_coriolis
         for configuration, velocity in zip(q, v, strict=True):
-            crba(model, data, configuration)
-            computeCoriolisMatrix(model, data, configuration, velocity)
-            computeGeneralizedGravity(model, data, configuration)
+            if whole:
+                crba(model, data, configuration)
+                computeCoriolisMatrix(model, data, configuration, velocity)
+                computeGeneralizedGravity(model, data, configuration)
+            else:
+                crba(model, data, configuration, WORLD)
             kernel(memory)
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
@@ -306,8 +314,14 @@ class Observer:
         raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
 
 
-def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any) -> None:
-    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read."""
+def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any, coriolis: bool) -> None:
+    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read.
+
+    Without C and g it computes the inertias of the subtrees instead, about the world's origin.
+    """
+    if not coriolis:
+        crba(model, data, q, WORLD)
+        return
     crba(model, data, q)
     computeCoriolisMatrix(model, data, q, v)
     computeGeneralizedGravity(model, data, q)

@@ -29,6 +29,8 @@ SECTIONS = {
         "docs/studies.md",
         "docs/lifting_line.md",
         "docs/section_law.md",
+        "docs/structural_error.md",
+        "docs/mismatch.md",
         "docs/reliability.md",
         "docs/broken_runs.md",
     ],

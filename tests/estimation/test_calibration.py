@@ -11,9 +11,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import xarray as xr
-from support.calibrated import FREE, SIX_ERRORS, believed, free_flight, learnt, seen_with, with_six_errors
+from support.calibrated import (
+    FREE,
+    PUSHED,
+    SIX_ERRORS,
+    believed,
+    free_flight,
+    ideal_latencies,
+    learnt,
+    seen_with,
+    with_six_errors,
+)
+from support.detection_bound import TORQUE, VELOCITIES, detectability
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
 from aerobat_pin.errors import CalibrationError
@@ -62,6 +74,38 @@ def test_noisy_sensors_leave_the_smoother_nearly_as_good() -> None:
     left = [contact for contact in pushed.inputs.calibration.contacts if contact.frame == "left_force_point"]
     late = np.array([contact.alarm for contact in left]) - [0.5, 0.9, 1.3]
     assert np.all(np.abs(late) < [3e-3, 15e-3, 15e-3])
+
+
+def test_noise_hides_a_soft_push_from_any_detector_for_longer_than_five_milliseconds() -> None:
+    """The bound is d^2 = s^T C^-1 s of all samples at once; ours comes later than it, and not twice as late."""
+    free, found = free_flight(QUASI_STEADY, NOISY), learnt(QUASI_STEADY, NOISY)
+    soft = list(PUSHED).index("soft push of 50 ms, 0.2 N")
+    told, searching = ideal_latencies(free, NOISY)[soft]
+    assert 5e-3 < told < searching
+    pushed = seen_with(found, free, "pushes", 1, NOISY)
+    left = [contact.alarm - 0.9 for contact in pushed.inputs.calibration.contacts if 0.9 < contact.alarm < 0.96]
+    assert told < min(left) < 2.0 * searching
+    push = flown("pushes", 1, NOISY)[1].unknown_force[1]
+    q, start, before, count, model = pushed.inputs.q, 900, 15, 8, pushed.model
+    d = detectability(model, q, 1e-3, start, push, before)[count - 1, 0]
+    noise, rows, signature = [], [], []
+    for k in range(start - before, start + count + 1):
+        data = model.createData()
+        noise.append(pin.crba(model, data, q[k]).copy() @ np.diag(VELOCITIES))
+        pin.computeJointJacobians(model, data, q[k])
+        pin.updateFramePlacements(model, data)
+        frame = model.getFrameId("left_force_point")
+        rows.append(pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[2].copy())
+        given = np.diff(push.impulse_until(np.array([1e-3 * (k - 1), 1e-3 * k])))[0] if k > start else 0.0
+        signature.append((signature[-1] if signature else 0.0) + 0.5 * (rows[-1] + rows[max(len(rows) - 2, 0)]) * given)
+    steps = np.minimum.outer(*[np.arange(len(rows))] * 2)
+    torques = np.diag((np.arange(10) >= 6) * (1e-3 * TORQUE) ** 2)
+    known = noise[0] @ noise[0].T
+    C = np.kron(np.ones_like(steps), known) + np.kron(steps, torques)
+    for i, one in enumerate(noise):
+        C[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] += one @ one.T
+    s = np.concatenate(signature)[10:]
+    assert d == pytest.approx(np.sqrt(s @ np.linalg.solve(C[10:, 10:], s)), rel=1e-6)
 
 
 def test_six_errors_at_once_are_identified_and_hold_at_another_speed_and_frequency() -> None:

@@ -14,8 +14,19 @@ from aerobat_pin.estimation import Calibration, FreeFlight, calibrate, known_inp
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
 from aerobat_pin.scenario import load_scenario
+from support.detection_bound import detectability, earliest
 from support.mismatch import MISMATCHES, Seen, flown, heavier, shifted
 
+STEEP = (  # a push of 50 ms that is there at once; those of `PUSHES` are an impulse, a soft push and a step
+    'unknown_force=[{frame="left_force_point", axes="world", direction=[0,0,1], signal="step", height=0.2, '
+    "start=0.9, end=0.95}]",
+)
+PUSHED = {  # what pushes -> flight, more settings, onset [s]
+    "impulse of 5 mN s": ("pushes", (), 0.5),
+    "soft push of 50 ms, 0.2 N": ("pushes", (), 0.9),
+    "push of 50 ms, 0.2 N, at once": ("no force", STEEP, 0.9),
+    "step of 0.1 N": ("pushes", (), 1.3),
+}
 FREE = ("simulation.duration=4.0",)
 SIX_ERRORS = (  # of wing offset, density, added mass; with masses, centre of mass and drag in `with_six_errors`
     "believed.robot.changes.wing.offset_x=-0.055",
@@ -68,3 +79,30 @@ def seen_with(
     pushed = {force.frame for force in scenario.unknown_force}
     truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
     return Seen(robot.model, inputs, np.stack(truth, axis=1))
+
+
+def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:
+    """Return the time [s] from the onset of every push of `PUSHED` to its alarm; infinite where there is none."""
+    late = []
+    for flight, more, onset in PUSHED.values():
+        contacts = seen_with(calibration, free, flight, seed, (*more, *noise)).inputs.calibration.contacts
+        after = [one.alarm - onset for one in contacts if one.frame == "left_force_point"]
+        late.append(min((time for time in after if 0.0 < time < 0.06), default=np.inf))
+    return np.array(late)
+
+
+def false_alarms(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> int:
+    """Return the number of contacts found on both wings in 20 s of free flight."""
+    long = seen_with(calibration, free, "no force", 200 + seed, ("simulation.duration=20.0", *noise))
+    return len(long.inputs.calibration.contacts)
+
+
+def ideal_latencies(free: FreeFlight, noise: tuple[str, ...]) -> np.ndarray:
+    """Return how early the pushes of `PUSHED` can be found [s] (4, 2) by any detector; see `detection_bound`."""
+    found = []
+    for flight, more, onset in PUSHED.values():
+        log, scenario = flown(flight, 1, (*more, *noise))
+        push = next(force for force in scenario.unknown_force if getattr(force, "start", None) == onset)
+        q, dt = log.measured["q"].values, scenario.simulation.dt
+        found.append(earliest(detectability(free.robot.model, q, dt, round(onset / dt), push), dt))
+    return np.array(found)

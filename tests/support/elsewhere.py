@@ -10,13 +10,24 @@ from aerobat_pin.estimation import Calibration, FreeFlight, belief_about, known_
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.robot import believed_robot
 from support.mismatch import Seen
-from support.other_plant import Push, fly_elsewhere
+from support.other_plant import Push, crank_at, fly_elsewhere
+from support.other_robot import ELBOW, SHOULDER, series_at
+
+FREQUENCY = 4.75  # [Hz]
 
 
 def swinging(time: float) -> np.ndarray:
     """Return a force that swings at 2 Hz and its harmonic, along all axes."""
     turn = 2.0 * np.pi * 2.0 * time
     return np.array([0.02, 0.08, 0.12]) * (np.sin(turn) + 0.4 * np.sin(3.0 * turn))
+
+
+def signal(time: float) -> np.ndarray:
+    """Return the force of the paper without its noise, along the outer wing's normal while the body is level."""
+    crank, _ = crank_at(time, FREQUENCY)
+    shoulder, elbow = (series_at(table, crank)[0] for table in (SHOULDER, ELBOW))
+    size = 0.2 * np.sin(elbow) + (0.15 if 1.0 < time <= 1.6 else 0.0)
+    return size * np.array([0.0, -np.sin(shoulder + elbow), np.cos(shoulder + elbow)])
 
 
 def contacts(time: float) -> np.ndarray:
@@ -28,15 +39,16 @@ def contacts(time: float) -> np.ndarray:
     return np.array([0.0, 0.0, 0.1]) if 0.7 <= time < 0.9 else np.zeros(3)
 
 
-PUSHES: dict[str, Push | None] = {"nothing": None, "swinging": swinging, "contacts": contacts}
+PUSHES: dict[str, Push | None] = {"nothing": None, "signal": signal, "swinging": swinging, "contacts": contacts}
 
 
 @cache
-def elsewhere(push: str, duration: float, speed: float = 3.0, frequency: float = 4.75) -> tuple[FlightLog, np.ndarray]:
-    """Return the log of a flight, and the force (m, 3) on the left wing."""
-    return fly_elsewhere(
-        duration, PUSHES[push], speed=speed, frequency=frequency, settle=0.5 if push == "nothing" else 0.6
-    )
+def elsewhere(
+    push: str, duration: float, speed: float = 3.0, frequency: float = FREQUENCY, side: bool = False
+) -> tuple[FlightLog, np.ndarray]:
+    """Return the log of a flight, and the force (m, 3) on the left wing; see `fly_elsewhere` for `side`."""
+    settle = 0.5 if push == "nothing" else 0.6
+    return fly_elsewhere(duration, PUSHES[push], speed=speed, frequency=frequency, settle=settle, side=side)
 
 
 def as_believed(log: FlightLog) -> FreeFlight:

@@ -106,13 +106,14 @@ def crank_at(time: float, frequency: float) -> tuple[float, float]:
     return even + RIPPLE * np.sin(2.0 * even), pulsation * (1.0 + 2.0 * RIPPLE * np.cos(2.0 * even))
 
 
-def held(state: State, v: np.ndarray, w: np.ndarray, speed: float) -> np.ndarray:
-    """Return the thrusters' wrench on the body, in body axes: it keeps attitude, height and speed."""
+def held(state: State, v: np.ndarray, w: np.ndarray, speed: float, side: bool) -> np.ndarray:
+    """Return the thrusters' wrench on the body, in body axes: it keeps attitude, height, speed and perhaps the side."""
     E = state.R.T
     error = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
     torque = np.array([0.29, 0.11, 0.35]) * error - np.array([0.039, 0.0144, 0.047]) * (state.R.T @ w)
     lift = 0.85 - 2.3 * state.x[2] - 0.74 * v[2]
-    return np.concatenate([state.R.T @ [0.37 * (speed - v[0]), 0.0, lift], torque])
+    across = -0.37 * v[1] if side else 0.0
+    return np.concatenate([state.R.T @ [0.37 * (speed - v[0]), across, lift], torque])
 
 
 def _quaternion(R: np.ndarray) -> np.ndarray:
@@ -130,6 +131,7 @@ def fly_elsewhere(
     frequency: float = 4.75,
     settle: float = 0.5,
     air: float = 1.0,
+    side: bool = False,
 ) -> tuple[FlightLog, np.ndarray]:
     """Fly, after a while that is not recorded.
 
@@ -140,6 +142,7 @@ def fly_elsewhere(
         frequency: of the crank [Hz].
         settle: time before the record [s].
         air: share of the air's density; 0 for a vacuum.
+        side: whether the thrusters also oppose a speed to the side.
 
     Returns:
         The log with exact sensors and no truth, and the mean force (m, 3) of each interval.
@@ -155,7 +158,7 @@ def fly_elsewhere(
         pushing = NONE if push is None or t < 0.0 else push(t + 0.5 * DT)
         g = Geometry(state, *crank_at(t, frequency), air)
         v, w = g.twist_of_body(state)
-        wrench = held(state, v, w, speed)
+        wrench = held(state, v, w, speed, side)
         if k >= skipped:
             parts = g.momenta(v, w, state.x)
             if before is not None:

@@ -53,7 +53,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., NEXT] * b[..., LAST] - a[..., LAST] * b[..., NEXT]
 
 
-def _series(table: tuple[tuple[float, ...], tuple[float, ...]], angle: float) -> tuple[float, float]:
+def series_at(table: tuple[tuple[float, ...], tuple[float, ...]], angle: float) -> tuple[float, float]:
     """Return a joint's angle and its derivative with respect to the crank's angle."""
     k = np.arange(1, 9)
     cosine, sine = np.cos(k * angle), np.sin(k * angle)
@@ -113,7 +113,7 @@ class Geometry:
     def __init__(self, state: State, crank: float, rate: float, air: float) -> None:
         """Place bodies, joints and strips; `air` is the share of the air's density, 0 for a vacuum."""
         self.density, self.carried = air * DENSITY, air * STRIPS["mass"]
-        (s, ds), (e, de) = (_series(table, crank) for table in (SHOULDER, ELBOW))
+        (s, ds), (e, de) = (series_at(table, crank) for table in (SHOULDER, ELBOW))
         self.angles, self.rates = np.array([s, e, s, e]), rate * np.array([ds, de, ds, de])
         R, origin, spin, moving = [state.R], [state.x], [np.zeros(3)], [np.zeros(3)]
         self.axis, self.pin = [], []

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +19,7 @@ from aerobat_pin.observers.kalman.innovation import innovation_of
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
-from aerobat_pin.observers.kalman.slopes import Slopes
+from aerobat_pin.observers.kalman.subtrees import inertias_at, kinship_of
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
 
@@ -88,6 +86,7 @@ class KalmanObserver(Observer):
 
     name = "kalman"
     _result = KalmanSample
+    _asks_for_coriolis = False
 
     @guarded(
         gain="any",
@@ -143,8 +142,9 @@ class KalmanObserver(Observer):
         self._fill(self._kalman.observer)
         filter_ = self._kalman.filter
         filter_.noise[:], filter_.hidden[:] = noise, hidden
-        self._slopes = Slopes(self.model)
-        filter_.derivatives[:] = self._slopes.places
+        filter_.inertias[:] = inertias_at(self.model, self.data)
+        filter_.tree[:] = kinship_of(self.model)
+        filter_.gravity[:] = self.model.gravity.vector
         if frequency is not None:
             filter_.pulsation[:] = 2.0 * np.pi * _positive("frequency", frequency)
         filter_.scale[:] = scale
@@ -180,23 +180,7 @@ class KalmanObserver(Observer):
         """
         for row, name in zip(self._kalman.filter.errors, self._errors, strict=True):
             row[:] = checked(self._of(known, name), self._nv, name)
-        with suppress(TypeError, ValueError, OverflowError):  # what is wrong is said below
-            self._slopes.at(np.asarray(q, float), np.asarray(v, float))
         return super().update(time, q, v, tau, known)
-
-    def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
-        """Start again from a sample, as `Observer.reset` does."""
-        self._slopes.at(checked(q, self.model.nq, "q"), checked(v, self._nv, "v"))
-        super().reset(q, v, time)
-
-    def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
-        model, data, slopes = self.model, self.data, self._slopes
-        for configuration, velocity in zip(q, v, strict=True):
-            pin.crba(model, data, configuration)
-            pin.computeCoriolisMatrix(model, data, configuration, velocity)
-            pin.computeGeneralizedGravity(model, data, configuration)
-            slopes.at(configuration, velocity)
-            kernel(memory)
 
     def _of(self, known: Mapping[str, ArrayLike] | None, name: str) -> ArrayLike:
         """Return the known force of a given name. Raises ObserverError if it is missing."""

@@ -1,4 +1,4 @@
-"""Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M, C and g.
+"""Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M.
 
 The state is the error x (nv,) of the momentum and coefficients z (nz,): the forces, their harmonics, and the errors of
 the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, and p = M v of the
@@ -6,9 +6,9 @@ measured velocity v, an interval from sample 0 to sample 1 is
 
     z <- a z + noise,   x_1 = F x_0 + dt G^T z - (p_1 - p_0 - dt (u + mean(C^T v - g))),   F = (M_0 + D_0 dt/2) V_0^-1
 
-where a is the decay factor. C^T v is that of the velocity sought, to first order with its derivative D (see `slopes`):
-h(v) + D V^-1 x. At the end of an interval x is V = M - D dt/2 times the error of v, so that x is measured there as
-zero with covariance B B^T, B = V diag(s), for velocity sensors with standard deviations s (see `noisy_sample`).
+where a is the decay factor. C^T v is that of the velocity sought, to first order with its derivative D: h(v) + D V^-1 x.
+At the end of an interval x is V = M - D dt/2 times the error of v, so that x is measured there as zero with covariance
+B B^T, B = V diag(s), for velocity sensors with standard deviations s (see `noisy_sample`).
 Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
 from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
 and the rows get white noise as large as what no force explains. The update uses the Cholesky factor of the innovation's
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, factorise, kernel, mirror
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, kernel, mirror
 from aerobat_pin.observers.kalman.learning import (
     MISFIT_TIME,
     drop_unseen,
@@ -88,10 +88,10 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     half = filter_.half[0] + filter_.half[1]
     for i in range(nv):
         for j in range(nv):
-            step.turn[i, j] = half * filter_.back[j, i]
+            step.turn[i, j] = half * filter_.back[i, j]
     for i in range(nv):
         e[i] = after[0, i] - before[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
-        e[i] -= dot(step.turn[i], x[:nv])
+    add_row_product(e, x[:nv], step.turn, -1.0)
     for a in range(nz):
         now = step.decay[a] * z[a]
         for i in range(nv):
@@ -132,16 +132,15 @@ def predict_covariance(
                 row[b] += grown * filter_.walk[a, b]
     if step.blind[0] > 0.0:
         drop_unseen(step, filter_, nv)
-    turn, turned = step.turn, filter_.turned
+    turn, turned = step.turn, filter_.turned  # from here on, P[nv:, :nv] is not kept up: `correct` mirrors it
     for i in range(nv):
         copy_values(P[i], turned[i])
     add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
-    add_product(P[:nv], turn, turned, 1.0)
-    for j in range(n):
-        copy_values(P[j, :nv], turned[0, :nv])
-        for i in range(nv):
-            P[j, i] += dot(turn[i], turned[0, :nv])
-    add_product(P, P[:, nv:], shear, 1.0)
+    add_product(P[:nv], turn.T, turned, 1.0)
+    for i in range(nv):
+        copy_values(P[i], turned[i])
+    add_product(P[:nv], turned[:, nv:], shear, 1.0)
+    add_product(P[:nv, :nv], turned[:, :nv], turn, 1.0)
     if nz > step.z.shape[0]:
         decay = step.decay[nz - 1] if filter_.elapsed[0] > 0.0 else 0.0
         for i in range(nv):
@@ -291,7 +290,7 @@ def start_filter(memory: Array, v: Array) -> None:
 
 @kernel
 def record_noisy_sample(memory: Array) -> None:
-    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M, C, g and `slopes`."""
+    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M."""
     kalman = kalman_in(memory)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
     write_noisy_sample(kalman.observer, kalman.filter, v, sample)

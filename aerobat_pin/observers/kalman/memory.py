@@ -15,7 +15,7 @@ class Step(NamedTuple):
     """
 
     shear: Array  # dt G, padded with zero columns
-    turn: Array  # what C^T v adds to an error of the momentum, see `noisy_sample`
+    turn: Array  # transposed, what C^T v adds to an error of the momentum, see `noisy_sample`
     decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
     rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
@@ -55,15 +55,21 @@ class Filter(NamedTuple):
     x: Array  # estimate of the state
     P: Array  # covariance of the estimate
     samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and D^T
-    derivatives: Integers  # addresses of two matrices of `slopes`, from which D is made
-    half: (
-        Array  # half the length of the latest interval and of the one in work [s]; 0 with the measured velocity's C^T v
-    )
+    inertias: Integers  # address of the subtrees' inertias, see `subtrees.inertias_at`
+    tree: Integers  # see `subtrees.kinship_of`
+    gravity: Array  # acceleration of gravity (6,), linear and angular, world axes
+    half: Array  # half of the latest interval and of the one in work [s]; 0 with C^T v of the measured velocity
     back: Array  # (D (M - half D)^-1)^T at the latest sample
-    inverse: Array  # scratch, like the field below
+    twist: Array  # scratch, like all fields below but `blurred`
+    subtree: Array
+    carried: Array
+    pushes: Array
+    turns: Array
+    across: Array
+    inverse: Array
     turned: Array
     blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
-    phi: Array  # scratch, like the field below
+    phi: Array
     seen: Array
     span: Array  # scratch: equations of the forces, then what they explain of the weighted rows
     made: Array  # scratch: weighted rows that noise of the two samples' velocities makes
@@ -152,7 +158,15 @@ def kalman_in(memory: Array) -> KalmanMemory:
             x=take(cursor, (nv + nz,)),
             P=take(cursor, (nv + nz, nv + nz)),
             samples=take(cursor, (2, 3 + c + 2 * nv, nv)),
-            derivatives=take_integers(cursor, (2,)),
+            inertias=take_integers(cursor, (1,)),
+            tree=take_integers(cursor, (nv, nv + 1)),
+            gravity=take(cursor, (6,)),
+            twist=take(cursor, (6,)),
+            subtree=take(cursor, (6,)),
+            carried=take(cursor, (6, nv)),
+            pushes=take(cursor, (6, nv)),
+            turns=take(cursor, (6, nv)),
+            across=take(cursor, (nv, nv)),
             half=take(cursor, (2,)),
             back=take(cursor, (nv, nv)),
             inverse=take(cursor, (nv, 2 * nv)),

@@ -1,7 +1,19 @@
-"""Compiled kernels for what a noisy velocity does to a sample of the Kalman filter.
+"""Compiled kernels that write a sample of the Kalman filter, and what the noise of its velocity does.
 
-Noise n of the measured velocity enters the momentum as M n and, with D the derivative of C^T v (see `slopes`), the
-impulse of C^T v over an interval as D n dt/2 at each of its ends. Both belong together:
+A sample is what every observer keeps, then M and D^T, with D = d(C^T v)/dv. It follows, like C^T v itself, from what
+`crba` leaves in world axes about the world's origin: J_k, column k of the Jacobian, fixed in the link of its joint i,
+and Y_i, the inertia of the subtree behind this joint. With the twist V_i of the joint and the momentum h_i of the
+subtree, row k of the momentum is J_k . h_i, and
+
+    (C^T v)_k = A_k . h_i,     A_k = dJ_k/dt = V_i x J_k,     g_k = -a . (Y_i J_k) in the field a
+    D_kl = J_l . (J_k x* h_i + Y_i A_k)                if velocity l moves joint i,
+    D_kl = A_k . (Y_j J_l)                             if l belongs to a joint j further out, else 0
+
+C^T v is quadratic in v, so differences of it with any step are exact: the tests compare D with them, and C^T v with
+Pinocchio's Coriolis matrix. That call alone costs as much as all of this.
+
+Noise n of the measured velocity enters the momentum as M n, and the impulse of C^T v over an interval as D n dt/2 at
+each of its ends. Both belong together:
 
     (M_1 - D_1 dt/2) n_1    is the noise of what is measured at the end of an interval
     (M_0 + D_0 dt/2) n_0    is what the error of the velocity at its start is at its end
@@ -9,26 +21,102 @@ impulse of C^T v over an interval as D n dt/2 at each of its ends. Both belong t
 
 from __future__ import annotations
 
-from aerobat_pin.numerics import Array, array_at, copy_values, factorise, inner
+from aerobat_pin.numerics import Array, add_product, array_at, copy_values, factorise, inner
 from aerobat_pin.observers.kalman.memory import Filter
+from aerobat_pin.observers.kalman.subtrees import ABOVE, BELOW, INERTIA_SIZE
 from aerobat_pin.observers.kernels.memory import ObserverMemory
-from aerobat_pin.observers.kernels.residual import dynamics_of, write_sample
+from aerobat_pin.observers.kernels.residual import dynamics_of, write_momentum_and_jacobian
 
 LEAST_PIVOT = 0.1  # of M's: with smaller pivots of M - D dt/2, dt is too long for the trapezoid of C^T v
 
 
 @inner
 def write_noisy_sample(observer: ObserverMemory, filter_: Filter, v: Array, sample: Array) -> None:
-    """Write a sample: the rows (3 + c, nv) that `write_sample` writes, then M and D^T (nv, nv each)."""
-    dynamics, nv = dynamics_of(observer), v.shape[0]
-    top, C = sample.shape[0] - 2 * nv, dynamics.C
-    write_sample(observer, v, sample[:top])
-    E = array_at(filter_.derivatives[0], (nv, nv))
-    B = array_at(filter_.derivatives[1], (nv, nv))
+    """Write a sample: the rows (3 + c, nv) that other observers write, then M and D^T (nv, nv each)."""
+    M, nv = dynamics_of(observer).M, v.shape[0]
+    top = sample.shape[0] - 2 * nv
+    write_momentum_and_jacobian(observer, v, sample[:top])
     for k in range(nv):
         for i in range(nv):
-            sample[top + k, i] = dynamics.M[i, k]
-            sample[top + nv + k, i] = C[i, k] + C[k, i] + E[i, k] - B[i, k]
+            sample[top + k, i] = M[i, k]
+    write_drift_and_slope(observer, filter_, v, sample[1], sample[top + nv :])
+
+
+@inner
+def write_drift_and_slope(observer: ObserverMemory, filter_: Filter, v: Array, drift: Array, slope: Array) -> None:
+    """Write C^T v - g (nv,) and D^T (nv, nv)."""
+    nv, tree, J, a = v.shape[0], filter_.tree, dynamics_of(observer).J, filter_.gravity
+    inertias = array_at(filter_.inertias[0], (observer.sizes.joints, INERTIA_SIZE))
+    V, h, carried, turns, pushes = filter_.twist, filter_.subtree, filter_.carried, filter_.turns, filter_.pushes
+    joint = 0
+    for k in range(nv):
+        S, Y = J[:, k], inertias[tree[k, 0]]
+        if tree[k, 0] != joint:
+            joint = tree[k, 0]
+            for i in range(6):
+                V[i] = 0.0
+            for other in range(nv):
+                if tree[k, 1 + other] == ABOVE:
+                    for i in range(6):
+                        V[i] += v[other] * J[i, other]
+        turns[0, k] = V[4] * S[2] - V[5] * S[1] + V[1] * S[5] - V[2] * S[4]
+        turns[1, k] = V[5] * S[0] - V[3] * S[2] + V[2] * S[3] - V[0] * S[5]
+        turns[2, k] = V[3] * S[1] - V[4] * S[0] + V[0] * S[4] - V[1] * S[3]
+        turns[3, k] = V[4] * S[5] - V[5] * S[4]
+        turns[4, k] = V[5] * S[3] - V[3] * S[5]
+        turns[5, k] = V[3] * S[4] - V[4] * S[3]
+        put_momentum(Y, S[0], S[1], S[2], S[3], S[4], S[5], carried[:, k])
+        drift[k] = 0.0
+        for i in range(6):
+            drift[k] += a[i] * carried[i, k]
+    joint = 0
+    for k in range(nv):
+        S, Y, A, push = J[:, k], inertias[tree[k, 0]], turns[:, k], pushes[:, k]
+        if tree[k, 0] != joint:  # velocities that move the joint move the whole subtree, those further out their own
+            joint = tree[k, 0]
+            for i in range(6):
+                V[i], h[i] = 0.0, 0.0
+            for other in range(nv):
+                how = tree[k, 1 + other]
+                for i in range(6):
+                    if how == ABOVE:
+                        V[i] += v[other] * J[i, other]
+                    elif how == BELOW:
+                        h[i] += v[other] * carried[i, other]
+            put_momentum(Y, V[0], V[1], V[2], V[3], V[4], V[5], push)
+            for i in range(6):
+                h[i] += push[i]
+        put_momentum(Y, A[0], A[1], A[2], A[3], A[4], A[5], push)
+        push[0] += S[4] * h[2] - S[5] * h[1]
+        push[1] += S[5] * h[0] - S[3] * h[2]
+        push[2] += S[3] * h[1] - S[4] * h[0]
+        push[3] += S[4] * h[5] - S[5] * h[4] + S[1] * h[2] - S[2] * h[1]
+        push[4] += S[5] * h[3] - S[3] * h[5] + S[2] * h[0] - S[0] * h[2]
+        push[5] += S[3] * h[4] - S[4] * h[3] + S[0] * h[1] - S[1] * h[0]
+        for i in range(6):
+            drift[k] += A[i] * h[i]
+    across = filter_.across
+    for k in range(nv):
+        for other in range(nv):
+            slope[k, other], across[k, other] = 0.0, 0.0
+    add_product(slope, J.T, pushes, 1.0)
+    add_product(across, carried.T, turns, 1.0)
+    for k in range(nv):
+        for other in range(nv):
+            how = tree[k, 1 + other]
+            if how != ABOVE:
+                slope[other, k] = across[other, k] if how == BELOW else 0.0
+
+
+@inner
+def put_momentum(Y: Array, x: float, y: float, z: float, a: float, b: float, c: float, momentum: Array) -> None:
+    """Write an inertia (mass, lever, moments about the centre of mass) times a twist (x, y, z, a, b, c)."""
+    mass, s, t, u = Y[0], Y[1], Y[2], Y[3]
+    fx, fy, fz = mass * (x + b * u - c * t), mass * (y + c * s - a * u), mass * (z + a * t - b * s)
+    momentum[0], momentum[1], momentum[2] = fx, fy, fz
+    momentum[3] = Y[4] * a + Y[5] * b + Y[7] * c + t * fz - u * fy
+    momentum[4] = Y[5] * a + Y[6] * b + Y[8] * c + u * fx - s * fz
+    momentum[5] = Y[7] * a + Y[8] * b + Y[9] * c + s * fy - t * fx
 
 
 @inner

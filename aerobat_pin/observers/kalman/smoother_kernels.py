@@ -89,7 +89,8 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array,
     nv, nz = mirrored.shape[0], decay.shape[0]
     right = mirrored[:, nv:]
     for i in range(nv):
-        copy_values(step.turn[i], mirrored[i, :nv])
+        for j in range(nv):
+            mirrored[j, i] = step.turn[i, j]
     for a in range(nz):
         row = step.shear[a]
         for i in range(nv):

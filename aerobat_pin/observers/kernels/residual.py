@@ -61,11 +61,19 @@ def write_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
         v: (nv,) velocity.
         sample: (3 + c, nv) written: momentum, drift, velocity, Jacobian.
     """
-    M, C, g, J, oMi = dynamics_of(observer)
-    nv = v.shape[0]
-    momentum, drift, rate = sample[0], sample[1], sample[2]
+    _, C, g, _, _ = dynamics_of(observer)
+    for i in range(v.shape[0]):
+        sample[1, i] = dot(C[:, i], v) - g[i, 0]
+    write_momentum_and_jacobian(observer, v, sample)
+
+
+@inner
+def write_momentum_and_jacobian(observer: ObserverMemory, v: Array, sample: Array) -> None:
+    """Write all of a sample but its drift."""
+    M, _, _, J, oMi = dynamics_of(observer)
+    nv, momentum, rate = v.shape[0], sample[0], sample[2]
     for i in range(nv):
-        momentum[i], drift[i], rate[i] = 0.0, dot(C[:, i], v) - g[i, 0], v[i]
+        momentum[i], rate[i] = 0.0, v[i]
     for j in range(nv):  # M is symmetric, so whole columns can be read
         for i in range(nv):
             momentum[i] += M[i, j] * v[j]

@@ -1,0 +1,134 @@
+"""Tables of docs/structural_error.md: when contacts are found, what walks cost, and flights of another simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.estimation import calibrate
+from aerobat_pin.observers import moving_weight
+from support.calibrated import PUSHED, false_alarms, free_flight, ideal_latencies, latencies, learnt
+from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
+from support.mismatch import NOISY, Seen, estimated, made_up, scores, seen
+from support.observer_conditions import Condition
+from support.observer_conditions import estimated as on_the_benchmark
+from support.observer_conditions import flown as benchmark_flight
+
+QUASI_STEADY = "quasi-steady air"
+SENSORS = {"exact": (), "noisy": NOISY}
+SEEDS = (1, 2, 3)
+WALKS = (0.33, 0.8, 2.2)  # of the robot's weight per root second
+
+
+def r_squared_cells(values: np.ndarray) -> str:
+    """Write R2 along three axes; infinite where nothing pushes."""
+    return " / ".join("-" if np.isinf(value) else f"{value:.2f}" if value > -10 else f"{value:.0f}" for value in values)
+
+
+def forces(values: np.ndarray) -> str:
+    """Write three forces in mN."""
+    return " / ".join(f"{1e3 * value:.1f}" if value < 0.0095 else f"{1e3 * value:.0f}" for value in values)
+
+
+def contact_table() -> str:
+    """Return when contacts are found, and false alarms, with quasi-steady air believed."""
+    lines = [
+        f"| sensors | calibration | threshold, z [mN] | {' | '.join(PUSHED)} | false alarms in 20 s |",
+        "|---" * (4 + len(PUSHED)) + "|",
+    ]
+    for sensors, noise in SENSORS.items():
+        for words in ("none", "six harmonics"):
+            rows = []
+            for seed in SEEDS:
+                free = free_flight(QUASI_STEADY, noise, 100 + seed)
+                found = learnt(QUASI_STEADY, noise, 100 + seed)
+                if words == "none":
+                    found = calibrate([free], parameters=[], harmonics=-1)
+                threshold = 1e3 * float(found.detection.threshold[2])
+                rows.append((threshold, latencies(found, free, seed, noise), false_alarms(found, free, seed, noise)))
+            late = np.max([row[1] for row in rows], axis=0)
+            alarms = ", ".join(str(row[2]) for row in rows)
+            lines.append(f"| {sensors} | {words} | {max(row[0] for row in rows):.0f} | {times(late)} | {alarms} |")
+    ideal = ideal_latencies(free_flight(QUASI_STEADY, NOISY), NOISY)
+    for words, late in zip(
+        ("any detector that must find point and axis", "told point and axis"), ideal.T[::-1], strict=True
+    ):
+        lines.append(f"| noisy | *the bound: {words}* | - | {times(late)} | 1 |")
+    return "\n".join(lines)
+
+
+def times(late: np.ndarray) -> str:
+    """Write times [s] in ms as cells of a table."""
+    return " | ".join(f"{1e3 * one:.0f} ms" if np.isfinite(one) else "missed" for one in late)
+
+
+def walk_table() -> str:
+    """Return what walks cost on forces of a fifth of the robot's weight, and of its weight, with noisy sensors."""
+    lines = [
+        "| walk [weights per root second] | `smoother`, signal | `kalman` and `smoother`, contacts, z | `smoother`, "
+        "made up [mN] | `kalman` and `smoother`, `observer_benchmark` |",
+        "|---" * 5 + "|",
+    ]
+    flights = {
+        flight: [seen("exact", flight, seed, NOISY) for seed in SEEDS] for flight in ("signal", "pushes", "no force")
+    }
+    noisy = Condition("velocity noise", noise=1.0)
+    for walk in WALKS:
+        size = walk * moving_weight(flights["signal"][0].model)
+
+        def worst(name: str, flight: str, size: float = size) -> np.ndarray:
+            return np.min([scores(estimated(name, one, force_walk=size), one) for one in flights[flight]], axis=0)
+
+        made = np.max([made_up(estimated("smoother", one, force_walk=size)) for one in flights["no force"]], axis=0)
+        contacts = " and ".join(f"{worst(name, 'pushes')[2]:.2f}" for name in ("kalman", "smoother"))
+        yardstick = " and ".join(f"{benchmark_score(name, walk, noisy):.3f}" for name in ("kalman", "smoother"))
+        cells = (f"{walk:g}", r_squared_cells(worst("smoother", "signal")), contacts, forces(made), yardstick)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def benchmark_score(name: str, walk: float, noisy: Condition) -> float:
+    """Return R2 of the worst axis, wing and seed on `observer_benchmark`, with a walk in weights per root second."""
+    found = []
+    for seed in SEEDS:
+        flight = benchmark_flight(seed, noisy.share)
+        tuning = {name: {"force_walk": walk * moving_weight(flight.model)}}
+        estimate, truth = on_the_benchmark(name, seed, noisy, tuning=tuning), flight.clean
+        found.append(1.0 - np.mean((estimate.force - truth) ** 2, axis=0) / np.var(truth, axis=0))
+    return float(np.min(found))
+
+
+def other_plant() -> str:
+    """Return what a calibration gives back on flights of a simulator that shares no code with the package."""
+    free = as_believed(elsewhere("nothing", 4.0)[0])
+    six, ten = (calibrate([free], parameters=[], harmonics=count) for count in (6, 10))
+    lines = [
+        "| flight | | `force_level` | six harmonics | ten harmonics | `smoother` | six harmonics |",
+        "|---" * 7 + "|",
+    ]
+    flights = (
+        ("nothing pushes", "made up [mN]", ("nothing", 2.0, 3.02, 4.78)),
+        ("nothing pushes, 3.3 m/s and 5 Hz", "made up [mN]", ("nothing", 2.0, 3.3, 5.0)),
+        ("impulse, push and step upward", "R2", ("contacts", 1.0)),
+        ("the force of the paper", "R2", ("signal", 2.0)),
+        ("the same, side speed held", "R2", ("signal", 2.0, 3.0, FREQUENCY, True)),
+        ("a force that swings at 2 Hz, all axes", "R2", ("swinging", 1.0)),
+    )
+    ways = {"force_level": (None, six, ten), "smoother": (None, six)}
+    for words, what, arguments in flights:
+        flight = elsewhere(*arguments)  # type: ignore[arg-type]
+        cells = []
+        for name, calibrations in ways.items():
+            for one in (seen_elsewhere(flight, calibration) for calibration in calibrations):
+                estimate = estimated(name, one)
+                cells.append(forces(made_up(estimate)) if what != "R2" else r_squared_cells(left(estimate.force, one)))
+        lines.append(f"| {words} | {what} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def left(force: np.ndarray, flight: Seen) -> np.ndarray:
+    """Return R2 (3,) at the left wing, which alone is pushed; infinite along axes without a force."""
+    truth = flight.truth[:, 0]
+    size = np.var(truth, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = 1.0 - np.mean((force[:, 0] - truth) ** 2, axis=0) / size
+    return np.where(size > 1e-6, found, np.inf)
