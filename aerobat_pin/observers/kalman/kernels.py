@@ -6,7 +6,7 @@ measured velocity v, an interval from sample 0 to sample 1 is
 
     z <- a z + noise,   x_1 = F x_0 + dt G^T z - (p_1 - p_0 - dt (u + mean(C^T v - g))),   F = (M_0 + D_0 dt/2) V_0^-1
 
-where a is the decay factor. C^T v is that of the velocity sought, to first order with its derivative D: h(v) + D V^-1 x.
+where a is the decay factor. C^T v is that of the velocity sought, to first order with its slope D: h(v) + D V^-1 x.
 At the end of an interval x is V = M - D dt/2 times the error of v, so that x is measured there as zero with covariance
 B B^T, B = V diag(s), for velocity sensors with standard deviations s (see `noisy_sample`).
 Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
