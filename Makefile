@@ -72,7 +72,7 @@ docs: $(VENV)/.installed-test
 
 # The pages of docs/ as a site in build/site/html, which needs no network.
 site: $(VENV)/.installed-docs
-	$(BIN)/python docs/site/build.py
+	PYTHONOPTIMIZE= $(BIN)/python docs/site/build.py
 
 # A .venv of a wrong Python, or half a one, is not left behind: the next `make demo` would find it.
 $(BIN)/python:

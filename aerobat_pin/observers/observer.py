@@ -226,9 +226,9 @@ class Observer:
             ObserverError, ShapeError: for the same reasons as `update` and `reset`.
         """
         time = for_kernels(time)
-        count = len(time) - 1
-        if time.ndim != 1 or count < 1:
+        if time.ndim != 1 or len(time) < 2:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
+        count = len(time) - 1
         nq, nv = int(self.model.nq), int(self.model.nv)
         q, v = checked_record(q, count + 1, nq, "q"), checked_record(v, count + 1, nv, "v")
         check_configurations(self._directions, q)

@@ -37,6 +37,7 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"{place}{module}.EXTENT", 200)
     monkeypatch.setattr(f"{place}spool.IN_MEMORY", 1)
     monkeypatch.setattr(f"{place}csv_columns.ROWS_AT_ONCE", 200)
+    monkeypatch.setattr(f"{place}table_cells.BYTES_AT_ONCE", 20_000)
     monkeypatch.setattr(f"{place}run_observers.BLOCK", 500)
     monkeypatch.setattr(f"{place}checks.kinematics.MOST_SAMPLES", 500)
     for name in ("MANY", "MOST_SAMPLES"):

@@ -84,8 +84,8 @@ def _robot(rng: Rng, place: Path) -> list[str]:
 def _number(rng: Rng, place: Path) -> list[str]:
     """Write a URDF with a number that is none, or absurd."""
     good = str(rng.choice(["0 1 0", "1 1 1", '"-3"', '"3"']))
-    bad = str(rng.choice(["nan 0 0", "a b c", "1e300 1 1", "", "inf 1 1", "1 1 -1e9"]))
-    return _arm(place, ARM.replace(good, f'"{bad.split()[0] if bad else ""}"' if '"' in good else bad, 1))
+    bad = str(rng.choice(["nan 0 0", "a b c", "1e300 1 1", "", "inf 1 1", "far 1 -1e9"]))
+    return _arm(place, ARM.replace(good, f'"{bad.partition(" ")[0]}"' if '"' in good else bad, 1))
 
 
 def _nested(rng: Rng, place: Path) -> list[str]:

@@ -12,7 +12,7 @@ import pandas as pd
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
-BYTES_AT_ONCE = 16_000_000
+BYTES_AT_ONCE = 1_000_000  # also the longest row
 
 
 def check_rows(path: Path, separator: str, columns: int) -> None:
@@ -30,6 +30,8 @@ def check_rows(path: Path, separator: str, columns: int) -> None:
         while block := file.read(BYTES_AT_ONCE):
             cut = (rest + block).rfind(b"\n") + 1
             lines, rest = (rest + block)[:cut], (rest + block)[cut:]
+            if len(rest) > BYTES_AT_ONCE:
+                raise LogError(f"log {path}: row {row} has more than {BYTES_AT_ONCE} bytes: a table was expected")
             if b'"' in lines:
                 return
             row += _check_lines(path, lines, separator, columns, row)
