@@ -23,9 +23,7 @@ HEAD = (
 @guarded()
 def load_map(path: Path) -> Map:
     """Read a map file. Raises MapError, which names key, value and rule, if it is not one."""
-    return parse_map(
-        read_toml("map", str(path if path.suffix else path.with_suffix(".toml")), path.parent, MapError), str(path)
-    )
+    return parse_map(read_toml("map", str(path) if path.suffix else f"{path}.toml", path.parent, MapError), str(path))
 
 
 @guarded()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -73,7 +74,7 @@ def _all_columns(log: Path) -> Columns:
     try:
         return read_columns(log, LogTable())
     except LogError as error:
-        if log.is_dir() or log.suffix.lower() in (*BAGS, *NETCDF) or "which column is the time" not in str(error):
+        if os.path.isdir(log) or log.suffix.lower() in (*BAGS, *NETCDF) or "which column is the time" not in str(error):
             raise
         return read_columns(log, LogTable(time=TimeSection(rate=1.0)))
 
