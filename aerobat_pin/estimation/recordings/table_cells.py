@@ -16,20 +16,24 @@ BYTES_AT_ONCE = 1_000_000  # also the longest row
 
 
 def check_rows(path: Path, separator: str, columns: int) -> None:
-    """Raise LogError if a row has more or fewer cells than the header; tables with quoted cells are not looked at.
+    """Check that every row has as many cells as the header; tables with quoted cells are not looked at.
 
     Args:
         path: the table.
         separator: between cells; spaces, which may repeat, are not counted.
         columns: number of cells of the header.
+
+    Raises:
+        LogError: a row has more or fewer cells, or more than `BYTES_AT_ONCE` bytes.
     """
     if separator == " ":
         return
     row, rest = 1, b""
     with path.open("rb") as file:
         while block := file.read(BYTES_AT_ONCE):
-            cut = (rest + block).rfind(b"\n") + 1
-            lines, rest = (rest + block)[:cut], (rest + block)[cut:]
+            text = rest + block
+            cut = text.rfind(b"\n") + 1
+            lines, rest = text[:cut], text[cut:]
             if len(rest) > BYTES_AT_ONCE:
                 raise LogError(f"log {path}: row {row} has more than {BYTES_AT_ONCE} bytes: a table was expected")
             if b'"' in lines:
