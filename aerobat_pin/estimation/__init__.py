@@ -14,10 +14,10 @@ from aerobat_pin.estimation.calibration.free_flight import FreeFlight
 from aerobat_pin.estimation.calibration.learn import calibrate
 from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.contradiction import Contradiction
-from aerobat_pin.estimation.contradictions import contradictions
 from aerobat_pin.estimation.estimate import belief_about, check_names, describe_belief, estimate_log, read_log
 from aerobat_pin.estimation.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.estimation.known_inputs import KnownInputs, known_inputs
+from aerobat_pin.estimation.log_contradictions import contradictions
 from aerobat_pin.estimation.metrics import TABLE_HEADER, Scores
 from aerobat_pin.estimation.motion import motion
 from aerobat_pin.estimation.scores import (

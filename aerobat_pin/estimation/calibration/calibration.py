@@ -9,6 +9,7 @@ from hashlib import sha256
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.accelerometer_mount import Mount
 from aerobat_pin.estimation.calibration.crank_row import at_the_joints
 from aerobat_pin.estimation.calibration.detection import Detection
 from aerobat_pin.estimation.calibration.flight_state import flight_state
@@ -19,7 +20,6 @@ from aerobat_pin.estimation.calibration.parameters import changed_belief, scaled
 from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.known_inputs import KnownInputs
 from aerobat_pin.estimation.motion import Motion
-from aerobat_pin.estimation.raw_mount import Mount
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.robot import Aerobat

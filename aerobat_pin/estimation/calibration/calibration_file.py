@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import CalibrationError, LogError
+from aerobat_pin.estimation.accelerometer_mount import PLACE_AXES, Mount
 from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
 from aerobat_pin.estimation.calibration.detection import Detection
 from aerobat_pin.estimation.calibration.flight_state import STATES
@@ -16,7 +17,6 @@ from aerobat_pin.estimation.calibration.harmonics import Harmonics
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
 from aerobat_pin.estimation.calibration.parameters import PARAMETERS
-from aerobat_pin.estimation.raw_mount import PLACE_AXES, Mount
 from aerobat_pin.flight import netcdf_bytes, read_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.calibration.calibrate_mount import calibrate_mount
 from aerobat_pin.estimation.calibration.calibration import (
     CALIBRATION,
     FRICTION,
@@ -26,7 +27,6 @@ from aerobat_pin.estimation.calibration.harmonics import Harmonics, fit_harmonic
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.identify import HELD_OUT, identify
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
-from aerobat_pin.estimation.calibration.mounting import calibrate_mount
 from aerobat_pin.estimation.calibration.parameters import PARAMETERS
 from aerobat_pin.estimation.calibration.residual import interval_residual
 from aerobat_pin.estimation.known_inputs import KnownInputs

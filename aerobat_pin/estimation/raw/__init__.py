@@ -2,7 +2,7 @@
 
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord, raw_record
 from aerobat_pin.estimation.raw.filter import JointFilter, JointSample
-from aerobat_pin.estimation.raw.mount import find_mount, mounted
+from aerobat_pin.estimation.raw.find_mount import find_mount, mounted
 from aerobat_pin.estimation.raw.offsets import ClockOffset
 from aerobat_pin.estimation.raw.results import estimate_raw
 from aerobat_pin.estimation.raw.smoother import JointEstimate, JointSmoother

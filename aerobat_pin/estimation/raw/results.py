@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation.accelerometer_mount import Mount
 from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.known_inputs import ROWS_OF_TORQUE, KnownInputs
 from aerobat_pin.estimation.raw.channels import RawRecord, raw_record
 from aerobat_pin.estimation.raw.filter import JointFilter
-from aerobat_pin.estimation.raw.mount import mounted
+from aerobat_pin.estimation.raw.find_mount import mounted
 from aerobat_pin.estimation.raw.prior import FORCE_PRIOR
 from aerobat_pin.estimation.raw.smoother import JointEstimate, JointSmoother
-from aerobat_pin.estimation.raw_mount import Mount
 from aerobat_pin.estimation.truth import SUM
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array

@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.accelerometer_mount import Mount
 from aerobat_pin.estimation.raw.channels import RawRecord
 from aerobat_pin.estimation.raw.smoother import JointEstimate, JointSmoother
-from aerobat_pin.estimation.raw_mount import Mount
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 

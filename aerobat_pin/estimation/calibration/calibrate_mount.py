@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.accelerometer_mount import PLACE_AXES
 from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
 from aerobat_pin.estimation.calibration.flight_state import flight_state
 from aerobat_pin.estimation.calibration.free_flight import FreeFlight
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
-from aerobat_pin.estimation.raw_mount import PLACE_AXES
 from aerobat_pin.scenario import RawSection
 
 LEARNT = 0.5  # of what is known beforehand: a larger deviation says that the flights do not show it
