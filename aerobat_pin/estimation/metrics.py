@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from aerobat_pin.estimation.calibration.use import CalibrationUse
-from aerobat_pin.estimation.contradiction import Contradiction
+from aerobat_pin.estimation.contradictions.contradiction import Contradiction
 from aerobat_pin.estimation.flight_summary import FlightSummary
 from aerobat_pin.estimation.scores import ObserverScores
 from aerobat_pin.scenario import changes_text

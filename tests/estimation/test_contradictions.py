@@ -11,7 +11,7 @@ from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
 from aerobat_pin.control import Controller
-from aerobat_pin.estimation.log_contradictions import contradictions
+from aerobat_pin.estimation.contradictions.log_channels import contradictions
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.experiments.experiment import write as write_results
 from aerobat_pin.flight.csv_log import write_csv

@@ -74,7 +74,7 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         for path in (ROOT / package).rglob("*")
         if path.name == "LICENSE"
         or path.suffix
-        in {".py", ".toml", ".urdf", ".srdf", ".stl", ".obj", ".typed", ".xml", ".txt", ".html", ".css", ".svg"}
+        in {".py", ".pyi", ".toml", ".urdf", ".srdf", ".stl", ".obj", ".typed", ".xml", ".txt", ".html", ".css", ".svg"}
     }
     assert {name for name in names if not name.startswith(f"{info}/")} == ours
     for one in (

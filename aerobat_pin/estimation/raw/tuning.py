@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.likelihood import most_likely
+from aerobat_pin.estimation.raw.choose_walk import most_likely
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import RawSection
 

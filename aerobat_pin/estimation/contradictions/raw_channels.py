@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.contradiction import Contradiction
+from aerobat_pin.estimation.contradictions.contradiction import Contradiction
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
 

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.contradiction import Contradiction
-from aerobat_pin.estimation.raw_contradictions import raw_contradictions
+from aerobat_pin.estimation.contradictions.contradiction import Contradiction
+from aerobat_pin.estimation.contradictions.raw_channels import raw_contradictions
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, Aerobat, rotations

@@ -1,0 +1,15 @@
+from .experiment import RESULTS as RESULTS
+from .experiment import Experiment as Experiment
+from .experiment import Progress as Progress
+from .experiment import run as run
+from .experiment import run_recorded as run_recorded
+from .experiment import write as write
+from .notes import flight_note as flight_note
+from .notes import recorded_note as recorded_note
+from .recorded_results import RECORDED_RESULTS as RECORDED_RESULTS
+from .recorded_results import write_recorded as write_recorded
+from .result_tables import estimate_dataset as estimate_dataset
+from .result_tables import read_estimates as read_estimates
+from .sweep.plan import load_sweep as load_sweep
+from .sweep.run_sweep import run_sweep as run_sweep
+from .sweep.sweep_file import shipped_sweeps as shipped_sweeps
