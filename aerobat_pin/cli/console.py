@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 LINE_EVERY = 10.0  # [s] between lines about the same work, without a terminal
 QUIET = 2.0  # [s]: a command that is faster says nothing about its stages
-FIRST_OPENED = ("report.html", "replay.html")  # what a person opens first
+FIRST_OPENED = ("replay.html", "report.html")  # what a person opens, the most telling last
 
 
 @contextmanager
@@ -97,10 +97,5 @@ def print_files(target: Path, files: list[Path]) -> None:
     """Print what was written, a folder in it as one name, and last which page or file to open first."""
     names = dict.fromkeys(f"{file.parts[0]}/" if len(file.parts) > 1 else str(file) for file in files)
     typer.echo(f"\nresults in {target}/: {', '.join(names)}")
-    pages = [name for name in FIRST_OPENED if name in names]
-    if not pages:
-        typer.echo(f"open {target / 'metrics.json'}")
-    elif len(pages) == 1:
-        typer.echo(f"open {target / pages[0]}")
-    else:
-        typer.echo(f"watch {target / pages[1]}\nopen {target / pages[0]}")
+    for page in [name for name in FIRST_OPENED if name in names] or ["metrics.json"]:
+        typer.echo(f"open {target / page}")

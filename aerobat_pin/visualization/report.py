@@ -15,7 +15,7 @@ from markupsafe import Markup
 from aerobat_pin.estimation import TABLE_HEADER
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.scenario import described, scenario_toml, shipped_description
+from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description
 from aerobat_pin.visualization.figures.linkage_svg import linkage_animation
 from aerobat_pin.visualization.template import fill_template
 
@@ -41,8 +41,18 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
         table_header=TABLE_HEADER,
         identifiability={name: estimate.identifiability for name, estimate in experiment.estimates.items()},
         observers={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in experiment.estimates},
+        gains=_names_and_gains(scenario),
         degrees=np.degrees,
         images={name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in images.items()},
         linkage=Markup(linkage_animation(experiment.robot.linkage, SLOWER / frequency)) if frequency > 0.0 else None,
         slower=SLOWER,
     )
+
+
+def _names_and_gains(scenario: Scenario) -> str:
+    """Return the names of a scenario's observers, each with its gain if it has one."""
+    section, texts = scenario.observers, []
+    for name in section.names:
+        with_gain = name not in ("kalman", "smoother") or section.settings(name).get("force_walk") == "gain"
+        texts.append(f"{name} (gain {section.gain:g} 1/s)" if with_gain else name)
+    return ", ".join(texts)

@@ -38,7 +38,9 @@ def test_every_name_of_a_lazy_door_is_there_and_no_other(door: str) -> None:
     module = importlib.import_module(door)
     for name in module.__all__:
         assert getattr(module, name) is not None, name
-    with pytest.raises(AttributeError, match=f"module '{door}' has no attribute 'nonsense'|No {door} attribute nonsense"):
+    with pytest.raises(
+        AttributeError, match=f"module '{door}' has no attribute 'nonsense'|No {door} attribute nonsense"
+    ):
         module.nonsense  # noqa: B018
 
 

@@ -16,6 +16,7 @@ from aerobat_description.export import shipped_urdf
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import LogError
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
+from aerobat_pin.visualization.replay.collada import drawable
 from aerobat_pin.visualization.replay.motion_csv import replay_table
 
 
@@ -170,3 +171,54 @@ def test_a_motion_of_absurd_numbers_or_doubled_columns_is_refused(text: str, mes
     (folder / "motion.csv").write_text(text)
     with pytest.raises(LogError, match=message):
         replay_table(folder / "motion.csv", folder / "arm.urdf")
+
+
+PAINTS = "<library_effects>{}</library_effects><library_materials>{}</library_materials>".format(
+    "".join(
+        f'<effect id="{name}-paint"><profile_COMMON><technique sid="t"><phong><diffuse><color>{colour}</color>'
+        "</diffuse></phong></technique></profile_COMMON></effect>"
+        for name, colour in (("red", "1 0 0 1"), ("blue", "0 0 1 1"))
+    ),
+    "".join(f'<material id="{name}"><instance_effect url="#{name}-paint"/></material>' for name in ("red", "blue")),
+)
+TRIANGLES = re.findall("<triangles.*?</triangles>", COLLADA, re.DOTALL)[0]
+
+
+def triangles(material: str, count: int) -> str:
+    """Return `count` triangles of a material."""
+    corners = " ".join(count * ["0 1 2"])
+    return TRIANGLES.replace('count="1"', f'count="{count}" material="{material}"').replace("0 1 2", corners)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "merged"),
+    [(triangles("red", 1), True), (triangles("red", 1) + triangles("blue", 3), False)],
+    ids=["one material", "two"],
+)
+def test_a_collada_mesh_that_the_viewer_cannot_merge_is_drawn_as_triangles(
+    folder: Path, pieces: str, merged: bool
+) -> None:
+    """In the colour of most of them; any other goes into the page as the file that it is."""
+    text = (
+        COLLADA.format("bar.png")
+        .replace(TRIANGLES, pieces)
+        .replace("<library_geometries>", f"{PAINTS}<library_geometries>")
+    )
+    (folder / "meshes" / "bar.dae").write_text(text)
+    (folder / "arm.urdf").write_text(ARM.replace(SHAPE, '<mesh filename="meshes/bar.dae"/>'))
+    _, visual_model = load_any_robot(folder / "arm.urdf", 1, folder / "motion.csv")
+    [part] = drawable(visual_model).geometryObjects
+    assert bool(part.meshPath) == merged
+    if not merged:
+        assert part.meshColor.tolist() == [0.0, 0.0, 1.0, 1.0]
+    assert visual_model.geometryObjects[0].meshPath  # as it was
+
+
+def test_the_axis_of_a_fixed_joint_may_be_zero(folder: Path) -> None:
+    """Exporters write it, and nobody reads it; that of a joint which moves may not."""
+    weld = '<joint name="weld" type="fixed"><parent link="bar"/><child link="tip"/><axis xyz="0 0 0"/></joint>'
+    (folder / "arm.urdf").write_text(ARM.replace("</robot>", f'<link name="tip"/>{weld}</robot>'))
+    load_any_robot(folder / "arm.urdf", 1, folder / "motion.csv")
+    (folder / "arm.urdf").write_text(ARM.replace('xyz="0 1 0"', 'xyz="0 0 0"'))
+    with pytest.raises(LogError, match="more than 0 was expected"):
+        load_any_robot(folder / "arm.urdf", 1, folder / "motion.csv")

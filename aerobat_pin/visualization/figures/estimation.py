@@ -92,7 +92,7 @@ class _Enlarged:
 def _enlarged(log: FlightLog, estimates: Estimates, events: Sequence[TrueEvent]) -> _Enlarged:
     """Choose the part of the flight to enlarge: the first event, of a step its onset.
 
-    If there is no event within the flight, it is a short part after about a quarter of it.
+    If there is no event within the flight, it is the part with the fastest change of the first estimate.
     """
     time = log.time
     for event in events:
@@ -106,8 +106,20 @@ def _enlarged(log: FlightLog, estimates: Estimates, events: Sequence[TrueEvent])
         force = next(iter(estimates.values())).force[:, 0] if not event.frames else true_force(log, event.frames[0])[1]
         size = np.ptp(force[inside], axis=0) if event.name == "step" else np.abs(force[inside]).max(axis=0)
         return _Enlarged(start, end, int(np.argmax(size)), str(event.name))
-    start = time[0] + 0.27 * (time[-1] - time[0])
-    return _Enlarged(*_samples_around(time, start, start + SHORTEST_ENLARGED), 1, "detail")
+    middle, row = _fastest_change(time, next(iter(estimates.values())).force)
+    half = 0.5 * SHORTEST_ENLARGED
+    return _Enlarged(*_samples_around(time, middle - half, middle + half), row, "fastest change")
+
+
+def _fastest_change(time: Array, force: Array) -> tuple[float, int]:
+    """Return when (time [s], axis) the means of a force (m, points, 3) before and after differ most."""
+    width = max(int(0.25 * SHORTEST_ENLARGED * len(force) / (time[-1] - time[0])), 1)
+    sums = np.concatenate([np.zeros((1, *force.shape[1:])), np.cumsum(force, axis=0)])
+    if len(sums) <= 2 * width:
+        return float(time[len(time) // 2]), 1
+    change = np.abs(sums[2 * width :] - 2.0 * sums[width:-width] + sums[: -2 * width]).max(axis=1)
+    first, row = np.unravel_index(int(np.argmax(change)), change.shape)
+    return float(time[first + width]), int(row)
 
 
 def _samples_around(time: Array, start: float, end: float) -> tuple[float, float]:

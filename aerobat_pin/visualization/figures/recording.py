@@ -227,7 +227,10 @@ def _unexplained(found: RecordingEstimate) -> Figure:
         time, values = thinned(len(estimate), read)
         axis.plot(time, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
         axis.axhline(
-            check.allowed, color=style.MUTED, linestyle="--", label="allowed of the slow part" if i == 0 else None
+            check.allowed,
+            color=style.MUTED,
+            linestyle="--",
+            label="allowed, of its slow part" if i == 0 else None,
         )
     axis.set(xlabel="time [s]", ylabel="unexplained a row [N]", title="What no force at the points explains")
     style.legend_on_top(axis, ncols=3)

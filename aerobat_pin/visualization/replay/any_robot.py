@@ -178,6 +178,7 @@ def _parsed(path: Path, name: str, tag: str) -> Element:
 
 def _check_numbers(root: Element, name: str) -> None:
     """Raise LogError unless all numbers of a URDF are finite and not absurd; its parser skips what it cannot read."""
+    fixed = {axis for joint in root.iterfind("joint[@type='fixed']") for axis in joint.iterfind("axis")}  # not used
     for element in root.iter():
         for key, text in element.attrib.items():
             if key in LARGEST_NUMBERS:
@@ -187,7 +188,7 @@ def _check_numbers(root: Element, name: str) -> None:
                     numbers = np.array([np.nan])
                 rule = f"numbers up to {LARGEST_NUMBERS[key]:g} were expected"
                 good = numbers.size > 0 and bool(np.all(np.abs(numbers) <= LARGEST_NUMBERS[key]))
-                if good and (key in EXTENTS or element.tag == "axis"):
+                if good and (key in EXTENTS or (element.tag == "axis" and element not in fixed)):
                     rule, good = (
                         "more than 0 was expected",
                         bool(np.all(numbers > 0.0) if key in EXTENTS else np.any(numbers)),

@@ -16,6 +16,7 @@ import umsgpack
 from pinocchio.visualize import MeshcatVisualizer
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.visualization.replay.collada import drawable
 
 # Radii of an arrow's shaft and head, and length of its head, in sizes of the robot.
 SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.011, 0.032, 0.09
@@ -79,6 +80,7 @@ class Scene:
             visual_model: visible parts of the robot.
             placements: (m, parts, 7) position and quaternion (xyzw) of every part, world axes.
         """
+        visual_model = drawable(visual_model)
         picture = MeshcatVisualizer(model, pin.GeometryModel(), visual_model)
         picture.initViewer(viewer=self.viewer)
         picture.loadViewerModel(rootNodeName="world/robot")
