@@ -13,7 +13,7 @@ def describe_command(
         str | None, typer.Argument(help="One table or key alone, such as crank or observers.gain; else all of them.")
     ] = None,
 ) -> None:
-    """Print every key of a scenario file, or of the map of a recording, or one: type, unit, default and meaning."""
+    """Print all keys of a scenario file or of a recording's map, or one, with type, unit, default and meaning."""
     from aerobat_pin.estimation import describe_map
     from aerobat_pin.scenario import describe_scenario
 

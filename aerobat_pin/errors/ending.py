@@ -77,7 +77,7 @@ def raising() -> Iterator[None]:
 
 
 def written(path: Path) -> None:
-    """Note for the last line that a file or folder was written."""
+    """Record that a file or folder was written, for the last line of an interrupted program."""
     _now.written.append(path)
 
 

@@ -25,7 +25,7 @@ Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 
 def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
-    """Return a log as its sensors recorded it; the exact values of each changed channel are moved to its truth.
+    """Return a log as its sensors recorded it; the exact values of each changed channel stay in its truth.
 
     Each sensor has its own stream of random numbers, seeded by the sensor's name, so adding one sensor does not change
     the errors of the others.

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
+import pytest
+
 from aerobat_pin.estimation import ObserverScores
+from aerobat_pin.estimation.trust import sample_noise, warnings_about
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.report import report_html
@@ -63,3 +67,30 @@ def test_momentum_says_what_it_loses_when_the_motors_torque_alone_is_known() -> 
     assert warning in repr(experiment.scores)
     for name, found in experiment.scores.observers.items():
         assert ObserverScores.from_json(json.loads(json.dumps(experiment.metrics["observers"][name]))) == found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_told_from_a_force_that_swings_and_steps(seed: int) -> None:
+    """White noise of 3 mN on a wave of 6 Hz and 100 mN with a step and a push: found within a tenth.
+
+    Source: the variance of the n-th difference of white noise is the sum of the squared binomial coefficients,
+    comb(2 n, n).
+    """
+    time = 1e-3 * np.arange(2000)
+    force = 0.1 * np.sin(2.0 * np.pi * 6.0 * time) + 0.1 * (time > 1.0) + 1.0 * (np.abs(time - 1.5) < 5e-4)
+    noisy = force + np.random.default_rng(seed).normal(0.0, 3e-3, len(time))
+    assert sample_noise(np.column_stack([noisy, force])) == pytest.approx([3e-3, 0.0], rel=0.1, abs=1e-5)
+    assert sample_noise(noisy[:8, None]).tolist() == [0.0]
+
+
+def test_an_estimate_that_is_mostly_noise_says_so() -> None:
+    """Noisy sensors and a gain: the components whose error is as large as they are, and only of that observer."""
+    experiment = run(load_scenario("noisy_sensors", ["simulation.duration=0.5", "air.warm_up_cycles=1"]))
+    noisy, smooth = (warnings_about(experiment.estimates[name]) for name in ("force_level", "smoother"))
+    [warning] = [text for text in noisy if "noise" in text]
+    assert "left_force_point.Fx 2" in warning
+    assert "Fy" not in warning
+    assert not [text for text in smooth if "noise" in text]
+    error = experiment.scores.observers["force_level"].points["left"]["Fx"].rmse
+    found = sample_noise(experiment.estimates["force_level"].components)[0]
+    assert found == pytest.approx(error, rel=0.25)

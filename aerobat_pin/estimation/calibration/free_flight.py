@@ -53,7 +53,7 @@ class FreeFlight:
 
 
 def weighted(flight: FreeFlight, residual: Array) -> Array:
-    """Return the rows of a residual (m, nv) that the flight's torques make known [N]: moments over 50 mm."""
+    """Return the rows of a residual (m, nv) that the flight's torques make known [N]; moments are divided by 50 mm."""
     rows = residual if flight.torque in ("measured", "modelled") else residual[:, :BASE_SIZE]
     return np.asarray(rows / np.where(np.arange(rows.shape[1]) < 3, 1.0, MOMENT_ARM))
 

@@ -32,7 +32,7 @@ MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
 
 @dataclass(frozen=True)
 class Fit:
-    """What was fitted, and how well it holds where it was not.
+    """A fit, and how well it holds on data that it did not use.
 
     Attributes:
         name: key of the map.

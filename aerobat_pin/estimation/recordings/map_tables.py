@@ -21,7 +21,7 @@ class BodySection(Section):
 
 
 class RowsSection(Section):
-    """Which equations of the robot are not to be believed."""
+    """Which equations of the robot are not used."""
 
     ignore: tuple[str, ...] = Field((), description="joints (rail), base, or parts of it (base.Mx)")
 

@@ -185,7 +185,7 @@ class _Teller:
 
 
 def joint_rows(model: pin.Model) -> dict[str, tuple[int, int]]:
-    """Return joint -> index in q and in v, for the joints of one coordinate."""
+    """Return joint -> index in q and in v, for the joints with one coordinate."""
     return {
         name: (int(joint.idx_q), int(joint.idx_v))
         for joint, name in zip(model.joints.tolist()[1:], model.names.tolist()[1:], strict=True)

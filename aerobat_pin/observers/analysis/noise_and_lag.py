@@ -50,7 +50,7 @@ class SensorNoise:
 
     @guarded()
     def deviations(self, model: pin.Model) -> Array:
-        """Return the standard deviation of each velocity coordinate of a model (nv,)."""
+        """Return the standard deviation of the noise of each measured velocity coordinate of a model (nv,)."""
         free = BASE_ROWS if has_free_base(model) else 0
         base = [self.linear_velocity] * 3 + [self.gyro] * 3
         return np.array(base[:free] + [self.joint_rate] * (model.nv - free))
