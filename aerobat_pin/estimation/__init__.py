@@ -35,14 +35,18 @@ if TYPE_CHECKING:
     from aerobat_pin.estimation.recordings import Compared as Compared
     from aerobat_pin.estimation.recordings import LogChannel as LogChannel
     from aerobat_pin.estimation.recordings import Map as Map
+    from aerobat_pin.estimation.recordings import MapCalibration as MapCalibration
     from aerobat_pin.estimation.recordings import OnlineEstimator as OnlineEstimator
     from aerobat_pin.estimation.recordings import OnlineSample as OnlineSample
     from aerobat_pin.estimation.recordings import RecordingEstimate as RecordingEstimate
     from aerobat_pin.estimation.recordings import StoredEstimate as StoredEstimate
+    from aerobat_pin.estimation.recordings import calibrate_recording as calibrate_recording
     from aerobat_pin.estimation.recordings import describe_map as describe_map
     from aerobat_pin.estimation.recordings import estimate_recording as estimate_recording
     from aerobat_pin.estimation.recordings import load_map as load_map
+    from aerobat_pin.estimation.recordings import map_calibration_bytes as map_calibration_bytes
     from aerobat_pin.estimation.recordings import parse_map as parse_map
+    from aerobat_pin.estimation.recordings import read_map_calibration as read_map_calibration
     from aerobat_pin.estimation.recordings import suggested_map as suggested_map
     from aerobat_pin.estimation.recordings import with_options as with_options
     from aerobat_pin.estimation.recordings import write_flight_mcap as write_flight_mcap
@@ -64,6 +68,7 @@ __all__ = [
     "KnownInputs",
     "LogChannel",
     "Map",
+    "MapCalibration",
     "ObserverScores",
     "OnlineEstimator",
     "OnlineSample",
@@ -73,6 +78,7 @@ __all__ = [
     "TrueEvent",
     "belief_about",
     "calibrate",
+    "calibrate_recording",
     "calibration_bytes",
     "check_names",
     "contradictions",
@@ -83,6 +89,7 @@ __all__ = [
     "flight_summary",
     "known_inputs",
     "load_map",
+    "map_calibration_bytes",
     "motion",
     "observer_scores",
     "parse_map",
@@ -90,6 +97,7 @@ __all__ = [
     "r_squared",
     "read_calibration",
     "read_log",
+    "read_map_calibration",
     "self_check",
     "suggested_map",
     "true_events",

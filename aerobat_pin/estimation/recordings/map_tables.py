@@ -138,7 +138,11 @@ class FrictionSection(Section):
     law: Literal["coulomb+viscous", "coulomb+viscous+inertia"] = Field(
         "coulomb+viscous", description="and a constant; inertia: of the rotors"
     )
-    fit: Stretch = Field(description="from and to: nothing touches the robot there, or `to` says what does [s]")
+    fit: Stretch | None = Field(
+        None,
+        description="from and to: nothing touches the robot there, or `to` says what does [s]; left out, for "
+        "`aerobat calibrate` alone: the first three quarters",
+    )
     to: Literal["check.wrench"] | None = Field(None, description="the sensor's force counts as known in the fit")
     scale: bool = Field(False, description="also fit a factor of each joint's effort")
     slow: Positive = Field(0.02, description="rate below which Coulomb friction fades [rad/s, m/s]")

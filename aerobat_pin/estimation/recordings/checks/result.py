@@ -12,9 +12,9 @@ from aerobat_pin.estimation.recordings.checks.kinematics import CONFUSED, FOLLOW
 from aerobat_pin.estimation.recordings.findings import LogFinding
 from aerobat_pin.estimation.recordings.known_forces import KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.recordings.record import Record
-from aerobat_pin.estimation.recordings.run_observers import settled
+from aerobat_pin.estimation.recordings.run_observers import rms_in, settled
 from aerobat_pin.estimation.recordings.sensor_scores import Compared
-from aerobat_pin.estimation.recordings.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 
 LATE_COMMAND = 5.0e-3  # [s]
@@ -27,7 +27,7 @@ def result_findings(
     record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
 ) -> Iterator[LogFinding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
-    yield from _fit_findings(forces)
+    yield from fit_findings(forces)
     yield from _check_commands(record, forces)
     for side in list(sides.values())[:1]:
         yield from _sensor_findings(record, side)
@@ -46,7 +46,7 @@ def result_findings(
         yield from _free_stretch(record, estimates)
 
 
-def _fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
+def fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
     """Yield fits that do not hold on the part of the record that they did not use."""
     for fit in forces.fits:
         if np.isnan(fit.outside):
@@ -151,17 +151,11 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
     free = record.map.use.free
     assert free is not None
     for name, estimate in estimates.items():
-        squares, count = np.zeros(len(estimate.head.units)), 0
-        first, last = (estimate.index(record.start + time) for time in free)
-        for begin in range(first, last + 1, ROWS_READ):
-            block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
-            when = block.time[:-1] - record.start
-            inside = settled(record, block.time[:-1]) & (when >= free[0]) & (when <= free[1])
-            squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
-        if not count:
+        sizes = rms_in(record, estimate, free)
+        if sizes is None:
             yield LogFinding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
-        labels, units, sizes = estimate.head.identifiability.components, estimate.head.units, np.sqrt(squares / count)
+        labels, units = estimate.head.identifiability.components, estimate.head.units
         words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
         yield LogFinding("stretch without contact", "note", text, float(sizes.max()), "N")
