@@ -29,7 +29,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, AllBut, JointFriction, fit_friction
 
 MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
-UNSURE = 0.05  # standard deviation of the factor of the mass from which a record does not show it
+UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a record does not show it
 
 
 @dataclass(frozen=True)
@@ -64,29 +64,27 @@ def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
     if "joints.effort" not in record.channels:
         raise MapError("map: joints.friction needs joints.effort")
     ignored, _ = believed_rows(record)
-    joints = tuple(joint for joint in record.joints if joint not in ignored)
+    joints = tuple(joint for joint in record.driven if joint not in ignored)
     if section.fit is None:
         raise MapError(
             "map: joints.friction.fit: from and to [s], where nothing touches the robot, was expected; or "
             "--calibration FILE, which `aerobat calibrate` writes from another recording"
         )
-    inside, rest = _samples(record, forces, [record.robot.v_index(joint) for joint in joints], section.fit)
+    inside, rest = _fitted_samples(record, forces, [record.robot.v_index(joint) for joint in joints], section.fit)
     scale = np.ones(len(joints))
     if section.scale:
         needed = inside.needed - inside.given
         for k in range(len(joints)):
             shape = np.column_stack([inside.tau[:, k], *_friction_columns(section, inside, k)])
             scale[k] = np.linalg.lstsq(shape, needed[:, k], rcond=None)[0][0]
-    friction = _friction(section, inside, inside.needed - inside.given - scale * inside.tau)
+    friction = _friction_of(section, inside, inside.needed - inside.given - scale * inside.tau)
     fits = []
     for k, joint in enumerate(joints):
-        left, left_over = (_left(section, part, friction, scale)[:, k] for part in (inside, rest))
-        before = (rest.needed - rest.given - rest.tau)[:, k]
+        kept, lost = (_left_over(section, part, friction, scale)[:, k] for part in (inside, rest))
+        before = rms_or_nan((rest.needed - rest.given - rest.tau)[:, k])
         values = friction_values(friction, float(scale[k]) if section.scale else None, k)
         unit = "N" if record.robot.slides(joint) else "N m"
-        fits.append(
-            Fit(f"friction of {joint}", values, unit, rms_or_nan(before), rms_or_nan(left), rms_or_nan(left_over))
-        )
+        fits.append(Fit(f"friction of {joint}", values, unit, before, rms_or_nan(kept), rms_or_nan(lost)))
     return FittedValues({}, joints, friction, scale, fits=tuple(fits))
 
 
@@ -119,7 +117,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     ignored, _ = believed_rows(record)
     rows = AllBut(*ignored).kept(robot.model) if ignored else list(range(robot.model.nv))
     joint_rows = {robot.v_index(joint) for joint in record.joints}
-    inside, rest = _samples(record, forces, rows, stretch)
+    inside, rest = _fitted_samples(record, forces, rows, stretch)
     along, power, lines = 0.0, 0.0, []
     for k, row in enumerate(rows):
         needed, target = inside.needed[:, k], (inside.tau + inside.given - inside.needed)[:, k]
@@ -132,15 +130,15 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
         own = float(needed @ needed)
         if own <= 1e-12 * float(inside.needed[:, k] @ inside.needed[:, k]) or own == 0.0:
             continue
-        left = target - needed * float(needed @ target) / own
-        variance = max(float(left @ left) / len(left), 1e-12 * own / len(left))
+        rest_of = target - needed * float(needed @ target) / own
+        variance = max(float(rest_of @ rest_of), 1e-12 * own) / len(target)
         along, power = along + float(needed @ target) / variance, power + own / variance
         lines.append(k)
     repeats = max(1.0, SMOOTHING * record.rate)  # samples that the window of the accelerations ties together
     change, deviation = (along / power, (repeats / power) ** 0.5) if power else (0.0, np.inf)
-    if deviation > UNSURE:
+    if deviation > UNSURE_MASS:
         raise MapError(
-            f"calibrate: the record does not show the mass (standard deviation {deviation:.2g} of it, {UNSURE:g} was "
+            f"calibrate: the record does not show the mass (standard deviation {deviation:.2g}, {UNSURE_MASS:g} was "
             "expected): move joints that carry weight, or leave --identify mass out"
         )
     before, left, left_over = (
@@ -162,7 +160,7 @@ def _friction_columns(section: FrictionSection, rows: _Rows, k: int) -> list[Arr
     return [-np.tanh(v / section.slow), -v, *inertia, -np.ones(len(v))]
 
 
-def _friction(section: FrictionSection, rows: _Rows, left: Array) -> JointFriction:
+def _friction_of(section: FrictionSection, rows: _Rows, left: Array) -> JointFriction:
     """Return the friction that explains what efforts leave. Raises MapError if there are too few samples."""
     try:
         return fit_friction(rows.q, rows.v, _rotor(section, rows), left, section.slow)
@@ -175,11 +173,13 @@ def _rotor(section: FrictionSection, rows: _Rows) -> Array:
     return rows.a if section.law.endswith("inertia") else np.zeros_like(rows.a)
 
 
-def _left(section: FrictionSection, rows: _Rows, friction: JointFriction, scale: Array) -> Array:
+def _left_over(section: FrictionSection, rows: _Rows, friction: JointFriction, scale: Array) -> Array:
     return np.asarray(rows.needed - rows.given - scale * rows.tau - friction.torque(rows.v, _rotor(section, rows)))
 
 
-def _samples(record: Record, forces: KnownForces, rows: Sequence[int], fit: tuple[float, float]) -> tuple[_Rows, _Rows]:
+def _fitted_samples(
+    record: Record, forces: KnownForces, rows: Sequence[int], fit: tuple[float, float]
+) -> tuple[_Rows, _Rows]:
     """Return the samples of rows of the velocity for a fit, and those that test it."""
     to = None if record.map.joints.friction is None else record.map.joints.friction.to
     tested = (-np.inf, np.inf) if to is not None else record.map.use.free

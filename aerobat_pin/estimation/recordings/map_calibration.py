@@ -34,7 +34,7 @@ from aerobat_pin.estimation.recordings.sensor_scores import compared
 from aerobat_pin.numerics import guarded
 
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
-MASS = "mass"  # what --identify takes of the recordings of any robot
+MASS_NAME = "mass"  # what --identify takes of the recordings of any robot
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class MapCalibration:
         """Raise CalibrationError if the values do not mean the same with this map, robot and joints with channels."""
         name = f"the calibration from {self.log}"
         if robot.fingerprint() != self.fingerprint:
-            same = "with other values" if robot.title == self.robot else f", not to {robot.title}"
-            raise CalibrationError(f"{name} belongs to the robot {self.robot} {same}: calibrate this one again")
+            same = " with other values" if robot.title == self.robot else f", not to {robot.title}"
+            raise CalibrationError(f"{name} belongs to the robot {self.robot}{same}: calibrate this one again")
         lost = [joint for joint in self.values.joints if joint not in joints]
         if lost:
             raise CalibrationError(f"{name} has friction of {lost[0]}, which has no channel in this map")
@@ -129,7 +129,7 @@ def calibrate_recording(
         LogError, MapError: log and map do not fit together, a check is certain that the map is wrong, or the map asks
             for nothing.
     """
-    wrong = [name for name in identify if name != MASS]
+    wrong = [name for name in identify if name != MASS_NAME]
     if wrong:
         raise MapError(
             f"calibrate: --identify {wrong[0]}: of recordings by a map `mass` can be identified; friction, factors of "

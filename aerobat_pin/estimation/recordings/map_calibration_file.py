@@ -12,15 +12,15 @@ import xarray as xr
 from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation.recordings.fit_joint_friction import friction_values
 from aerobat_pin.estimation.recordings.known_forces import Fit, FittedValues
-from aerobat_pin.estimation.recordings.map_calibration import MASS, MapCalibration
+from aerobat_pin.estimation.recordings.map_calibration import MASS_NAME, MapCalibration
 from aerobat_pin.flight import netcdf_bytes, read_netcdf
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 
 MAP_KIND = "aerobat calibration by a map 1"  # attribute `kind` of the file, with the number of its form
 POWERS = (1, 2, 3)  # of a thrust's polynomial
-LARGEST_VALUE = 1.0e9  # of any number in the file
-LEFT = ("before", "inside", "outside")  # columns of what a fit leaves
+LARGEST_LEARNT = 1.0e9  # of any number in the file
+LEFT_OVER = ("before", "inside", "outside")  # columns of what a fit leaves
 
 
 @guarded()
@@ -33,11 +33,11 @@ def map_calibration_bytes(calibration: MapCalibration) -> bytes:
         "left": (("fit", "part"), np.array([[fit.before, fit.inside, fit.outside] for fit in values.fits])),
         "left_unit": (("fit",), [fit.unit for fit in values.fits]),
     }
-    coords: dict[str, Any] = {"fit": [fit.name for fit in values.fits], "part": list(LEFT)}
+    coords: dict[str, Any] = {"fit": [fit.name for fit in values.fits], "part": list(LEFT_OVER)}
     if calibration.error_bar:
         variables["error_bar"] = (("component", "stage"), np.array(list(calibration.error_bar.values())))
         coords |= {"component": list(calibration.error_bar), "stage": ["without", "with"]}
-    deviation = next((fit.values["deviation"] for fit in values.fits if fit.name == MASS), np.nan)
+    deviation = next((fit.values["deviation"] for fit in values.fits if fit.name == MASS_NAME), np.nan)
     variables["mass_deviation"] = ((), deviation, {"units": "1"})
     if values.friction is not None:
         losses = [getattr(values.friction, name) for name in FRICTION_COEFFICIENTS]
@@ -50,7 +50,7 @@ def map_calibration_bytes(calibration: MapCalibration) -> bytes:
     if values.coefficients:
         table = np.zeros((len(values.coefficients), len(POWERS)))
         for row, name in zip(table, values.coefficients, strict=True):
-            row[_powers(calibration.laws[name])] = values.coefficients[name]
+            row[_power_columns(calibration.laws[name])] = values.coefficients[name]
         variables["thrust"] = (("known", "power"), table, {"units": "N"})
         coords |= {"known": list(values.coefficients), "power": list(POWERS)}
     attributes = {
@@ -79,29 +79,34 @@ def read_map_calibration(path: Path) -> MapCalibration:
             why = "; this one was learnt about Aerobat over its crank's phase, which no map knows"
         raise CalibrationError(f"{name}: a file that `aerobat calibrate LOG --map MAP` wrote was expected{why}")
     try:
-        return _read(data)
+        return _calibration_in(data)
     except (KeyError, ValueError, TypeError, AttributeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
 
 
-def _read(data: xr.Dataset) -> MapCalibration:
+def _calibration_in(data: xr.Dataset) -> MapCalibration:
     noted, joints = data.attrs, _texts_of(data, "joint")
     laws = json.loads(str(noted["laws"]))
     if not isinstance(laws, dict) or not all(isinstance(law, str) for law in laws.values()):
         raise ValueError("laws: name and law of each thrust were expected")
-    friction, scale, torques, scaled = None, np.ones(0), {}, False
+    friction, torques, scaled = None, {}, False
+    scale: Array = np.ones(0)
     if "friction" in data:
-        coulomb, viscous, inertia, offset = _numbers(data, "friction", (len(joints), len(FRICTION_COEFFICIENTS))).T
+        coulomb, viscous, inertia, offset = _finite_numbers(
+            data, "friction", (len(joints), len(FRICTION_COEFFICIENTS))
+        ).T
         deviation = np.asarray(data["friction_deviation"].values, float).reshape(len(joints), -1)
         friction = JointFriction(coulomb, viscous, inertia, offset, float(noted["friction_rate"]), deviation)
-        scale = _numbers(data, "effort_factor", (len(joints),))
-        scaled = bool(np.any(_numbers(data, "effort_fitted", (len(joints),))))
-        torques = dict(zip(joints, _numbers(data, "torque_per_unit", (len(joints),)).tolist(), strict=True))
+        scale = _finite_numbers(data, "effort_factor", (len(joints),))
+        scaled = bool(np.any(_finite_numbers(data, "effort_fitted", (len(joints),))))
+        torques = dict(zip(joints, _finite_numbers(data, "torque_per_unit", (len(joints),)).tolist(), strict=True))
     known = _texts_of(data, "known")
-    table = _numbers(data, "thrust", (len(known), len(POWERS))) if known else np.zeros((0, len(POWERS)))
-    coefficients = {name: row[_powers(laws[name])] for name, row in zip(known, table, strict=True)}
-    mass = float(_numbers(data, "mass", ()))
+    coefficients: dict[str, Array] = {}
+    if known:
+        rows = _finite_numbers(data, "thrust", (len(known), len(POWERS)))
+        coefficients = {name: row[_power_columns(laws[name])] for name, row in zip(known, rows, strict=True)}
+    mass = float(_finite_numbers(data, "mass", ()))
     if not 0.0 < mass:
         raise ValueError(f"mass {mass:g}: a factor above 0 was expected")
     bar = {}
@@ -115,7 +120,12 @@ def _read(data: xr.Dataset) -> MapCalibration:
         torque_per_unit=torques,
         laws=laws,
         values=FittedValues(
-            coefficients, joints, friction, scale, mass, _fits(data, friction, scale if scaled else None, coefficients)
+            coefficients,
+            joints,
+            friction,
+            scale,
+            mass,
+            _read_fits(data, friction, scale if scaled else None, coefficients),
         ),
         error_bar=bar,
         log=str(noted["log"]),
@@ -123,20 +133,20 @@ def _read(data: xr.Dataset) -> MapCalibration:
     )
 
 
-def _fits(
+def _read_fits(
     data: xr.Dataset, friction: JointFriction | None, scale: Array | None, coefficients: dict[str, Array]
 ) -> tuple[Fit, ...]:
     """Return what a file says about how well each fit holds."""
     names, found = _texts_of(data, "fit"), []
-    left = np.asarray(data["left"].values, float).reshape(len(names), len(LEFT))
+    left = np.asarray(data["left"].values, float).reshape(len(names), len(LEFT_OVER))
     joint = 0
     laws = json.loads(str(data.attrs["laws"]))
     for name, sizes, unit in zip(names, left, np.atleast_1d(data["left_unit"].values), strict=True):
         thrust = name.removeprefix("known.")
-        if name == MASS:
+        if name == MASS_NAME:
             values = {"times": float(data["mass"]), "deviation": float(data["mass_deviation"])}
         elif thrust in coefficients:
-            powers = [POWERS[k] for k in _powers(laws[thrust])]
+            powers = [POWERS[k] for k in _power_columns(laws[thrust])]
             values = {f"of power {p}": float(c) for p, c in zip(powers, coefficients[thrust], strict=True)}
         elif friction is not None:
             values = friction_values(friction, None if scale is None else float(scale[joint]), joint)
@@ -153,19 +163,19 @@ def _scaled(values: FittedValues) -> list[bool]:
     return ["effort times" in fits[f"friction of {joint}"].values for joint in values.joints]
 
 
-def _powers(law: str) -> list[int]:
+def _power_columns(law: str) -> list[int]:
     """Return the columns of the powers of a law such as `polynomial 1 2 of commands ...`."""
     words = law.partition(" of commands")[0].split()[1:]
     return [POWERS.index(int(word)) for word in words]
 
 
-def _numbers(data: xr.Dataset, key: str, shape: tuple[int, ...]) -> Array:
+def _finite_numbers(data: xr.Dataset, key: str, shape: tuple[int, ...]) -> Array:
     """Return a variable of finite numbers. Raises ValueError for another shape, or for numbers beyond all bounds."""
     values = np.asarray(data[key].values, float)
     if values.shape != shape:
         raise ValueError(f"{key} has shape {values.shape}: {shape} was expected")
-    if not np.all(np.abs(values) <= LARGEST_VALUE):
-        raise ValueError(f"{key} holds a number that is not finite, or beyond {LARGEST_VALUE:g}")
+    if not np.all(np.abs(values) <= LARGEST_LEARNT):
+        raise ValueError(f"{key} holds a number that is not finite, or beyond {LARGEST_LEARNT:g}")
     return values
 
 

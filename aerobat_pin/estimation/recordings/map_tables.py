@@ -109,18 +109,18 @@ class BaseTable(Section):
 
 
 class JointPositionSection(ChannelSection):
-    """Angles or places of the joints, in the order of `names`."""
+    """Angles or places of the joints, in the order of `names`; a unit of angles leaves sliding joints in m."""
 
 
 class JointVelocitySection(ChannelSection):
-    """Rates of the joints, in the order of `names`."""
+    """Rates of the joints, in the order of `names`; a unit of angles leaves sliding joints in m/s."""
 
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")
 
 
 class EffortSection(ChannelSection):
-    """What drives the joints, in the order of `names`."""
+    """What drives the joints, in the order of `names`; joints whose rows are ignored can be left out, all of them."""
 
     torque_per_unit: dict[str, Number] = Field(
         default_factory=dict,
