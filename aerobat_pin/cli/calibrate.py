@@ -10,6 +10,7 @@ import typer
 
 from aerobat_pin.cli.console import progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, Settings
+from aerobat_pin.cli.recordings import calibrate_by_map
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import FreeFlight
@@ -24,8 +25,11 @@ def calibrate_command(
     morphology: BelievedMorphology = None,
     settings: Settings = None,
     harmonics: Annotated[
-        int, typer.Option(min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing.")
-    ] = 6,
+        int | None,
+        typer.Option(
+            min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing. Default: 6."
+        ),
+    ] = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(help="Let them vary with speed, frequency or attitude (needs flights that differ); repeatable."),
@@ -38,23 +42,37 @@ def calibrate_command(
             "usual ones, used if they explain the flights (docs/calibration.md).",
         ),
     ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", help="Of any robot's recording: what its columns mean; its keys say what is fitted."),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Learn from flights without unknown forces what the belief gets wrong; print what was found and what was not.
 
+    With --map, from any robot's recording: friction, factors of efforts and thrust, as the map's joints.friction and
+    known.NAME.fit ask, and the mass with --identify mass (docs/recordings.md).
+
     --set takes keys of robot, air and observers, and flight.gravity. What is believed of a run is what its scenario
     says.
     """
-    from aerobat_pin.errors import check_file, write_files
+    from aerobat_pin.errors import MapError, check_file, write_files
     from aerobat_pin.estimation import calibrate, calibration_bytes
 
     check_file(out, force=force)
+    if map_file is not None:
+        given_too = {"--morphology": morphology, "--set": settings, "--harmonics": harmonics, "--vary": vary}
+        wrong = [name for name, value in given_too.items() if value is not None]
+        if wrong:
+            raise MapError(f"calibrate: {wrong[0]} is for Aerobat's own flights, without --map")
+        calibrate_by_map(flights, map_file, identify or [], out)
+        return
     names = None if identify is None else [name for name in identify if name != "none"]
     given = [_free_flight(path, morphology, settings or []) for path in flights]
     with progress_bar() as show:
         found = calibrate(
             given,
-            harmonics=harmonics,
+            harmonics=6 if harmonics is None else harmonics,
             vary=vary or [],
             parameters=names,
             progress=None if show is None else lambda share: show("identifying", share),

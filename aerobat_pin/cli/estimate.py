@@ -69,15 +69,9 @@ def estimate_command(
     if log is not None and (map_file is not None or urdf is not None):
         if settings or morphology or self_check:
             raise LogError("estimate: --set, --morphology and --self-check are for Aerobat's own tables, without --map")
-        if calibration is not None:
-            raise LogError(
-                f"estimate: --calibration {calibration} holds what was learnt about Aerobat over its crank's phase, "
-                "which no other robot has; the map itself learns friction, factors of efforts and thrust: "
-                "joints.friction, known.NAME.fit (docs/recordings.md)"
-            )
         chosen, folder = chosen_map(map_file, urdf, points, observers or [])
         target = out or Path("runs") / f"{log.stem}-estimate"
-        estimate_by_map(log, chosen, folder, target, out_mcap, force=force, trust=trust)
+        estimate_by_map(log, chosen, folder, target, out_mcap, calibration, force=force, trust=trust)
         return
     if points is not None:
         settings = [

@@ -37,18 +37,27 @@ def is_aerobats(log: Path) -> bool:
 
 
 def estimate_by_map(
-    log: Path, chosen: Map, folder: Path, target: Path, mcap: Path | None, *, force: bool, trust: bool
+    log: Path,
+    chosen: Map,
+    folder: Path,
+    target: Path,
+    mcap: Path | None,
+    calibration: Path | None,
+    *,
+    force: bool,
+    trust: bool,
 ) -> None:
     """Estimate, print what was found, and write the results."""
     from aerobat_pin import experiments
     from aerobat_pin.errors import check_file, output_folder
-    from aerobat_pin.estimation import estimate_recording, write_mcap
+    from aerobat_pin.estimation import estimate_recording, read_map_calibration, write_mcap
 
     if mcap is not None:
         check_file(mcap, force=force)
+    learnt = None if calibration is None else read_map_calibration(calibration)
     with output_folder(target, force=force, replaces=experiments.RECORDED_RESULTS) as work, progress_bar() as show:
         report = None if show is None else lambda share: show("estimating", share)
-        found = estimate_recording(log, chosen, folder, report, trust)
+        found = estimate_recording(log, chosen, folder, report, trust, learnt)
         experiments.write_recorded(found, work)
         from aerobat_pin.visualization import write_recording_pages
 
@@ -60,6 +69,21 @@ def estimate_by_map(
     print_files(target, files)
     if mcap is not None:
         typer.echo(f"  {mcap}")
+
+
+def calibrate_by_map(logs: list[Path], map_file: Path, identify: list[str], out: Path) -> None:
+    """Learn from a recording without unknown forces, print what was found, and write the file."""
+    from aerobat_pin.errors import MapError, write_files
+    from aerobat_pin.estimation import calibrate_recording, map_calibration_bytes
+
+    if len(logs) != 1:
+        raise MapError(f"calibrate: {len(logs)} recordings: with --map one was expected")
+    chosen, folder = chosen_map(map_file, None, None, [])
+    found = calibrate_recording(logs[0], chosen, folder, [name for name in identify if name != "none"])
+    for line in found.notes:
+        typer.echo(line)
+    write_files({out: map_calibration_bytes(found)})
+    typer.echo(f"written to {out}")
 
 
 def print_recording(found: RecordingEstimate) -> None:

@@ -8,6 +8,7 @@ DIMENSION_SCALE, and DIMENSION_LIST of each other dataset refers to its dimensio
 from __future__ import annotations
 
 import io
+import itertools
 import os
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -116,32 +117,40 @@ def checksums(data: xr.Dataset) -> dict[Any, dict[str, bool]]:
 def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
     """Return the content of a NetCDF-4 file: a dataset, and perhaps another in the group `truth`; with checksums.
 
-    It is what xarray's `to_netcdf` writes, five times as fast, as small files are mostly names and labels. The file is
+    It is what xarray's `to_netcdf` writes, five times as fast, as small files are mostly names and labels. The order in
+    which things were made is kept, without which the NetCDF library does not write to a file again. The file is
     made in memory, because the HDF5 library ends the process with a segmentation fault when the disk is full. Python
     writes the bytes, and a full disk is an OSError.
     """
     content = io.BytesIO()
-    with h5py.File(content, "w") as file:
+    with h5py.File(content, "w", track_order=True) as file:
         libraries = f"version=2,hdf5={h5py.version.hdf5_version},h5py={h5py.__version__}"
         file.attrs["_NCProperties"] = np.bytes_(libraries)  # by which the NetCDF library knows its files
         scales: dict[Hashable, h5py.Dataset] = {}
-        _write_group(file, root, scales)
+        numbers = itertools.count()
+        _write_group(file, root, scales, numbers)
         if truth is not None:
-            _write_group(file.create_group("truth"), truth, scales)
+            _write_group(file.create_group("truth", track_order=True), truth, scales, numbers)
     return content.getvalue()
 
 
-def _write_group(group: h5py.Group, data: xr.Dataset, scales: dict[Hashable, h5py.Dataset]) -> None:
-    """Write a dataset into a group; `scales` are the dimensions so far, and get those that the group adds."""
+def _write_group(
+    group: h5py.Group, data: xr.Dataset, scales: dict[Hashable, h5py.Dataset], numbers: Iterator[int]
+) -> None:
+    """Write a dataset into a group.
+
+    `scales` are the dimensions so far, and get those that the group adds, or has with another size. `numbers` yields
+    their numbers, each once in a file: by them the NetCDF library tells dimensions apart.
+    """
     variables, attributes = xr.conventions.encode_dataset_coordinates(data)
     _write_attributes(group, attributes)
     items = {key: _write_values(group, str(key), variable) for key, variable in variables.items()}
     for dim, size in data.sizes.items():
         if dim not in scales or scales[dim].shape != (size,):
             bare = dim not in items
-            scale = group.create_dataset(str(dim), (size,), ">f4") if bare else items[dim]
+            scale = group.create_dataset(str(dim), (size,), ">f4", track_order=True) if bare else items[dim]
             scale.make_scale(f"{NO_VARIABLE.decode()}.{size:10d}" if bare else str(dim))
-            scale.attrs["_Netcdf4Dimid"] = np.int32(len(scales))
+            scale.attrs["_Netcdf4Dimid"] = np.int32(next(numbers))
             scales[dim] = scale
     for key, item in items.items():
         for i, dim in enumerate(variables[key].dims):
@@ -153,13 +162,17 @@ def _write_values(group: h5py.Group, name: str, variable: xr.Variable) -> h5py.D
     """Write the values and attributes of a variable: texts as UTF-8, truth values as 0 and 1."""
     values, attributes = np.asarray(variable.values), dict(variable.attrs)
     if values.dtype.kind in "OU":
-        item = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
+        item = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype(), track_order=True)
     else:
         if values.dtype.kind == "b":
             values, attributes["dtype"] = values.astype(np.int8), "bool"
         empty = np.nan if values.dtype.kind == "f" else None
         item = group.create_dataset(
-            name, data=values, fillvalue=empty, fletcher32=True if values.size and values.ndim else None
+            name,
+            data=values,
+            fillvalue=empty,
+            fletcher32=True if values.size and values.ndim else None,
+            track_order=True,
         )
         if empty is not None:
             attributes["_FillValue"] = empty
@@ -295,7 +308,7 @@ def _dimensions(item: h5py.Dataset, label: str, where: str) -> tuple[str, ...]:
 def _values(item: h5py.Dataset, rows: Any = ()) -> Any:
     """Read rows of numbers or text; numbers equal to the fill value become NaN."""
     if h5py.check_string_dtype(item.dtype) is not None:
-        return np.array(item.asstr()[rows].tolist())
+        return np.array(np.asarray(item.asstr()[rows], object).tolist())
     values = item[rows]
     fill = item.attrs.get("_FillValue", item.attrs.get("missing_value"))
     if fill is not None and np.asarray(values).dtype.kind in "fiu":

@@ -421,7 +421,16 @@ def _recordings(
     (folder / "map.toml").write_text(tomli_w.dumps(values))
     found = estimation.estimate_recording(folder / "drone.csv", read, folder)
     data = experiments.estimate_dataset(done.estimates)
+    fitted = estimation.parse_map(drone.MAP, "here")
+    learnt = estimation.calibrate_recording(folder / "drone.csv", fitted, folder)
+    (folder / "drone.nc").write_bytes(estimation.map_calibration_bytes(learnt))
     return {
+        "calibrate_recording": (
+            estimation.calibrate_recording,
+            {"log": folder / "drone.csv", "chosen": fitted, "folder": folder, "identify": [], "trust": False},
+        ),
+        "map_calibration_bytes": (estimation.map_calibration_bytes, {"calibration": learnt}),
+        "read_map_calibration": (estimation.read_map_calibration, {"path": folder / "drone.nc"}),
         "parse_map": (estimation.parse_map, {"values": values, "source": "here"}),
         "load_map": (estimation.load_map, {"path": folder / "map.toml"}),
         "with_options": (
@@ -430,10 +439,14 @@ def _recordings(
         ),
         "estimate_recording": (
             estimation.estimate_recording,
-            {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False},
+            {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False}
+            | {"calibration": None},
         ),
         "suggested_map": (estimation.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
-        "OnlineEstimator": (estimation.OnlineEstimator, {"chosen": read, "folder": folder, "heard": None}),
+        "OnlineEstimator": (
+            estimation.OnlineEstimator,
+            {"chosen": read, "folder": folder, "heard": None, "calibration": None},
+        ),
         "write_recorded": (experiments.write_recorded, {"found": found, "folder": folder}),
         "write_mcap": (estimation.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
@@ -457,7 +470,7 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """Belief Calibration CalibrationUse
+RESULTS = """Belief Calibration CalibrationUse MapCalibration
 Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer

@@ -2,6 +2,8 @@
 
 from aerobat_pin.estimation.recordings.channels import LogChannel
 from aerobat_pin.estimation.recordings.estimate_recording import RecordingEstimate, estimate_recording
+from aerobat_pin.estimation.recordings.map_calibration import MapCalibration, calibrate_recording
+from aerobat_pin.estimation.recordings.map_calibration_file import map_calibration_bytes, read_map_calibration
 from aerobat_pin.estimation.recordings.map_file import describe_map, load_map, parse_map, with_options
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.online import OnlineEstimator, OnlineSample
@@ -14,14 +16,18 @@ __all__ = [
     "Compared",
     "LogChannel",
     "Map",
+    "MapCalibration",
     "OnlineEstimator",
     "OnlineSample",
     "RecordingEstimate",
     "StoredEstimate",
+    "calibrate_recording",
     "describe_map",
     "estimate_recording",
     "load_map",
+    "map_calibration_bytes",
     "parse_map",
+    "read_map_calibration",
     "suggested_map",
     "with_options",
     "write_flight_mcap",

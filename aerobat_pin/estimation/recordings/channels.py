@@ -100,7 +100,8 @@ def requests(chosen: Map, joints: tuple[str, ...]) -> Iterator[Request]:
         if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
             continue
         if section is not None and section.columns:
-            yield from _asked(key, section, kind, count, None)
+            driven = len(driven_joints(chosen, joints, len(section.columns)))
+            yield from _asked(key, section, kind, (count, driven) if part == "effort" else count, None)
         elif topic is not None and count:
             names = tuple(f"{topic}.{part}.{joint}" for joint in joints)
             factor = 1.0 if section is None else factor_of(key, section.unit, kind)
@@ -110,6 +111,11 @@ def requests(chosen: Map, joints: tuple[str, ...]) -> Iterator[Request]:
         yield from _asked("check.wrench", check.wrench, "force", (3, 6), None)
     for name, known in chosen.known.items():
         yield from _known(f"known.{name}", known)
+
+
+def driven_joints(chosen: Map, joints: tuple[str, ...], count: int) -> tuple[str, ...]:
+    """Return the joints of `count` columns of efforts: all joints, or only those whose rows are believed."""
+    return joints if count == len(joints) else tuple(name for name in joints if name not in chosen.robot.rows.ignore)
 
 
 def used_columns(chosen: Map, joints: tuple[str, ...] | None) -> set[str]:
@@ -158,7 +164,7 @@ def factor_of(key: str, unit: str | None, kind: str) -> float:
 
 
 def _asked(
-    key: str, section: ChannelSection | None, kind: str, count: int | tuple[int, int], topic: str | None
+    key: str, section: ChannelSection | None, kind: str, count: int | tuple[int, ...], topic: str | None
 ) -> Iterator[Request]:
     """Yield the request of a section with columns or a topic, or of a topic that several sections share."""
     optional, (part, axes) = False, COLUMN_PARTS.get(key, ("", ()))
@@ -173,7 +179,7 @@ def _asked(
         return
     allowed = (count,) if isinstance(count, int) else count
     if len(names) not in allowed:
-        expected = " or ".join(map(str, allowed))
+        expected = " or ".join(map(str, dict.fromkeys(allowed)))
         raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected")
     unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
     yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional)

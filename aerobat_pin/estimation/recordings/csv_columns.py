@@ -6,6 +6,7 @@ import csv
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.recordings.columns import Columns, GrowingTable
 from aerobat_pin.estimation.recordings.map_tables import LogTable
 from aerobat_pin.estimation.recordings.spool import Spool
-from aerobat_pin.estimation.recordings.table_cells import check_rows, numbers_of
+from aerobat_pin.estimation.recordings.table_cells import check_rows, decimal_sign, numbers_of
 from aerobat_pin.numerics import Array
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -61,6 +62,7 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
     used = [i for i, name in enumerate(names) if read is None or name in read]
     table, strict = GrowingTable(Spool()), wanted is not None
+    signs: dict[str, str] = {}
     check_rows(path, separator, len(names))
     try:
         chunks = pd.read_csv(
@@ -70,6 +72,8 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             values: dict[str, Array] = {}
             for i, label in zip(used, chunk.columns, strict=True):
                 values |= numbers_of(path, names[i], chunk[label], len(table) + 2, strict=strict)
+                if separator != ",":
+                    signs[names[i]] = _one_sign(path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2)
             if len(chunk):
                 table.add(_stamps(path, log, column, values, len(table), len(chunk)), values)
     except (ValueError, OSError) as error:
@@ -82,6 +86,19 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     return Columns(
         path, tuple(dict.fromkeys([*names, *values_of])), clocks, dict.fromkeys(values_of, "table"), values_of
     )
+
+
+def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str:
+    """Return the decimal sign of a column so far. Raises LogError if rows from `first` on have another one."""
+    found = decimal_sign(cells)
+    if str(cells.iloc[0]).startswith("[") or found in ("", before):
+        return before
+    if before or len(found) > 1:
+        raise LogError(
+            f"log {path}: '{name}' has decimal points and decimal commas (rows {first} to {first + len(cells) - 1}): "
+            "one of them was expected, and nothing between thousands"
+        )
+    return found
 
 
 def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Array], before: int, count: int) -> Array:

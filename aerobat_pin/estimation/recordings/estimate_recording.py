@@ -17,7 +17,9 @@ from aerobat_pin.estimation.recordings.checks import (
     stamp_findings,
 )
 from aerobat_pin.estimation.recordings.findings import LogFinding, refuse_if_certain
-from aerobat_pin.estimation.recordings.known_forces import KnownForces, fitted_forces
+from aerobat_pin.estimation.recordings.fit_known_forces import fitted_forces
+from aerobat_pin.estimation.recordings.known_forces import KnownForces
+from aerobat_pin.estimation.recordings.map_calibration import MapCalibration
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.open_record import open_record
 from aerobat_pin.estimation.recordings.record import Record
@@ -113,7 +115,12 @@ class RecordingEstimate:
 
 @guarded()
 def estimate_recording(
-    log: Path, chosen: Map, folder: Path, progress: ShareDone | None = None, trust: bool = False
+    log: Path,
+    chosen: Map,
+    folder: Path,
+    progress: ShareDone | None = None,
+    trust: bool = False,
+    calibration: MapCalibration | None = None,
 ) -> RecordingEstimate:
     """Estimate the unknown forces of a recording.
 
@@ -123,23 +130,29 @@ def estimate_recording(
         folder: where relative paths of the map begin.
         progress: called with the share of the record that is estimated.
         trust: estimate also what the checks would refuse; the findings stay.
+        calibration: what another recording showed; its values are used in place of the map's fits.
 
     Raises:
+        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
         ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
     """
     record, columns = open_record(log, chosen, folder)
+    if calibration is not None:
+        record = calibration.applied(record)
     observers, notes = observers_of(record)
     findings = [*stamp_findings(record, columns), *motion_findings(record)]
     del columns
     if not trust:
         refuse_if_certain(str(log), findings)
-    forces = fitted_forces(record)
+    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
     findings += effort_findings(record, forces)
     estimates = run_observers(record, forces, observers, progress)
     sides = {name: compared(record, estimate) for name, estimate in estimates.items()}
     there = {name: side for name, side in sides.items() if side is not None}
     findings += result_findings(record, forces, estimates, there)
+    if calibration is not None:
+        findings.append(calibration.finding())
     if not trust:
         refuse_if_certain(str(log), findings)
     return RecordingEstimate(log, folder, record, forces, estimates, tuple(findings), (*record.notes, *notes), there)

@@ -109,18 +109,18 @@ class BaseTable(Section):
 
 
 class JointPositionSection(ChannelSection):
-    """Angles or places of the joints, in the order of `names`."""
+    """Angles or places of the joints, in the order of `names`; a unit of angles leaves sliding joints in m."""
 
 
 class JointVelocitySection(ChannelSection):
-    """Rates of the joints, in the order of `names`."""
+    """Rates of the joints, in the order of `names`; a unit of angles leaves sliding joints in m/s."""
 
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")
 
 
 class EffortSection(ChannelSection):
-    """What drives the joints, in the order of `names`."""
+    """What drives the joints, in the order of `names`; joints whose rows are ignored can be left out, all of them."""
 
     torque_per_unit: dict[str, Number] = Field(
         default_factory=dict,
@@ -138,7 +138,11 @@ class FrictionSection(Section):
     law: Literal["coulomb+viscous", "coulomb+viscous+inertia"] = Field(
         "coulomb+viscous", description="and a constant; inertia: of the rotors"
     )
-    fit: Stretch = Field(description="from and to: nothing touches the robot there, or `to` says what does [s]")
+    fit: Stretch | None = Field(
+        None,
+        description="from and to: nothing touches the robot there, or `to` says what does [s]; left out, for "
+        "`aerobat calibrate` alone: the first three quarters",
+    )
     to: Literal["check.wrench"] | None = Field(None, description="the sensor's force counts as known in the fit")
     scale: bool = Field(False, description="also fit a factor of each joint's effort")
     slow: Positive = Field(0.02, description="rate below which Coulomb friction fades [rad/s, m/s]")

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import OutputError, write_files
+from aerobat_pin.estimation.recordings.mcap_checksums import seal_mcap
 from aerobat_pin.estimation.recordings.robots import FREE_NQ, FREE_NV
 from aerobat_pin.estimation.recordings.scene_update import register_scene, scene_update
 from aerobat_pin.numerics import Array
@@ -71,7 +72,9 @@ def write_telling(parts: Iterable[Telling], path: Path) -> None:
             teller = _Teller(writer, store)
             for part in parts:
                 teller.tell(part)
-        write_files({path: next(place.glob("*.mcap"))})
+        made = next(place.glob("*.mcap"))
+        seal_mcap(made)
+        write_files({path: made})
 
 
 class _Teller:

@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.estimation.recordings.channels import Request, requests
+from aerobat_pin.estimation.recordings.channels import Request, driven_joints, requests
+from aerobat_pin.estimation.recordings.known_forces import FittedValues
+from aerobat_pin.estimation.recordings.map_calibration import MapCalibration
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.messages import entries, stamp
 from aerobat_pin.estimation.recordings.record import Record, as_attitude, body_turn, world_turn
@@ -53,18 +55,30 @@ class OnlineEstimator:
         chosen: the map; its check tables, fits, parts and known forces of commands are not used online.
         folder: where relative paths of the map begin.
         heard: called with each estimate, in place of collecting what `push` and `message` return.
+        calibration: friction, factors of efforts and mass from a recording (`calibrate_recording`).
 
     Raises:
+        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         MapError, LogError: the map does not fit the robot, or asks for what only a whole record has: a velocity that is
             differentiated, a fit.
     """
 
     @guarded()
-    def __init__(self, chosen: Map, folder: Path, heard: Callable[[OnlineSample], None] | None = None) -> None:
+    def __init__(
+        self,
+        chosen: Map,
+        folder: Path,
+        heard: Callable[[OnlineSample], None] | None = None,
+        calibration: MapCalibration | None = None,
+    ) -> None:
         self.robot: RecordedRobot = recorded_robot(chosen.robot, folder)
         self._map, self._heard = chosen, heard
+        self._values = FittedValues() if calibration is None else calibration.values
         names = chosen.joints.names or tuple(name for name in self.robot.joints if name not in chosen.joints.held)
         self.joints = names
+        if calibration is not None:
+            calibration.refuse_other(chosen, self.robot, names)
+            self.robot = self.robot.heavier(calibration.values.mass)
         self._requests = {request.key: request for request in requests(chosen, names) if _is_input(request)}
         self._check()
         self._columns: dict[str, list[tuple[str, int]]] = {}
@@ -75,6 +89,7 @@ class OnlineEstimator:
         lead = [key for key in LEADING if key in self._requests]
         self._leading = lead[0] if lead else next(iter(self._requests))
         self._last: float | None = None
+        self._v = np.zeros(self.robot.model.nv)
         self._observer: Observer | None = None
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
@@ -105,8 +120,11 @@ class OnlineEstimator:
     def _check(self) -> None:
         """Raise MapError for a map that needs a whole record."""
         joints, base = self._map.joints, self._map.base
-        if joints.friction is not None or self._map.known:
-            raise MapError("online: known forces and fits need a whole record; leave them out of the map")
+        if self._map.known or (joints.friction is not None and self._values.friction is None):
+            raise MapError(
+                "online: known forces and fits need a whole record; leave them out of the map; friction can come "
+                "from a calibration"
+            )
         if self.joints and "joints.velocity" not in self._requests:
             raise MapError("online: joints.velocity must be measured: a window that differentiates needs the future")
         if self.robot.free and not base.held and not {"base.velocity", "base.rate"} <= set(self._requests):
@@ -127,13 +145,14 @@ class OnlineEstimator:
                 self._observer = self._new_observer()
                 self._observer.reset(q, v, time)
             else:
-                sample = self._observer.update(time, q, v, self._torque(self._last, time))
+                tau = self._torque(self._last, time) + self._friction(v, time - self._last)
+                sample = self._observer.update(time, q, v, tau)
                 labels = self._observer.applications.components
                 one = OnlineSample(self._last, time, dict(zip(labels, sample.components.tolist(), strict=True)))
                 found.append(one)
                 if self._heard is not None:
                     self._heard(one)
-            self._last = time
+            self._last, self._v = time, v
         self._forget(ready)
         return found
 
@@ -158,9 +177,19 @@ class OnlineEstimator:
         if "joints.effort" in self._requests:
             section = self._map.joints.effort
             means = line_means(*self._series("joints.effort"), np.array([first, last]))[0]
-            for joint, value in zip(self.joints, means, strict=True):
+            for joint, value in zip(driven_joints(self._map, self.joints, len(means)), means, strict=True):
                 tau[self.robot.v_index(joint)] = value * (1.0 if section is None else section.torque_of(joint))
+            for joint, factor in zip(self._values.joints, self._values.scale, strict=True):
+                tau[self.robot.v_index(joint)] *= factor
         return tau
+
+    def _friction(self, v: Array, dt: float) -> Array:
+        """Return the torque (nv,) of the joints' friction in the interval that ends with velocity `v`."""
+        found = np.zeros_like(v)
+        if self._values.friction is not None:
+            rows = [self.robot.v_index(joint) for joint in self._values.joints]
+            found[rows] = self._values.friction.torque((0.5 * (v + self._v))[rows], ((v - self._v) / dt)[rows])
+        return found
 
     def _state(self, time: float) -> tuple[Array, Array]:
         """Return configuration and velocity at a time."""

@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.estimation.recordings.channels import LogChannel, channel_of, requests, used_columns
+from aerobat_pin.estimation.recordings.channels import (
+    LogChannel,
+    channel_of,
+    driven_joints,
+    factor_of,
+    requests,
+    used_columns,
+)
 from aerobat_pin.estimation.recordings.columns import Columns
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.read import read_columns
@@ -19,6 +26,7 @@ from aerobat_pin.numerics import Array, guarded
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
 CURRENTS = ("A", "mA", "1")  # units that are no torque
+SI_KINDS = {"joints.position": "angle", "joints.velocity": "rate"}
 FASTEST = 20_000.0  # [Hz] of the common times
 
 
@@ -46,10 +54,14 @@ def open_record(path: Path, chosen: Map, folder: Path) -> tuple[Record, Columns]
         channel = channel_of(request, columns)
         if channel is not None:
             channels[request.key] = channel
+    for key in ("joints.position", "joints.velocity"):
+        if key in channels:
+            channels[key] = _lengths_as_given(key, chosen, robot, joints, channels[key])
     if "base.quaternion" in channels:
         channels["base.quaternion"] = checked_quaternions(channels["base.quaternion"])
     if "joints.effort" in channels:
-        channels["joints.effort"] = _torques(chosen, joints, channels["joints.effort"])
+        driven = driven_joints(chosen, joints, len(channels["joints.effort"].names))
+        channels["joints.effort"] = _torques(chosen, driven, channels["joints.effort"])
     _check_complete(chosen, robot, channels)
     start, rate, end = _common_times(path, chosen, channels, columns)
     parts, dropped = _parts(chosen, columns, channels, start, rate, end)
@@ -103,6 +115,20 @@ def _sensed_joints(chosen: Map, robot: RecordedRobot, columns: Columns) -> tuple
         held = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
         notes.append(f"held still, rows not believed: {held}")
     return names, tuple(notes)
+
+
+def _lengths_as_given(
+    key: str, chosen: Map, robot: RecordedRobot, joints: tuple[str, ...], channel: LogChannel
+) -> LogChannel:
+    """Return positions or rates of which sliding joints are in m: a unit of angles is not theirs."""
+    section = chosen.joints.position if key == "joints.position" else chosen.joints.velocity
+    unit = None if section is None else section.unit
+    factor = 1.0 if unit is None or unit.startswith("m") else factor_of(key, unit, SI_KINDS[key])
+    slides = np.array([robot.slides(joint) for joint in joints])
+    if factor == 1.0 or not slides.any():
+        return channel
+    own = np.where(slides, 1.0 / factor, 1.0)
+    return channel.changed(lambda _, values: values * own)
 
 
 def _torques(chosen: Map, joints: tuple[str, ...], channel: LogChannel) -> LogChannel:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings.channels import LogChannel
+from aerobat_pin.estimation.recordings.channels import LogChannel, driven_joints
 from aerobat_pin.estimation.recordings.map_tables import Map
 from aerobat_pin.estimation.recordings.resample import (
     line_means,
@@ -77,6 +77,11 @@ class Record:
         """Length of all used parts together [s]."""
         return float(sum(last - first for first, last in self.parts)) * self.dt
 
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """The joints that have efforts, in the order of their columns."""
+        return driven_joints(self.map, self.joints, len(self.channels["joints.effort"].names))
+
     def times(self, first: int, last: int) -> Array:
         """Return the common times from index `first` to `last` inclusive [s]."""
         return np.asarray(self.start + np.arange(first, last + 1) * self.dt)
@@ -102,7 +107,7 @@ class Record:
                 window = 0.02 if self.map.joints.velocity is None else self.map.joints.velocity.window
                 v[:, rows_v] = self._slope("joints.position", first, last, window)
             if "joints.effort" in self.channels:
-                tau[:, rows_v] = self.means("joints.effort", time)
+                tau[:, [robot.v_index(joint) for joint in self.driven]] = self.means("joints.effort", time)
         return Block(time, q, v, tau)
 
     def at(self, key: str, time: Array) -> Array:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,27 @@ class RecordedRobot:
     def v_index(self, joint: str) -> int:
         """Return the index in v of a joint of one coordinate."""
         return int(self.model.joints[self.model.getJointId(joint)].idx_v)
+
+    def slides(self, joint: str) -> bool:
+        """Return whether a joint slides, so that its row is in N."""
+        return bool(self.model.joints[self.model.getJointId(joint)].shortname().startswith("JointModelP"))
+
+    def heavier(self, factor: float) -> RecordedRobot:
+        """Return the robot with all masses and inertias times a factor."""
+        model = self.model.copy()
+        for k, inertia in enumerate(self.model.inertias.tolist()):
+            model.inertias[k] = pin.Inertia(factor * inertia.mass, inertia.lever, factor * inertia.inertia)
+        return replace(self, model=model)
+
+    def fingerprint(self) -> str:
+        """Return a number made of joints, their places, masses and gravity."""
+        model = self.model
+        parts = [str(list(model.names)), *(f"{joint.shortname()}" for joint in model.joints.tolist()[1:])]
+        numbers = [place.homogeneous for place in model.jointPlacements.tolist()]
+        numbers += [inertia.toDynamicParameters() for inertia in model.inertias.tolist()[1:]]
+        numbers.append(model.gravity.linear)
+        parts += [f"{value:.9g}" for array in numbers for value in np.ravel(array)]
+        return sha256(" ".join(parts).encode()).hexdigest()[:16]
 
     def neutral(self) -> Array:
         """Return the configuration (nq,) of zeros and of an upright base."""

@@ -12,7 +12,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.recordings.known_forces import KnownForces
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.spool import Spool
-from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate
+from aerobat_pin.estimation.recordings.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Observer, Rows
 
@@ -102,6 +102,18 @@ def settled(record: Record, time: Array) -> NDArray[np.bool_]:
         begin = record.start + first * record.dt
         good &= ~((time >= begin - 1e-9) & (time < begin + wait))
     return good
+
+
+def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float]) -> Array | None:
+    """Return the rms (c,) of each component between two times after the start [s]; None if nothing is settled there."""
+    squares, count = np.zeros(len(estimate.head.units)), 0
+    first, last = (estimate.index(record.start + time) for time in stretch)
+    for begin in range(first, last + 1, ROWS_READ):
+        block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
+        when = block.time[:-1] - record.start
+        inside = settled(record, block.time[:-1]) & (when >= stretch[0]) & (when <= stretch[1])
+        squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
+    return np.asarray(np.sqrt(squares / count)) if count else None
 
 
 def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:

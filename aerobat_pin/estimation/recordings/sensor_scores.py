@@ -196,7 +196,7 @@ def compared(record: Record, estimate: StoredEstimate) -> Compared | None:
         return counts
 
     def fitted(start: Array) -> NDArray[np.bool_]:
-        if friction is None or friction.to != "check.wrench":
+        if friction is None or friction.to != "check.wrench" or friction.fit is None:
             return np.zeros(len(start), bool)
         when = start - record.start
         return np.asarray((when >= friction.fit[0]) & (when < friction.fit[1]))

@@ -56,6 +56,20 @@ def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: 
     return len(ends)
 
 
+def decimal_sign(cells: Any) -> str:
+    """Return the signs before the decimals in a column of cells, a pandas series: `.`, `,`, both, or none.
+
+    A point in a column with decimal commas separates thousands, or the column was joined from two kinds.
+    """
+    if cells.dtype.kind == "f":
+        numbers = cells.to_numpy()
+        return "." if np.any(np.mod(numbers[np.isfinite(numbers)], 1.0)) else ""
+    if cells.dtype.kind in "iub":
+        return ""
+    texts = cells.dropna().astype(str)
+    return "".join(sign for sign in ".," if texts.str.contains(sign, regex=False).any())
+
+
 def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -> dict[str, Array]:
     """Return the columns that a column of cells contains: itself, or the entries of its lists.
 

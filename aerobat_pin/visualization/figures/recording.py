@@ -189,7 +189,9 @@ def _motion(found: RecordingEstimate) -> Figure:
     figure.suptitle("The motion and efforts as they were recorded, SI units")
     for axis, key in zip(np.ravel(figure.subplots(len(keys), 1, sharex=True, squeeze=False)), keys, strict=True):
         channel = record.channels[key]
-        names = record.joints if key.startswith("joints") else channel.names
+        names = channel.names
+        if key.startswith("joints"):
+            names = record.driven if key == "joints.effort" else record.joints
         time, values = thinned(len(channel.time), _reader(channel, record.start))
         for k, name in enumerate(names[:8]):
             axis.plot(

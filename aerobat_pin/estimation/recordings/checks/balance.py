@@ -62,7 +62,7 @@ def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]
     yield LogFinding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
     pair, left = _best_swap(found)
     if pair is not None and left < SWAP * here and share > 0.005:
-        names = " and ".join(record.joints[j] for j in pair)
+        names = " and ".join(record.driven[j] for j in pair)
         what = (
             f"efforts of {names} in exchanged columns leave {100.0 * np.sqrt(left / size):.1f} %, as "
             f"mapped {100.0 * np.sqrt(share):.1f} %"
@@ -88,7 +88,7 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding
     deviation = np.sqrt(float(left @ left) / max(len(b) - rank, 1) * np.diag(np.linalg.pinv(normal.T @ normal)))
     factors, sure = np.ones(table.shape[1]), np.full(table.shape[1], np.inf)
     factors[seen], sure[seen] = solution / scale[seen], deviation / scale[seen]
-    n = len(record.joints)
+    n = len(record.driven)
     good = [k for k in range(n) if sure[k] * SURE < max(abs(factors[k] - 1.0), NAMED) and np.isfinite(sure[k])]
     off = [k for k in good if abs(factors[k] - 1.0) > NAMED]
     if explained < EXPLAINED:
@@ -113,7 +113,7 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding
         yield LogFinding("effort unit or mass", "warning", what, c, "1")
         return
     for k in off:
-        what = f"the effort of {record.joints[k]} would have to be {factors[k]:.3g} times as large"
+        what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large"
         reason = "its sign" if factors[k] < 0.0 else "its unit (A, N m): torque_per_unit"
         yield LogFinding(
             "effort sign" if factors[k] < 0.0 else "effort unit", "warning", f"{what}: {reason}", float(factors[k]), "1"
@@ -140,7 +140,7 @@ def _balance(record: Record, forces: KnownForces) -> Balance | None:
     ignored, _ = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
     weight = np.array([1.0 if _is_force(record, i) else 1.0 / MOMENT_ARM for i in rows])
-    at = [record.robot.v_index(joint) for joint in record.joints]
+    at = [record.robot.v_index(joint) for joint in record.driven]
     lighter = _heavier_base(model) if record.robot.free else None
     needed, efforts, base = [], [], []
     free = record.map.use.free

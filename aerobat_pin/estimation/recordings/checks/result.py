@@ -12,14 +12,15 @@ from aerobat_pin.estimation.recordings.checks.kinematics import CONFUSED, FOLLOW
 from aerobat_pin.estimation.recordings.findings import LogFinding
 from aerobat_pin.estimation.recordings.known_forces import KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.recordings.record import Record
-from aerobat_pin.estimation.recordings.run_observers import settled
+from aerobat_pin.estimation.recordings.run_observers import rms_in, settled
 from aerobat_pin.estimation.recordings.sensor_scores import Compared
-from aerobat_pin.estimation.recordings.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.estimation.recordings.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 
 LATE_COMMAND = 5.0e-3  # [s]
 WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
+STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 MANY = 20_000  # intervals of which the power is taken
 
 
@@ -27,7 +28,7 @@ def result_findings(
     record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
 ) -> Iterator[LogFinding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
-    yield from _fit_findings(forces)
+    yield from fit_findings(forces)
     yield from _check_commands(record, forces)
     for side in list(sides.values())[:1]:
         yield from _sensor_findings(record, side)
@@ -46,7 +47,7 @@ def result_findings(
         yield from _free_stretch(record, estimates)
 
 
-def _fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
+def fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
     """Yield fits that do not hold on the part of the record that they did not use."""
     for fit in forces.fits:
         if np.isnan(fit.outside):
@@ -130,6 +131,7 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[LogFinding]:
     own = estimate.between(offset, offset + len(block.tau))
     good, frames = settled(record, own.time[:-1]), own.frames
     data, powers, count = model.createData(), np.zeros(len(frames)), 0
+    moved, pushed = np.zeros((2, len(frames)))
     for k in range(0, len(own.components), max(1, len(block.tau) // 2000)):
         if not good[k]:
             continue
@@ -139,11 +141,33 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[LogFinding]:
             index = model.getFrameId(frame)
             speed = pin.getFrameVelocity(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
             powers[i] += float(own.force[k, i] @ speed)
+            size = float(own.force[k, i] @ own.force[k, i])
+            moved[i], pushed[i] = moved[i] + size * float(speed @ speed), pushed[i] + size
     if count:
+        yield from _held_still(record, frames, np.sqrt(moved / np.maximum(pushed, 1e-12)))
         means = ", ".join(f"{frame} {power / count:.3g} W" for frame, power in zip(frames, powers, strict=True))
         yield LogFinding(
             "power", "note", f"mean power of the force at its point: {means}", float(powers.sum()) / count, "W"
         )
+
+
+def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[LogFinding]:
+    """Yield points that move where they carry force, though something that the map holds still may move instead.
+
+    Args:
+        record: the record.
+        frames: the points.
+        speeds: (k,) rms speed of each [m/s], weighted by the square of its force.
+    """
+    held = [*record.map.joints.held, *(["the base"] if record.map.base.held else [])]
+    fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
+    if held and fast:
+        words = ", ".join(f"{frame} at {speed:.2g} m/s" for frame, speed in fast)
+        text = (
+            f"points move where they carry force: {words}. A foot on the ground stands; does what the map holds still "
+            f"move in its place ({', '.join(held)})? Then its position belongs into the map"
+        )
+        yield LogFinding("held still", "note", text, max(speed for _, speed in fast), "m/s")
 
 
 def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> Iterator[LogFinding]:
@@ -151,17 +175,11 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
     free = record.map.use.free
     assert free is not None
     for name, estimate in estimates.items():
-        squares, count = np.zeros(len(estimate.head.units)), 0
-        first, last = (estimate.index(record.start + time) for time in free)
-        for begin in range(first, last + 1, ROWS_READ):
-            block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
-            when = block.time[:-1] - record.start
-            inside = settled(record, block.time[:-1]) & (when >= free[0]) & (when <= free[1])
-            squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
-        if not count:
+        sizes = rms_in(record, estimate, free)
+        if sizes is None:
             yield LogFinding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
-        labels, units, sizes = estimate.head.identifiability.components, estimate.head.units, np.sqrt(squares / count)
+        labels, units = estimate.head.identifiability.components, estimate.head.units
         words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
         yield LogFinding("stretch without contact", "note", text, float(sizes.max()), "N")

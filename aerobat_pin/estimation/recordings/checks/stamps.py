@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.recordings.channels import LogChannel
 from aerobat_pin.estimation.recordings.columns import Columns
 from aerobat_pin.estimation.recordings.findings import LogFinding
+from aerobat_pin.estimation.recordings.mcap_checksums import mcap_is_sealed
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.resample import holes
 from aerobat_pin.estimation.recordings.spool import EXTENT, typical_spacing
@@ -54,6 +55,7 @@ def stamp_findings(record: Record, columns: Columns) -> Iterator[LogFinding]:
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
         yield LogFinding("gap", "warning", what, end - begin, "s")
     yield from _duplicates(columns.path)
+    yield from _unsealed(columns.path)
 
 
 def _clocks(columns: Columns) -> Iterator[LogFinding]:
@@ -101,6 +103,14 @@ def _stuck(record: Record, key: str, channel: LogChannel) -> Iterator[LogFinding
         if changes > 1 and longest > STUCK:
             what = f"{key} does not change for {longest:.2f} s, from {begin:.2f} s on"
             yield LogFinding("held channel", "warning", what, longest, "s")
+
+
+def _unsealed(path: Path) -> Iterator[LogFinding]:
+    """Yield that a bag has no checksums, by which damaged numbers would be noticed."""
+    files = sorted(path.glob("*.mcap")) if os.path.isdir(path) else [path] if path.suffix.lower() == ".mcap" else []
+    bare = [file.name for file in files if not mcap_is_sealed(file)]
+    if bare:
+        yield LogFinding("checksums", "note", f"{', '.join(bare)} has none: damaged numbers would not be noticed")
 
 
 def _duplicates(path: Path) -> Iterator[LogFinding]:

@@ -1,0 +1,253 @@
+"""What one recording shows by a map (friction, thrust, the mass) makes the force of another one right."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+import tomli_w
+from support.commands import call
+from support.drone import MAP as DRONE
+from support.drone import flight
+
+from aerobat_pin.errors import AerobatError, CalibrationError, MapError
+from aerobat_pin.estimation.recordings import (
+    OnlineEstimator,
+    calibrate_recording,
+    estimate_recording,
+    map_calibration_bytes,
+    parse_map,
+    read_map_calibration,
+)
+from aerobat_pin.flight import read_netcdf
+
+RATE, CONSTANT, HEAVIER = 500.0, 1.6, 1.06  # [Hz], [N m/A] of every joint, true mass over the believed one
+COULOMB, VISCOUS, OFFSET = (np.array(values) for values in ([0.4, 0.6, 0.3], [0.2, 0.3, 0.1], [0.1, -0.2, 0.05]))
+ROTOR = np.array([0.05, 0.08, 0.03])  # [kg m2]
+JOINTS = ["turn", "lift", "bend"]
+
+
+def arm() -> str:
+    """Return an arm of 4.5 kg: a vertical axis and two hinges."""
+    parts, below = ['<link name="ground"/>'], "ground"
+    for name, mass, axis, height in zip(
+        JOINTS, (2.0, 1.5, 1.0), ("0 0 1", "0 1 0", "0 1 0"), (0.1, 0.2, 0.4), strict=True
+    ):
+        i = mass * 0.4**2 / 12
+        inertia = f'<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{0.1 * i}"/>'
+        body = f'<inertial><origin xyz="0 0.01 0.2"/><mass value="{mass}"/>{inertia}</inertial>'
+        parts.append(f'<link name="{name}_link">{body}</link>')
+        parts.append(
+            f'<joint name="{name}" type="revolute"><parent link="{below}"/><child link="{name}_link"/>'
+            f'<origin xyz="0 0 {height}"/><axis xyz="{axis}"/>'
+            '<limit lower="-9" upper="9" effort="999" velocity="99"/></joint>'
+        )
+        below = f"{name}_link"
+    end = (
+        f'<joint name="end" type="fixed"><parent link="{below}"/><child link="tool"/><origin xyz="0.05 0 0.4"/></joint>'
+    )
+    return f'<robot name="arm">{"".join(parts)}<link name="tool"/>{end}</robot>'
+
+
+def recording(folder: Path, name: str, pushed: bool, seed: int) -> np.ndarray:
+    """Write a table of the arm, which is heavier than its URDF says; return the force (n, 3) at its tool [N]."""
+    model = pin.buildModelFromXML(arm())
+    for k, inertia in enumerate(model.inertias.tolist()):
+        model.inertias[k] = pin.Inertia(HEAVIER * inertia.mass, inertia.lever, HEAVIER * inertia.inertia)
+    data, time, rng = model.createData(), np.arange(round(10 * RATE)) / RATE, np.random.default_rng(seed)
+    speed, phase = rng.uniform(0.8, 2.6, (2, 3)), rng.uniform(0, 6, (2, 3))
+    size = np.array([[0.6, 0.5, 0.7], [0.2, 0.2, 0.3]])[:, None]
+    angle = speed[:, None] * time[:, None] + phase[:, None]
+    q = np.sum(size * np.sin(angle), axis=0) + np.array([0.0, 0.6, 0.8])
+    v = np.sum(size * speed[:, None] * np.cos(angle), axis=0)
+    a = np.sum(-size * speed[:, None] ** 2 * np.sin(angle), axis=0)
+    force = np.stack([4 * np.sin(time), 3 * np.cos(1.4 * time), 8 + 5 * np.sin(0.7 * time)], axis=1) * pushed
+    tau = np.empty_like(q)
+    for k in range(len(time)):
+        J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool"), pin.LOCAL_WORLD_ALIGNED)[:3]
+        tau[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k]
+    tau += COULOMB * np.tanh(v / 0.02) + VISCOUS * v + ROTOR * a + OFFSET
+    columns = {"t": time}
+    for k, joint in enumerate(JOINTS):
+        columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k]}
+        columns[f"{joint}_i"] = tau[:, k] / CONSTANT + 0.01 * rng.standard_normal(len(time))
+    pd.DataFrame(columns).to_csv(folder / f"{name}.csv", index=False)
+    return force
+
+
+def arm_map() -> dict[str, Any]:
+    """Return the map of the arm, as nested values; it asks for friction, and does not say where to fit it."""
+    return {
+        "robot": {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]},
+        "joints": {
+            "names": JOINTS,
+            "position": {"columns": [f"{joint}_q" for joint in JOINTS]},
+            "velocity": {"columns": [f"{joint}_v" for joint in JOINTS]},
+            "effort": {
+                "columns": [f"{joint}_i" for joint in JOINTS],
+                "unit": "A",
+                "torque_per_unit": {"*": CONSTANT},
+            },
+            "friction": {"law": "coulomb+viscous+inertia"},
+        },
+        "observer": {"gain": 100},
+    }
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
+    """Return a folder with the arm, its free and its pushed recording and their map, and the force that pushed."""
+    folder = tmp_path_factory.mktemp("arms")
+    (folder / "arm.urdf").write_text(arm())
+    (folder / "map.toml").write_text(tomli_w.dumps(arm_map()))
+    recording(folder, "free", pushed=False, seed=1)
+    return folder, recording(folder, "pushed", pushed=True, seed=2)
+
+
+def test_a_free_swing_makes_the_force_of_another_recording_right(
+    arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the two commands: 0.3 N rms where it was up to some newtons; friction, rotors and mass are found."""
+    folder, force = arms
+    monkeypatch.chdir(folder)
+    learn = ["calibrate", "free.csv", "--map", "map.toml", "--identify", "mass", "--out", "arm.nc"]
+    assert call(monkeypatch, *learn) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"fit: mass: times 1\.06\d*, deviation 0\.0", said)
+    assert re.search(r"error bar, rms where nothing was fitted: tool\.Fx \d\S* N \(without \d", said)
+    learnt = read_map_calibration(Path("arm.nc"))
+    assert learnt.values.mass == pytest.approx(HEAVIER, abs=0.01)
+    friction = learnt.values.friction
+    assert friction is not None
+    for found, true in (
+        (friction.coulomb, COULOMB),
+        (friction.viscous, VISCOUS),
+        (friction.inertia, ROTOR),
+        (friction.offset, OFFSET),
+    ):
+        np.testing.assert_allclose(found, true, atol=0.05)
+    words = ["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.nc", "--out", "out"]
+    assert call(monkeypatch, *words) == 0
+    assert "calibration: learnt from free.csv; error bar" in capsys.readouterr().out
+    with_it = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]["force_W"].values[0, :, 0]
+    values = arm_map()
+    del values["joints"]["friction"]
+    plain = estimate_recording(Path("pushed.csv"), parse_map(values, "of the test"), folder)
+    truth = np.column_stack(
+        [np.interp(plain.estimates["force_level"].time[:-1] - 0.009, np.arange(len(force)) / RATE, x) for x in force.T]
+    )
+    wrong, right = (
+        np.sqrt(np.mean((found - truth)[200:] ** 2, axis=0))
+        for found in (plain.estimates["force_level"].force[:, 0], with_it)
+    )
+    assert np.all(right < 0.3)
+    assert np.all(wrong > 5.0 * right)
+
+
+def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> None:
+    """Read again it is the same, text by text; a damaged one is refused."""
+    folder, _ = arms
+    values = arm_map()
+    values["joints"]["friction"]["law"] = "coulomb+viscous"
+    found = calibrate_recording(folder / "free.csv", parse_map(values, "of the test"), folder)
+    content = map_calibration_bytes(found)
+    (folder / "again.nc").write_bytes(content)
+    again = read_map_calibration(folder / "again.nc")
+    assert (again.fingerprint, again.notes, again.log) == (found.fingerprint, found.notes, found.log)
+    assert [str(fit) for fit in again.values.fits] == [str(fit) for fit in found.values.fits]
+    assert again.values.friction is not None
+    assert found.values.friction is not None
+    np.testing.assert_array_equal(again.values.friction.coulomb, found.values.friction.coulomb)
+    assert map_calibration_bytes(again) == content
+    for damaged in (content[: len(content) // 2], content.replace(b"friction_rate", b"friction_rote")):
+        (folder / "damaged.nc").write_bytes(damaged)
+        with pytest.raises(CalibrationError):
+            read_map_calibration(folder / "damaged.nc")
+
+
+def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> None:
+    """The second flight needs no accelerometer, and its force is that of the fit to itself within 1 mN."""
+    flight().to_csv(tmp_path / "first.csv", index=False)
+    flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
+    chosen = parse_map(DRONE, "of the test")
+    learnt = calibrate_recording(tmp_path / "first.csv", chosen, tmp_path)
+    (tmp_path / "drone.nc").write_bytes(map_calibration_bytes(learnt))
+    blind = copy.deepcopy(DRONE)
+    del blind["check"]
+    found = estimate_recording(
+        tmp_path / "second.csv",
+        parse_map(blind, "of the test"),
+        tmp_path,
+        calibration=read_map_calibration(tmp_path / "drone.nc"),
+    )
+    assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
+    assert found.forces.fits[0].log == "first.csv"
+    other = copy.deepcopy(DRONE)
+    other["known"]["thrust"]["law"] = "polynomial 2"
+    with pytest.raises(CalibrationError, match=r"was learnt with known\.thrust = polynomial 1 2 of commands"):
+        estimate_recording(tmp_path / "second.csv", parse_map(other, "of the test"), tmp_path, calibration=learnt)
+
+
+def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
+    """Sample by sample the same forces as the recording as a whole, but for the first ones."""
+    folder, _ = arms
+    chosen = parse_map(arm_map(), "of the test")
+    learnt = calibrate_recording(folder / "free.csv", chosen, folder, ["mass"])
+    whole = estimate_recording(folder / "pushed.csv", chosen, folder, calibration=learnt).estimates["force_level"]
+    with pytest.raises(MapError, match="friction can come from a calibration"):
+        OnlineEstimator(chosen, folder)
+    online = OnlineEstimator(chosen, folder, calibration=learnt)
+    table = pd.read_csv(folder / "pushed.csv").iloc[:400]
+    heard = [one for row in table.to_dict("records") for one in online.push(row.pop("t"), row)]
+    assert len(heard) == 399
+    np.testing.assert_allclose(list(heard[-1].components.values()), whole.components[398], atol=1e-6)
+
+
+def test_what_cannot_be_learnt_or_used_is_refused(
+    arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each with its reason."""
+    folder, _ = arms
+    monkeypatch.chdir(folder)
+    learnt = calibrate_recording(folder / "free.csv", parse_map(arm_map(), "of the test"), folder)
+
+    def said(change: dict[str, Any], identify: tuple[str, ...] = (), use: bool = False) -> str:
+        values = arm_map()
+        for key, value in change.items():
+            place, parts = values, key.split(".")
+            for part in parts[:-1]:
+                place = place[part]
+            place[parts[-1]] = value
+        chosen = parse_map(values, "of the test")
+        try:
+            if use:
+                estimate_recording(Path("pushed.csv"), chosen, folder, calibration=learnt)
+            else:
+                calibrate_recording(Path("free.csv"), chosen, folder, identify)
+        except AerobatError as error:
+            return str(error)
+        return ""
+
+    (folder / "heavy.urdf").write_text(arm().replace('value="1.5"', 'value="1.6"'))
+    assert "belongs to the robot arm, not to heavy" in said({"robot.urdf": "heavy.urdf"}, use=True)
+    assert "1.6 N m per unit of the effort of turn: not 2" in said(
+        {"joints.effort.torque_per_unit": {"*": 2.0}}, use=True
+    )
+    assert "cannot be told apart" in said({"joints.friction": {"scale": True}}, ("mass",))
+    assert "nothing to learn" in said({"joints.friction": None})
+    assert "--identify drag: of recordings by a map `mass`" in said({}, ("drag",))
+    with pytest.raises(MapError, match=r"joints\.friction\.fit: from and to .* or --calibration FILE"):
+        estimate_recording(Path("pushed.csv"), parse_map(arm_map(), "of the test"), folder)
+    for words, reason in (
+        (["calibrate", "free.csv", "pushed.csv", "--map", "map.toml", "--out", "x.nc"], "2 recordings"),
+        (["calibrate", "free.csv", "--map", "map.toml", "--harmonics", "2", "--out", "x.nc"], "--harmonics is for"),
+        (["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.urdf"], "cannot be read as NetCDF-4"),
+    ):
+        assert call(monkeypatch, *words) == 2
+        assert reason in capsys.readouterr().err

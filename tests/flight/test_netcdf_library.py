@@ -1,0 +1,118 @@
+"""The files that this package writes, as the NetCDF C library (and so MATLAB, nco and ncdump) sees them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import xarray as xr
+from support.tools import need
+
+from aerobat_pin.flight import netcdf_bytes, read_netcdf
+
+# In a process of its own, because the library brings another HDF5 than h5py. Prints group -> what it holds.
+READER = """
+import json, sys
+import netCDF4, numpy as np
+
+def told(group):
+    found = {}
+    for name, item in group.variables.items():
+        item.set_auto_mask(False)
+        values = np.asarray(item[...])
+        if values.dtype.kind == "f":
+            values = [float(x) if np.isfinite(x) else str(x) for x in values.ravel().tolist()]
+        else:
+            values = values.ravel().tolist()
+        notes = {key: np.asarray(item.getncattr(key)).tolist() for key in item.ncattrs() if key != "_FillValue"}
+        found[name] = [list(item.dimensions), list(item.shape), values, notes]
+    notes = {key: np.asarray(group.getncattr(key)).tolist() for key in group.ncattrs()}
+    return [found, notes, {name: len(size) for name, size in group.dimensions.items()}]
+
+with netCDF4.Dataset(sys.argv[1]) as file:
+    assert file.file_format == "NETCDF4"
+    found = {"": told(file)} | {name: told(group) for name, group in file.groups.items()}
+with netCDF4.Dataset(sys.argv[1], "a") as file:
+    file.setncattr("seen", "by another library")
+    file.renameVariable(next(iter(file.variables)), "renamed")
+print(json.dumps(found))
+"""
+
+
+def parts() -> tuple[xr.Dataset, xr.Dataset]:
+    """Return a dataset of every kind of variable and attribute, and one for the group `truth` of other sizes."""
+    time = np.array([0.0, 0.1, 0.2])
+    root = xr.Dataset(
+        {
+            "plain": (("time", "bare"), np.arange(6.0).reshape(3, 2), {"units": "m/s²", "long_name": "größe"}),
+            "square": (("time", "other_time"), np.eye(3), {"units": "1"}),
+            "single": (("time",), np.array([1.0, np.nan, np.inf], np.float32)),
+            "whole": (("time",), np.arange(3), {"range": np.array([1, 2])}),
+            "words": (("time",), np.array(["", "ä b", "日本"])),
+            "nothing": (("time", "empty"), np.zeros((3, 0))),
+            "number": ((), 3.5),
+            "word": ((), "Ω"),
+        },
+        {"time": time, "other_time": [5, 6, 7], "name": ("time", ["x", "y", "z"])},
+        {"title": "größe", "several": ["a", "b"], "count": 3, "share": 0.5},
+    )
+    truth = xr.Dataset(
+        {
+            "shorter": (("time", "axis"), np.ones((2, 3)), {"units": "N"}),
+            "same": (("bare", "axis"), np.full((2, 3), 2.0)),
+        },
+        {"axis": list("xyz")},
+    )
+    return root, truth
+
+
+def test_the_netcdf_library_reads_the_same(tmp_path: Path, paper_folder: Path) -> None:
+    """Every variable, dimension, attribute and text of all kinds, and of a flight; and it can write to the file."""
+    need("netCDF4")
+    (tmp_path / "kinds.nc").write_bytes(netcdf_bytes(*parts()))
+    for name in ("flight.nc", "estimate.nc"):
+        (tmp_path / name).write_bytes((paper_folder / name).read_bytes())
+    for name in ("kinds.nc", "flight.nc", "estimate.nc"):
+        expected = read_netcdf(tmp_path / name, "log", ["truth"])
+        run = subprocess.run([sys.executable, "-c", READER, str(tmp_path / name)], capture_output=True, check=False)
+        assert run.returncode == 0, run.stderr.decode()
+        found = json.loads(run.stdout)
+        assert set(found) == set(expected)
+        sizes = {}
+        for part, data in expected.items():
+            variables, notes, dims = found[part]
+            sizes |= dims
+            assert set(variables) == set(map(str, data.variables))
+            assert {key: np.asarray(value).tolist() for key, value in data.attrs.items()} == {
+                key: value for key, value in notes.items() if key != "coordinates"
+            }
+            assert all(sizes[str(dim)] == size for dim, size in data.sizes.items())
+            for key, item in data.variables.items():
+                there, shape, values, own = variables[str(key)]
+                assert (tuple(there), tuple(shape)) == (item.dims, item.shape), key
+                if item.dtype.kind == "f":
+                    np.testing.assert_array_equal(np.array(values, float).reshape(shape), item.values)
+                else:
+                    assert values == item.values.ravel().tolist(), key
+                notes_of = {label: value for label, value in own.items() if label != "coordinates"}
+                assert notes_of == {label: np.asarray(value).tolist() for label, value in item.attrs.items()}, key
+
+
+def test_what_the_library_needs_to_tell_dimensions_apart() -> None:
+    """A number for each dimension of the file, also for those that a group has with another size, and an order."""
+    import io
+
+    with h5py.File(io.BytesIO(netcdf_bytes(*parts())), "r") as file:
+        numbers: list[int] = []
+        file.visititems(lambda _, item: numbers.extend(np.ravel(item.attrs.get("_Netcdf4Dimid", []))))
+        assert sorted(numbers) == list(range(len(numbers))) == list(range(6))
+        assert file["truth/shorter"].dims[0][0] == file["truth/time"]
+        for group in (file["/"], file["truth"]):
+            assert (
+                group.id.get_create_plist().get_link_creation_order()
+                == h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED
+            )
