@@ -216,8 +216,8 @@ class KalmanObserver(Observer):
 
     def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
         """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
-        nv, filter_ = self._nv, kalman.filter
-        blurred, spread = filter_.noise[:, None] * sample[-2 * nv : -nv], filter_.variance.copy()
+        filter_ = kalman.filter
+        spread = filter_.variance.copy()
         kalman.observer.newest[:] = 0
         for start in (filter_.elapsed, filter_.intervals, filter_.disbelief, filter_.slow):
             start[:] = 0.0
@@ -230,9 +230,7 @@ class KalmanObserver(Observer):
         else:
             spread[: self._walks] = self._prior
         filter_.x[:] = 0.0
-        filter_.half[:], filter_.back[:] = 0.0, np.linalg.solve(sample[-2 * nv : -nv], sample[-nv:])
-        filter_.P[:] = np.diag(np.concatenate([np.zeros(nv), spread]))
-        filter_.P[:nv, :nv] = blurred.T @ blurred
+        filter_.P[:] = np.diag(np.concatenate([np.square(filter_.noise), spread]))
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         return self._filtered(time, q, v, u, known, np.empty((0, step_size(self._kalman.step))))

@@ -15,10 +15,10 @@ class Step(NamedTuple):
     """
 
     shear: Array  # dt G, padded with zero columns
-    turn: Array  # transposed, what C^T v adds to an error of the momentum, see `noisy_sample`
+    onward: Array  # A^T: what an error of the velocity at the start is at the end, as a momentum, see `kernels`
     decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
-    rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
+    rows: Array  # S, [-B diag(s), X_pz], [1, 0], e; after the update times L^-1: L^T, U, [L^-1, 0], L^-1 e (S = L L^T)
     basis: Array  # weight of each block of c coefficients in the forces
     z: Array  # coefficients of the forces in x after the update
     Z: Array  # rows of P for these coefficients after the update
@@ -58,17 +58,14 @@ class Filter(NamedTuple):
     inertias: Integers  # address of the subtrees' inertias, see `subtrees.inertias_at`
     tree: Integers  # see `subtrees.kinship_of`
     gravity: Array  # acceleration of gravity (6,), linear and angular, world axes
-    half: Array  # half of the latest interval and of the one in work [s]; 0 with C^T v of the measured velocity
-    back: Array  # (D (M - half D)^-1)^T at the latest sample
     twist: Array  # scratch, like all fields below but `blurred`
     subtree: Array
     carried: Array
     pushes: Array
     turns: Array
     across: Array
-    inverse: Array
-    turned: Array
-    blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
+    right: Array  # scratch: covariance of the right side of an interval's equation, as it is made
+    blurred: Array  # B^T, see `kernels`
     phi: Array
     seen: Array
     span: Array  # scratch: equations of the forces, then what they explain of the weighted rows
@@ -92,7 +89,7 @@ def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step
     width = (nv + 2 * n + 8) // 8 * 8  # rounded up to a multiple of 8 doubles, the size of a processor's vectors
     return Step(
         shear=take(cursor, (nz, n)),
-        turn=take(cursor, (nv, nv)),
+        onward=take(cursor, (nv, nv)),
         decay=take(cursor, (nz,)),
         e=take(cursor, (nv,)),
         rows=take(cursor, (nv, width)),
@@ -167,10 +164,7 @@ def kalman_in(memory: Array) -> KalmanMemory:
             pushes=take(cursor, (6, nv)),
             turns=take(cursor, (6, nv)),
             across=take(cursor, (nv, nv)),
-            half=take(cursor, (2,)),
-            back=take(cursor, (nv, nv)),
-            inverse=take(cursor, (nv, 2 * nv)),
-            turned=take(cursor, (nv, nv + nz)),
+            right=take(cursor, (nv, nv + nz)),
             blurred=take(cursor, (nv, nv)),
             phi=take(cursor, (nv,)),
             seen=take(cursor, (c, nv + nz)),
