@@ -194,7 +194,8 @@ class KalmanTwin:
             force = np.linalg.solve(held, kept @ J @ W.T @ W @ phi)
         left = W @ (phi - J.T @ force)
         A, B = J @ W.T @ W @ J.T, J @ W.T
-        shown = W - B.T @ np.linalg.solve(A + 1e-6 * np.trace(A) * np.eye(len(J)), B @ W)
+        held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
+        shown = W - B.T @ np.linalg.solve(held, B @ W)
         return np.pad(left, (0, nv - len(left))), unseen, shown
 
     def unknown_torques(self, M: Vector, misfit: Vector) -> Vector:

@@ -68,8 +68,10 @@ class Filter(NamedTuple):
     blurred: Array  # B^T, see `kernels`
     phi: Array
     seen: Array
-    span: Array  # scratch: equations of the forces, then what they explain of the weighted rows
-    made: Array  # scratch: weighted rows that noise of the two samples' velocities makes
+    span: Array  # scratch: orthonormal basis of the weighted rows that forces explain
+    columns: Array  # scratch: the same, transposed
+    sent: Array  # scratch: generalised forces that noise of the two samples' velocities makes
+    made: Array  # scratch: their weighted rows in use
     along: Array  # scratch: the part of it that forces explain
     ended: Array  # what no force explains of the rows made by the latest sample's noise
 
@@ -168,9 +170,11 @@ def kalman_in(memory: Array) -> KalmanMemory:
             blurred=take(cursor, (nv, nv)),
             phi=take(cursor, (nv,)),
             seen=take(cursor, (c, nv + nz)),
-            span=take(cursor, (c, c + nv)),
-            made=take(cursor, (nv, 2 * nv)),
-            along=take(cursor, (c, 2 * nv)),
+            span=take(cursor, (c, nv)),
+            columns=take(cursor, (nv, c)),
+            sent=take(cursor, (2 * nv, nv)),
+            made=take(cursor, (2 * nv, nv)),
+            along=take(cursor, (2 * nv, c)),
             ended=take(cursor, (nv, nv)),
         ),
         step=step_fields(cursor, nv, nz, c, blocks),
