@@ -13,9 +13,9 @@ it. Nothing is solved for V then: with X the covariance of the equation's right 
 
     S = L L^T,    U = L^-1 [-B diag(s), X_pz],    P <- [diag(s^2), 0; 0, X_z] - U^T U,    [y; z] <- [0; z] + U^T L^-1 e
 
-Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
+Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, three things are taken
 from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
-and the rows get white noise as large as what no force explains.
+the noise of u is what its sixth differences show; and the rows get white noise as large as what no force explains.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, kernel, mirror
 from aerobat_pin.observers.kalman.learning import (
+    DIFFERENCES,
     MISFIT_TIME,
     drop_unseen,
     drop_unseen_forces,
@@ -154,7 +155,8 @@ def predict_covariance(
     if not by_gain:
         doubt = MISFIT_TIME * dt * misfit_variance(filter_)
         for i in range(nv):
-            wrong = doubt / (observer.weight[i] * observer.weight[i])
+            noise = dt * filter_.known_sensed[i]
+            wrong = doubt / (observer.weight[i] * observer.weight[i]) + noise * noise
             S[i, i] += wrong
             if filter_.hidden.shape[0] > 0:
                 misfit += filter_.hidden[i, i] * wrong
@@ -244,7 +246,9 @@ def filter_interval(
     if not predict_momentum(before, after, u, dt, filter_, step):
         return False
     if not filter_.walk_gain[0] > 0.0:
-        learn_noise(after[2], dt, filter_)
+        seen, f = filter_.intervals[0] - DIFFERENCES, filter_
+        learn_noise(after[2], seen + 2.0, dt, f.noise, f.differences, f.roots, f.sensed)
+        learn_noise(u, seen + 1.0, dt, f.known_noise, f.known_differences, f.known_roots, f.known_sensed)
         redundant = observer.sizes.believed - c + observer.blind[0]
         leak = leak_of_noise(before, after, dt, observer, filter_) if redundant > 0 else 0.0
         learn_misfit(rest[:nv], redundant, dt, leak, filter_)

@@ -24,24 +24,34 @@ LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps t
 
 
 @merged
-def learn_noise(v: Array, dt: float, filter_: Filter) -> None:
-    """Update the sensor noise from a sample's velocity (nv,): the smaller of what is stated and what the record shows.
+def learn_noise(
+    values: Array, known: float, dt: float, stated: Array, differences: Array, roots: Array, sensed: Array
+) -> None:
+    """Update the noise `sensed` of quantities (n,): the smaller of what is stated and what the record shows.
 
     The running mean of the roots of the sixth differences is hardly moved by a blow, which a mean square would take for
-    noise. The mean starts at what is stated, and moves away from it when there are seven samples.
+    noise. The mean starts at what is stated, and moves away from it when there are seven values.
+
+    Args:
+        values: (n,) the next values.
+        known: number of sixth differences with them.
+        dt: length of the interval [s].
+        stated: (n,) standard deviations of the noise as stated.
+        differences: (6, n) changes, as in `Filter`.
+        roots: (n,) changes.
+        sensed: (n,) changes.
     """
-    step, known = filter_.differences, filter_.intervals[0] + 2.0 - DIFFERENCES  # number of sixth differences so far
     share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (max(known, 1.0) + STATED_COUNT))
-    for i in range(v.shape[0]):
-        latest = v[i]
+    for i in range(values.shape[0]):
+        latest = values[i]
         for order in range(DIFFERENCES):
-            before = step[order, i]
-            step[order, i] = latest
+            before = differences[order, i]
+            differences[order, i] = latest
             latest -= before
         if known > 0.0:
-            filter_.roots[i] += share * (np.sqrt(abs(latest)) - filter_.roots[i])
-            shown = filter_.roots[i] * filter_.roots[i] / (ROOT_MEAN * ROOT_MEAN * DIFFERENCE_GAIN)
-            filter_.sensed[i] = min(max(shown, LEAST_NOISE * filter_.noise[i]), filter_.noise[i])
+            roots[i] += share * (np.sqrt(abs(latest)) - roots[i])
+            shown = roots[i] * roots[i] / (ROOT_MEAN * ROOT_MEAN * DIFFERENCE_GAIN)
+            sensed[i] = min(max(shown, LEAST_NOISE * stated[i]), stated[i])
 
 
 @merged

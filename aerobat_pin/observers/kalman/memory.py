@@ -43,6 +43,10 @@ class Filter(NamedTuple):
     sensed: Array  # the same as the record shows it, at most as stated
     roots: Array  # running mean of the roots of the sixth differences of the velocities
     differences: Array  # velocity, first, ..., fifth difference at the latest sample
+    known_noise: Array  # noise of the known generalised force, largest standard deviations of an interval mean
+    known_sensed: Array  # the same as the record shows it
+    known_roots: Array  # as `roots`
+    known_differences: Array  # as `differences`
     slow: Array  # the weighted rows that no force explains, low-passed once and twice
     rate: Array  # decay rate of each coefficient [1/s], 0 for a random walk
     variance: Array  # stationary variance of coefficients that decay
@@ -145,6 +149,10 @@ def kalman_in(memory: Array) -> KalmanMemory:
             sensed=take(cursor, (nv,)),
             roots=take(cursor, (nv,)),
             differences=take(cursor, (6, nv)),
+            known_noise=take(cursor, (nv,)),
+            known_sensed=take(cursor, (nv,)),
+            known_roots=take(cursor, (nv,)),
+            known_differences=take(cursor, (6, nv)),
             slow=take(cursor, (2, nv)),
             rate=take(cursor, (nz,)),
             variance=take(cursor, (nz,)),
