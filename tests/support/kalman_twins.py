@@ -58,6 +58,8 @@ class KalmanTwin:
         speeds, rests, misfit, count = [v[0]], [np.zeros((2, nv))], 0.0, 0
         ended: Vector | None = None
         roots = 0.822179 * np.sqrt(np.sqrt(924.0) * self.sensors)
+        pushes, told = [], 0.02 * weight / weights
+        told_roots = 0.822179 * np.sqrt(np.sqrt(924.0) * told)
         track: list[tuple[Vector, ...] | None] = []
         for k, torque in enumerate(tau):
             dt = time[k + 1] - time[k]
@@ -85,6 +87,12 @@ class KalmanTwin:
                 root = np.sqrt(np.abs(np.diff(speeds[-7:], 6, axis=0)[0]))
                 roots += max(recent, 1.0 / (count - 3)) * (root - roots)
                 sensors = np.clip(roots**2 / (0.822179**2 * np.sqrt(924.0)), 1e-3 * self.sensors, self.sensors)
+            pushes.append(u)
+            known_noise = told
+            if count >= 7:
+                root = np.sqrt(np.abs(np.diff(pushes[-7:], 6, axis=0)[0]))
+                told_roots += max(recent, 1.0 / (count - 4)) * (root - told_roots)
+                known_noise = np.clip(told_roots**2 / (0.822179**2 * np.sqrt(924.0)), 1e-3 * told, told)
             half = 0.5 * dt
             begun, ends = (
                 shown @ (M + side * D) * sensors / dt
@@ -94,8 +102,8 @@ class KalmanTwin:
             ended = ends
             if len(believed(self.model, self.rows, v[0])) == c - unseen.shape[1]:
                 leak = 0.0
-            told = 1.0 + np.sqrt(2.5 * 0.015 / 0.2 / redundant)
-            misfit += max(recent, 1.0 / count) * ((np.sum(rests[-1][1] ** 2) - told * leak) / redundant - misfit)
+            sure_of = 1.0 + np.sqrt(2.5 * 0.015 / 0.2 / redundant)
+            misfit += max(recent, 1.0 / count) * ((np.sum(rests[-1][1] ** 2) - sure_of * leak) / redundant - misfit)
             disbelief = max(misfit, (0.004 * weight) ** 2)
             if count <= 12:
                 disbelief = max(disbelief, self.prior**2)
@@ -121,9 +129,10 @@ class KalmanTwin:
             doubt = square if first else square + a * (doubt - square)
             first = False
             Q = noise @ W @ noise.T
-            Q[:nv, :nv] += np.diag(self.misfit**2 * dt * doubt + 0.01 * dt * disbelief / weights**2)
+            wrong = 0.01 * dt * disbelief / weights**2 + np.square(dt * known_noise)
+            Q[:nv, :nv] += np.diag(self.misfit**2 * dt * doubt + wrong)
             if self.rows != "all":
-                Q[:nv, :nv] += self.unknown_torques(inertias[k + 1], 0.01 * dt * disbelief / weights**2)
+                Q[:nv, :nv] += self.unknown_torques(inertias[k + 1], wrong)
             measured = half * (slopes[k] @ v[k] + slopes[k + 1] @ v[k + 1])
             ahead = F @ x + np.concatenate([dt * (u + mean[1]) - measured, np.zeros(nz)])
             P_ahead = F @ P @ F.T + Q
@@ -194,7 +203,8 @@ class KalmanTwin:
             force = np.linalg.solve(held, kept @ J @ W.T @ W @ phi)
         left = W @ (phi - J.T @ force)
         A, B = J @ W.T @ W @ J.T, J @ W.T
-        shown = W - B.T @ np.linalg.solve(A + 1e-6 * np.trace(A) * np.eye(len(J)), B @ W)
+        held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
+        shown = W - B.T @ np.linalg.solve(held, B @ W)
         return np.pad(left, (0, nv - len(left))), unseen, shown
 
     def unknown_torques(self, M: Vector, misfit: Vector) -> Vector:

@@ -1,8 +1,8 @@
 """Draw records of a robot on rails from the statistics that `kalman` and `smoother` assume, to judge their deviations.
 
 The true motion is given. Forces walk, the rows err by the least misfit, and the torques of joints and base are what
-keeps the motion, so that over each interval the trapezoid of the equations of motion holds exactly. The velocity
-sensors add white noise.
+keeps the motion, so that over each interval the trapezoid of the equations of motion holds exactly. The sensors of
+velocity and torque add white noise.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from support.observer_twins import remembered
 
 Vector = NDArray[np.float64]
 LEAST_MISFIT, MISFIT_TIME, WALK, PRIOR, LEVER = 0.004, 0.01, 2.2, 0.33, 0.05  # of the weight; of the weight; [m]
+KNOWN_NOISE = 0.02  # of the weight
 SENSORS = (0.02, 0.01, 0.05)
 
 
@@ -47,4 +48,5 @@ class Rails:
         arms = np.where(np.arange(nv) < 3, 1.0, LEVER)
         error = LEAST_MISFIT * weight * arms * np.sqrt(MISFIT_TIME / dt) * rng.normal(size=tau.shape)
         noise = np.repeat(SENSORS, [3, 3, nv - 6]) * rng.normal(size=self.v.shape)
-        return self.v + noise, tau - error * self.misfit, force
+        told = KNOWN_NOISE * weight * arms * rng.normal(size=tau.shape)
+        return self.v + noise, tau - error * self.misfit + told, force

@@ -27,6 +27,7 @@ SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [ra
 RISE_PULSATION = 1.75  # w / K: a second-order Butterworth filter of pulsation w [rad/s] rises to 1 - 1/e in 1.753 / w
 WALK, PRIOR = 2.2, 0.33  # of a robot's weight [1/sqrt(s), 1]: how much a force changes in 1 s, and its size at first
 LEAST_MISFIT = 0.004  # of a robot's weight: no model is better than that
+KNOWN_NOISE = 0.02  # of a robot's weight: limit for the noise of known forces in a row, moments over `MOMENT_ARM`
 HEAD_START = 2.5  # [1 / pulsation] of random walk before the first interval, so that a step at the start rises as later
 
 
@@ -155,6 +156,7 @@ class KalmanObserver(Observer):
         self._by_gain, weight = isinstance(force_walk, str), moving_weight(model)
         first = _positive("prior", PRIOR * weight if prior is None else prior)
         filter_.doubtful[:] = first, LEAST_MISFIT * weight
+        filter_.known_noise[:] = KNOWN_NOISE * weight / self.believed.weight
         self._prior = np.tile(np.square(first * scale), blocks)
         if isinstance(force_walk, str):
             if force_walk != "gain":
@@ -216,13 +218,15 @@ class KalmanObserver(Observer):
 
     def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
         """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
-        nv, filter_ = self._nv, kalman.filter
-        blurred, spread = filter_.noise[:, None] * sample[-2 * nv : -nv], filter_.variance.copy()
+        filter_ = kalman.filter
+        spread = filter_.variance.copy()
         kalman.observer.newest[:] = 0
         for start in (filter_.elapsed, filter_.intervals, filter_.disbelief, filter_.slow):
             start[:] = 0.0
-        filter_.sensed[:], filter_.differences[0] = filter_.noise, sample[2]
+        filter_.sensed[:], filter_.known_sensed[:] = filter_.noise, filter_.known_noise
+        filter_.differences[0], filter_.known_differences[:] = sample[2], 0.0
         filter_.roots[:] = ROOT_MEAN * np.sqrt(DIFFERENCE_GAIN * filter_.noise)
+        filter_.known_roots[:] = ROOT_MEAN * np.sqrt(DIFFERENCE_GAIN * filter_.known_noise)
         if self._by_gain:
             pulsation = RISE_PULSATION * float(self.gain)
             filter_.head_start[:] = HEAD_START / pulsation
@@ -230,9 +234,7 @@ class KalmanObserver(Observer):
         else:
             spread[: self._walks] = self._prior
         filter_.x[:] = 0.0
-        filter_.half[:], filter_.back[:] = 0.0, np.linalg.solve(sample[-2 * nv : -nv], sample[-nv:])
-        filter_.P[:] = np.diag(np.concatenate([np.zeros(nv), spread]))
-        filter_.P[:nv, :nv] = blurred.T @ blurred
+        filter_.P[:] = np.diag(np.concatenate([np.square(filter_.noise), spread]))
 
     def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         return self._filtered(time, q, v, u, known, np.empty((0, step_size(self._kalman.step))))

@@ -1,18 +1,21 @@
 """Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M.
 
-The state is the error x (nv,) of the momentum and coefficients z (nz,): the forces, their harmonics, and the errors of
-the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, and p = M v of the
-measured velocity v, an interval from sample 0 to sample 1 is
+The state is the error y (nv,) of the measured velocity v (sought minus measured), and coefficients z (nz,): the forces,
+their harmonics, and the errors of the factors of known forces and mass. With G (nz, nv), the generalised force of each
+coefficient, and p = M v, an interval from sample 0 to sample 1 is
 
-    z <- a z + noise,   x_1 = F x_0 + dt G^T z - (p_1 - p_0 - dt (u + mean(C^T v - g))),   F = (M_0 + D_0 dt/2) V_0^-1
+    z <- a z + noise,    V y_1 = A y_0 + dt G^T z + noise - (p_1 - p_0 - dt (u + mean(C^T v - g)))
+    A = M_0 + D_0 dt/2,  V = M_1 - D_1 dt/2
 
-where a is the decay factor. C^T v is that of the velocity sought, to first order with its slope D: h(v) + D V^-1 x.
-At the end of an interval x is V = M - D dt/2 times the error of v, so that x is measured there as zero with covariance
-B B^T, B = V diag(s), for velocity sensors with standard deviations s (see `noisy_sample`).
-Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, two things are taken
+where a is the decay factor. C^T v is that of the velocity sought, to first order with its slope D (see `noisy_sample`).
+The sensors say that y_1 is zero with standard deviations s: that is the prior, and the interval is what is measured of
+it. Nothing is solved for V then: with X the covariance of the equation's right side, B = V diag(s) and S = X_p + B B^T,
+
+    S = L L^T,    U = L^-1 [-B diag(s), X_pz],    P <- [diag(s^2), 0; 0, X_z] - U^T U,    [y; z] <- [0; z] + U^T L^-1 e
+
+Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, three things are taken
 from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
-and the rows get white noise as large as what no force explains. The update uses the Cholesky factor of the innovation's
-covariance S = L L^T, with T = L^-1 P_p and P <- P - T^T T.
+the noise of u is what its sixth differences show; and the rows get white noise as large as what no force explains.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, kernel, mirror
 from aerobat_pin.observers.kalman.learning import (
+    DIFFERENCES,
     MISFIT_TIME,
     drop_unseen,
     drop_unseen_forces,
@@ -30,7 +34,7 @@ from aerobat_pin.observers.kalman.learning import (
     misfit_variance,
 )
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
-from aerobat_pin.observers.kalman.noisy_sample import own_velocity_until, write_noisy_sample
+from aerobat_pin.observers.kalman.noisy_sample import write_noisy_sample
 from aerobat_pin.observers.kalman.process_noise import add_unknown_torques, set_walk_by_gain
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import fit_forces
@@ -46,7 +50,7 @@ from aerobat_pin.observers.rows import UNSEEN_SHARE
 
 @kernel
 def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: Filter, step: Step) -> bool:
-    """Write shear and decay of an interval, and the innovation `step.e`: measured minus predicted momentum.
+    """Write shear, decay and A^T of an interval, and the innovation `step.e`: measured minus predicted momentum.
 
     The estimate does not change yet. Returns False if the innovation is NaN or huge.
 
@@ -58,7 +62,7 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
         filter_: the filter.
         step: written.
     """
-    x, c, nv, errors = filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors
+    x, c, nv, errors, onward = filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors, step.onward
     shear, e, nz, h, z = step.shear, step.e, step.shear.shape[0], step.z.shape[0], filter_.x[u.shape[0] :]
     angle = filter_.pulsation[0] * (filter_.elapsed[0] + 0.5 * dt)
     step.basis[0] = 1.0
@@ -84,14 +88,13 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
         for a in range(h):
             for i in range(nv):
                 shear[nz - 1, i] += shear[a, i] * z[a]
-    filter_.half[1] = own_velocity_until(after, 0.5 * dt, filter_)
-    half = filter_.half[0] + filter_.half[1]
+    for k in range(nv):
+        M, slope, row = before[3 + c + k], before[3 + c + nv + k], onward[k]
+        for i in range(nv):
+            row[i] = M[i] + 0.5 * dt * slope[i]
     for i in range(nv):
-        for j in range(nv):
-            step.turn[i, j] = half * filter_.back[i, j]
-    for i in range(nv):
-        e[i] = after[0, i] - before[0, i] - x[i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
-    add_row_product(e, x[:nv], step.turn, -1.0)
+        e[i] = after[0, i] - before[0, i] - dt * (u[i] + 0.5 * (before[1, i] + after[1, i]))
+    add_row_product(e, x[:nv], onward, -1.0)
     for a in range(nz):
         now = step.decay[a] * z[a]
         for i in range(nv):
@@ -106,13 +109,14 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
 def predict_covariance(
     before: Array, after: Array, dt: float, observer: ObserverMemory, filter_: Filter, step: Step
 ) -> None:
-    """Advance the covariance P over the interval by noise, shear, misfit, unknown torques; then fill `step.rows`."""
+    """Advance the covariance of z in P over the interval, and fill `step.rows` with S, -B diag(s), X_pz, 1 and e."""
     P, shear, rows, by_gain = filter_.P, step.shear, step.rows, filter_.walk_gain[0] > 0.0
     nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
-    nv, blurred = n - nz, filter_.blurred
+    nv, blurred, S = n - nz, filter_.blurred, rows[:, : n - nz]
     for k in range(nv):
+        M, slope, row, size = after[3 + c + k], after[3 + c + nv + k], blurred[k], filter_.sensed[k]
         for i in range(nv):
-            blurred[k, i] = filter_.sensed[k] * (after[3 + c + k, i] - filter_.half[1] * after[3 + c + nv + k, i])
+            row[i] = size * (M[i] - 0.5 * dt * slope[i])
     if by_gain:
         set_walk_by_gain(before, after, filter_, rows)
     grown = dt * (dt if by_gain else 1.0) + dt * filter_.head_start[0]
@@ -132,15 +136,12 @@ def predict_covariance(
                 row[b] += grown * filter_.walk[a, b]
     if step.blind[0] > 0.0:
         drop_unseen(step, filter_, nv)
-    turn, turned = step.turn, filter_.turned  # from here on, P[nv:, :nv] is not kept up: `correct` mirrors it
-    for i in range(nv):
-        copy_values(P[i], turned[i])
-    add_product(P[:nv], shear[:, :nv].T, P[nv:], 1.0)
-    add_product(P[:nv], turn.T, turned, 1.0)
-    for i in range(nv):
-        copy_values(P[i], turned[i])
-    add_product(P[:nv], turned[:, nv:], shear, 1.0)
-    add_product(P[:nv, :nv], turned[:, :nv], turn, 1.0)
+    onward, right = step.onward, filter_.right
+    right[:, :], S[:, :] = 0.0, 0.0
+    add_product(right, onward.T, P[:nv], 1.0)
+    add_product(right, shear[:, :nv].T, P[nv:], 1.0)
+    add_product(S, right[:, :nv], onward, 1.0)
+    add_product(S, right[:, nv:], shear[:, :nv], 1.0)
     if nz > step.z.shape[0]:
         decay = step.decay[nz - 1] if filter_.elapsed[0] > 0.0 else 0.0
         for i in range(nv):
@@ -149,35 +150,40 @@ def predict_covariance(
                 square += filter_.variance[a] * shear[a, i] * shear[a, i]
             square /= dt * dt
             filter_.doubt[i] = square + decay * (filter_.doubt[i] - square)
-            P[i, i] += filter_.misfit[0] * filter_.misfit[0] * dt * filter_.doubt[i]
+            S[i, i] += filter_.misfit[0] * filter_.misfit[0] * dt * filter_.doubt[i]
     misfit = 0.0
     if not by_gain:
         doubt = MISFIT_TIME * dt * misfit_variance(filter_)
         for i in range(nv):
-            wrong = doubt / (observer.weight[i] * observer.weight[i])
-            P[i, i] += wrong
+            noise = dt * filter_.known_sensed[i]
+            wrong = doubt / (observer.weight[i] * observer.weight[i]) + noise * noise
+            S[i, i] += wrong
             if filter_.hidden.shape[0] > 0:
                 misfit += filter_.hidden[i, i] * wrong
     if filter_.hidden.shape[0] > 0:
-        add_unknown_torques(before, after, misfit, filter_, P)
+        add_unknown_torques(before, after, misfit, filter_, S)
+    add_product(S, blurred.T, blurred, 1.0)
     for i in range(nv):
-        unit = rows[i, nv + n :]
-        copy_values(P[i], rows[i, :nv])
-        copy_values(P[i], rows[i, nv : nv + n])
+        row, along, unit = rows[i, nv : 2 * nv], rows[i, 2 * nv : nv + n], rows[i, nv + n :]
+        for k in range(nv):
+            row[k] = -filter_.sensed[k] * blurred[k, i]
+        copy_values(right[i, nv:], along)
         for j in range(unit.shape[0]):
             unit[j] = 0.0
         unit[i], unit[n] = 1.0, step.e[i]
-    add_product(rows[:, :nv], blurred.T, blurred, 1.0)
 
 
 @kernel
-def correct(x: Array, P: Array, step: Step) -> None:
-    """Apply the measurement: turn `step.rows` into L^T, T, L^-1 and L^-1 e, and update x (n,) and P (n, n)."""
+def correct(x: Array, P: Array, sensed: Array, step: Step) -> None:
+    """Turn `step.rows` into L^T, U, L^-1 and L^-1 e, and update x (n,) and P (n, n), of which only z is read."""
     rows, nv, n = step.rows, step.rows.shape[0], x.shape[0]
     factorise(rows)
-    T = rows[:, nv : nv + n]
-    add_row_product(x, rows[:, nv + 2 * n], T, 1.0)
-    add_product(P, T.T, T, -1.0)
+    U = rows[:, nv : nv + n]
+    x[:nv], P[:nv] = 0.0, 0.0
+    for k in range(nv):
+        P[k, k] = sensed[k] * sensed[k]
+    add_row_product(x, rows[:, nv + 2 * n], U, 1.0)
+    add_product(P, U.T, U, -1.0)
     mirror(P, n)
 
 
@@ -240,18 +246,16 @@ def filter_interval(
     if not predict_momentum(before, after, u, dt, filter_, step):
         return False
     if not filter_.walk_gain[0] > 0.0:
-        learn_noise(after[2], dt, filter_)
+        seen, f = filter_.intervals[0] - DIFFERENCES, filter_
+        learn_noise(after[2], seen + 2.0, dt, f.noise, f.differences, f.roots, f.sensed)
+        learn_noise(u, seen + 1.0, dt, f.known_noise, f.known_differences, f.known_roots, f.known_sensed)
         redundant = observer.sizes.believed - c + observer.blind[0]
         leak = leak_of_noise(before, after, dt, observer, filter_) if redundant > 0 else 0.0
         learn_misfit(rest[:nv], redundant, dt, leak, filter_)
     predict_covariance(before, after, dt, observer, filter_, step)
-    filter_.half[0] = filter_.half[1]
-    for i in range(nv):
-        x[i] = -step.e[i]
-        copy_values(filter_.inverse[i, nv:], filter_.back[i])
     for a in range(n - nv):
         x[nv + a] *= step.decay[a]
-    correct(x, P, step)
+    correct(x, P, filter_.sensed, step)
     for a in range(step.z.shape[0]):
         step.z[a] = x[nv + a]
         copy_values(P[nv + a], step.Z[a])

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, dot, factorise, inner
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, inner, merged
 from aerobat_pin.observers.kalman.memory import Filter, Step
-from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
 from aerobat_pin.observers.kernels.memory import ObserverMemory
-from aerobat_pin.observers.kernels.projection import add_to_rows, power_unit
+from aerobat_pin.observers.kernels.projection import power_unit, put_rows
 
 MEMORY_TIME = 0.2  # [s]: time over which sensor noise and misfit are averaged: one wing beat at 5 Hz
 MISFIT_LAG = 0.015  # [s]: two low-passes of this time keep most sensor noise out of the misfit
@@ -24,28 +23,38 @@ LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is know
 LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
 
 
-@inner
-def learn_noise(v: Array, dt: float, filter_: Filter) -> None:
-    """Update the sensor noise from a sample's velocity (nv,): the smaller of what is stated and what the record shows.
+@merged
+def learn_noise(
+    values: Array, known: float, dt: float, stated: Array, differences: Array, roots: Array, sensed: Array
+) -> None:
+    """Update the noise `sensed` of quantities (n,): the smaller of what is stated and what the record shows.
 
     The running mean of the roots of the sixth differences is hardly moved by a blow, which a mean square would take for
-    noise. The mean starts at what is stated, and moves away from it when there are seven samples.
+    noise. The mean starts at what is stated, and moves away from it when there are seven values.
+
+    Args:
+        values: (n,) the next values.
+        known: number of sixth differences with them.
+        dt: length of the interval [s].
+        stated: (n,) standard deviations of the noise as stated.
+        differences: (6, n) changes, as in `Filter`.
+        roots: (n,) changes.
+        sensed: (n,) changes.
     """
-    step, known = filter_.differences, filter_.intervals[0] + 2.0 - DIFFERENCES  # number of sixth differences so far
     share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (max(known, 1.0) + STATED_COUNT))
-    for i in range(v.shape[0]):
-        latest = v[i]
+    for i in range(values.shape[0]):
+        latest = values[i]
         for order in range(DIFFERENCES):
-            before = step[order, i]
-            step[order, i] = latest
+            before = differences[order, i]
+            differences[order, i] = latest
             latest -= before
         if known > 0.0:
-            filter_.roots[i] += share * (np.sqrt(abs(latest)) - filter_.roots[i])
-            shown = filter_.roots[i] * filter_.roots[i] / (ROOT_MEAN * ROOT_MEAN * DIFFERENCE_GAIN)
-            filter_.sensed[i] = min(max(shown, LEAST_NOISE * filter_.noise[i]), filter_.noise[i])
+            roots[i] += share * (np.sqrt(abs(latest)) - roots[i])
+            shown = roots[i] * roots[i] / (ROOT_MEAN * ROOT_MEAN * DIFFERENCE_GAIN)
+            sensed[i] = min(max(shown, LEAST_NOISE * stated[i]), stated[i])
 
 
-@inner
+@merged
 def learn_misfit(rest: Array, redundant: int, dt: float, leak: float, filter_: Filter) -> None:
     """Update the running mean square of what no force explains from one interval's rows `rest` (nv,).
 
@@ -62,7 +71,7 @@ def learn_misfit(rest: Array, redundant: int, dt: float, leak: float, filter_: F
     filter_.disbelief[0] += share * (size - filter_.disbelief[0])
 
 
-@inner
+@merged
 def leak_of_noise(before: Array, after: Array, dt: float, observer: ObserverMemory, filter_: Filter) -> float:
     """Return the mean square [N^2] that sensor noise leaves in the rows that no force explains, behind both low-passes.
 
@@ -71,37 +80,33 @@ def leak_of_noise(before: Array, after: Array, dt: float, observer: ObserverMemo
     covariance diag(s^2) leaves |a s|^2 sum(h^2) - 2 (a s).(b s) sum(h h') + |b s|^2 sum(h^2), h the response of the
     low-passes and h' the same one interval later.
     """
-    c, nv, J, made, ended = filter_.seen.shape[0], before.shape[1], observer.jacobian, filter_.made, filter_.ended
-    span, unit, top = filter_.span, power_unit(observer), before.shape[0] - 2 * before.shape[1]
-    span[:, :], made[:, :] = 0.0, 0.0
-    for a in range(c):
-        for k in range(nv):
-            add_to_rows(observer, k, J[a, k], unit, span[a, c:])
-    trace = 0.0
-    for a in range(c):
-        for b in range(a, c):
-            span[a, b] = dot(span[a, c:], span[b, c:])
-        trace += span[a, a]
-    for a in range(c):
-        span[a, a] += LEAST_INFORMATION * trace if trace > 0.0 else 1.0
-    factorise(span)
-    for k in range(nv):
-        size = filter_.sensed[k] / dt
+    c, nv, made, ended, A = filter_.walk.shape[0], before.shape[1], filter_.made, filter_.ended, observer.equations
+    span, columns, along, unit = filter_.span, filter_.columns, filter_.along, power_unit(observer, observer.velocity)
+    for a in range(c):  # an orthonormal basis of what forces explain, with the Cholesky factor that `fit_forces` left
+        copy_values(observer.span[a], span[a])
+        add_row_product(span[a], A[a, :a], span[:a], -1.0)
+        inverse = 1.0 / A[a, a]
         for i in range(nv):
-            start = before[top + k, i] + 0.5 * dt * before[top + nv + k, i]
-            end = after[top + k, i] - 0.5 * dt * after[top + nv + k, i]
-            add_to_rows(observer, i, size * start, unit, made[:, k])
-            add_to_rows(observer, i, size * end, unit, made[:, nv + k])
-    filter_.along[:, :] = 0.0
-    add_product(filter_.along, span[:, c:], made, 1.0)
-    add_product(made, span[:, c:].T, filter_.along, -1.0)
+            span[a, i] *= inverse
+            columns[i, a] = span[a, i]
+    top, noise = before.shape[0] - 2 * nv, filter_.sent
+    for k in range(nv):
+        size, half, start, end = filter_.sensed[k] / dt, 0.5 * filter_.sensed[k], noise[k], noise[nv + k]
+        M, slope, next_M, next_slope = before[top + k], before[top + nv + k], after[top + k], after[top + nv + k]
+        for i in range(nv):
+            start[i] = size * M[i] + half * slope[i]
+            end[i] = size * next_M[i] - half * next_slope[i]
+    put_rows(observer, noise, observer.velocity, unit, made)
+    along[:, :] = 0.0
+    add_product(along, made, columns, 1.0)
+    add_product(made, along, span, -1.0)
     apart, together, first = 0.0, 0.0, filter_.intervals[0] == 0.0
-    for s in range(nv):
-        for k in range(nv):
-            b, a = made[s, k], made[s, k] if first else ended[s, k]
+    for k in range(nv):
+        for s in range(nv):
+            b, a = made[k, s], made[k, s] if first else ended[k, s]
             apart += (a - b) * (a - b)
             together += a * b
-            ended[s, k] = made[s, nv + k]
+            ended[k, s] = made[nv + k, s]
     share = 1.0 - np.exp(-dt / MISFIT_LAG)
     kept = 1.0 - (1.0 - share) ** 2
     power = share**4 / kept**3  # sum(h^2) is (2 - kept) power, sum(h^2) - sum(h h') is share^2 power
@@ -138,7 +143,7 @@ def drop_unseen_forces(step: Step, filter_: Filter, z: Array) -> None:
                 z[first + a] -= step.unseen[a, b] * kept[b, 0]
 
 
-@inner
+@merged
 def misfit_variance(filter_: Filter) -> float:
     """Return the variance [N^2] that errors of the model give to every weighted row.
 

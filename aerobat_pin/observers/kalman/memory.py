@@ -15,10 +15,10 @@ class Step(NamedTuple):
     """
 
     shear: Array  # dt G, padded with zero columns
-    turn: Array  # transposed, what C^T v adds to an error of the momentum, see `noisy_sample`
+    onward: Array  # A^T: what an error of the velocity at the start is at the end, as a momentum, see `kernels`
     decay: Array  # a, decay factor of each coefficient
     e: Array  # the innovation
-    rows: Array  # S, P_p, [1, 0], e; after the update these times L^-1: L^T, T, [L^-1, 0], L^-1 e (S = L L^T)
+    rows: Array  # S, [-B diag(s), X_pz], [1, 0], e; after the update times L^-1: L^T, U, [L^-1, 0], L^-1 e (S = L L^T)
     basis: Array  # weight of each block of c coefficients in the forces
     z: Array  # coefficients of the forces in x after the update
     Z: Array  # rows of P for these coefficients after the update
@@ -43,6 +43,10 @@ class Filter(NamedTuple):
     sensed: Array  # the same as the record shows it, at most as stated
     roots: Array  # running mean of the roots of the sixth differences of the velocities
     differences: Array  # velocity, first, ..., fifth difference at the latest sample
+    known_noise: Array  # noise of the known generalised force, largest standard deviations of an interval mean
+    known_sensed: Array  # the same as the record shows it
+    known_roots: Array  # as `roots`
+    known_differences: Array  # as `differences`
     slow: Array  # the weighted rows that no force explains, low-passed once and twice
     rate: Array  # decay rate of each coefficient [1/s], 0 for a random walk
     variance: Array  # stationary variance of coefficients that decay
@@ -58,21 +62,20 @@ class Filter(NamedTuple):
     inertias: Integers  # address of the subtrees' inertias, see `subtrees.inertias_at`
     tree: Integers  # see `subtrees.kinship_of`
     gravity: Array  # acceleration of gravity (6,), linear and angular, world axes
-    half: Array  # half of the latest interval and of the one in work [s]; 0 with C^T v of the measured velocity
-    back: Array  # (D (M - half D)^-1)^T at the latest sample
     twist: Array  # scratch, like all fields below but `blurred`
     subtree: Array
     carried: Array
     pushes: Array
     turns: Array
     across: Array
-    inverse: Array
-    turned: Array
-    blurred: Array  # B^T, where B B^T is the covariance of the measured momentum
+    right: Array  # scratch: covariance of the right side of an interval's equation, as it is made
+    blurred: Array  # B^T, see `kernels`
     phi: Array
     seen: Array
-    span: Array  # scratch: equations of the forces, then what they explain of the weighted rows
-    made: Array  # scratch: weighted rows that noise of the two samples' velocities makes
+    span: Array  # scratch: orthonormal basis of the weighted rows that forces explain
+    columns: Array  # scratch: the same, transposed
+    sent: Array  # scratch: generalised forces that noise of the two samples' velocities makes
+    made: Array  # scratch: their weighted rows in use
     along: Array  # scratch: the part of it that forces explain
     ended: Array  # what no force explains of the rows made by the latest sample's noise
 
@@ -92,7 +95,7 @@ def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step
     width = (nv + 2 * n + 8) // 8 * 8  # rounded up to a multiple of 8 doubles, the size of a processor's vectors
     return Step(
         shear=take(cursor, (nz, n)),
-        turn=take(cursor, (nv, nv)),
+        onward=take(cursor, (nv, nv)),
         decay=take(cursor, (nz,)),
         e=take(cursor, (nv,)),
         rows=take(cursor, (nv, width)),
@@ -146,6 +149,10 @@ def kalman_in(memory: Array) -> KalmanMemory:
             sensed=take(cursor, (nv,)),
             roots=take(cursor, (nv,)),
             differences=take(cursor, (6, nv)),
+            known_noise=take(cursor, (nv,)),
+            known_sensed=take(cursor, (nv,)),
+            known_roots=take(cursor, (nv,)),
+            known_differences=take(cursor, (6, nv)),
             slow=take(cursor, (2, nv)),
             rate=take(cursor, (nz,)),
             variance=take(cursor, (nz,)),
@@ -167,16 +174,15 @@ def kalman_in(memory: Array) -> KalmanMemory:
             pushes=take(cursor, (6, nv)),
             turns=take(cursor, (6, nv)),
             across=take(cursor, (nv, nv)),
-            half=take(cursor, (2,)),
-            back=take(cursor, (nv, nv)),
-            inverse=take(cursor, (nv, 2 * nv)),
-            turned=take(cursor, (nv, nv + nz)),
+            right=take(cursor, (nv, nv + nz)),
             blurred=take(cursor, (nv, nv)),
             phi=take(cursor, (nv,)),
             seen=take(cursor, (c, nv + nz)),
-            span=take(cursor, (c, c + nv)),
-            made=take(cursor, (nv, 2 * nv)),
-            along=take(cursor, (c, 2 * nv)),
+            span=take(cursor, (c, nv)),
+            columns=take(cursor, (nv, c)),
+            sent=take(cursor, (2 * nv, nv)),
+            made=take(cursor, (2 * nv, nv)),
+            along=take(cursor, (2 * nv, c)),
             ended=take(cursor, (nv, nv)),
         ),
         step=step_fields(cursor, nv, nz, c, blocks),

@@ -1,10 +1,10 @@
 """Compiled kernels of the Bryson-Frazier smoother, which runs from the last interval of a record to the first.
 
-The smoother carries an adjoint l (n,) and its covariance N (n, n) backward over the steps of the filter. T and L are
-those of the filter's update, K^T = L^-T T, and the index p marks the rows of the momentum:
+The smoother carries an adjoint l (n,) and its covariance N (n, n) backward over the steps of the filter. U, L and A are
+those of the filter, K^T = L^-T U, and p marks the first nv rows: velocities after the update, momenta before it.
 
-    update, backwards:   l_p <- l_p + L^-T e - K^T l,   N <- C^T N C + [S^-1 in pp],   C = I - [K in columns p]
-    interval, backwards: l <- F^T l,                    N <- F^T N F,       F = [I + turn, shear^T; 0, decay]
+    update, backwards:   l_p <- L^-T e - K^T l,   N <- C^T N C + [S^-1 in pp],   C = [0, 0; 0, I] - [K in columns p]
+    interval, backwards: l <- F^T l,              N <- F^T N F,                  F = [A, shear^T; 0, decay]
 
 With the filter's estimate x, P after an update, the smoothed estimate is x + P l with covariance P - P N P. No
 covariance is inverted.
@@ -62,13 +62,14 @@ def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Ar
     K[:, :] = 0.0
     add_product(K, T.T, whitening, 1.0)
     copy_values(adjoint, work[0])
+    adjoint[:nv] = 0.0
     add_row_product(adjoint, work[0], K, -1.0)
     add_row_product(adjoint, step.rows[:, nv + 2 * n], whitening, 1.0)
-    for i in range(nv):
-        copy_values(N[i], work[i])
+    work[:, :] = 0.0
     add_product(work, K[:, :nv].T, N, -1.0)
     for i in range(nv):
-        copy_values(work[i], N[i])
+        N[i, :nv] = 0.0
+        copy_values(work[i, nv:], N[i, nv:])
     add_product(N[:nv], work, K, -1.0)
     add_product(N[:nv], whitening[:, :nv].T, whitening, 1.0)
     mirror(N, nv)
@@ -90,18 +91,21 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array,
     right = mirrored[:, nv:]
     for i in range(nv):
         for j in range(nv):
-            mirrored[j, i] = step.turn[i, j]
+            mirrored[j, i] = step.onward[i, j]
     for a in range(nz):
         row = step.shear[a]
         for i in range(nv):
             right[i, a] = row[i]
     copy_values(adjoint, old[0])
+    adjoint[:nv] = 0.0
     add_row_product(adjoint, old[0, :nv], mirrored, 1.0)
     for i in range(nv):
         copy_values(N[i], old[i])
+    N[:nv] = 0.0
     add_product(N, mirrored.T, old[:nv], 1.0)
     for i in range(nv + nz):
         copy_values(N[i, :nv], old[i, :nv])
+    N[:, :nv] = 0.0
     add_product(N, old[:, :nv], mirrored, 1.0)
     if step.blind[0] > 0.0:
         drop_unseen_backward(step, adjoint, N, mirrored)

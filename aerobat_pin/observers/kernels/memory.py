@@ -46,7 +46,9 @@ class ObserverMemory(NamedTuple):
     velocity: Array  # scratch, like all fields below
     value: Array
     jacobian: Array
-    equations: Array
+    given: Array  # Jacobians of the components, and a generalised force
+    span: Array  # their weighted rows in use, padded with zeros
+    equations: Array  # of the components; after `project` the Cholesky factor of the equations it solved
 
 
 @merged
@@ -92,6 +94,8 @@ def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
         velocity=take(cursor, (nv,)),
         value=take(cursor, (size,)),
         jacobian=take(cursor, (c, nv)),
+        given=take(cursor, (c + 1, nv)),
+        span=take(cursor, (c + 1, nv)),
         equations=take(cursor, (c, c)),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, eigenvectors, inner, merged, solve_positive
+from aerobat_pin.numerics import Array, copy_values, dot, eigenvectors, inner, merged, solve_positive
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
@@ -14,78 +14,72 @@ UNSEEN_EIGENVALUE = 1.0e-10  # share of the trace: a smaller eigenvalue belongs 
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
 
-@inner
+@merged
 def normal_equations(
     observer: ObserverMemory, J: Array, velocity: Array, generalized: Array, A: Array, b: Array
 ) -> float:
-    """Write A = J W^2 J^T (lower triangle) and b = J W^2 phi over the rows in use; return the trace of A.
+    """Write A = (J L)(J L)^T (lower triangle) and b = J L L^T phi, L the weighted rows in use; return the trace of A.
 
     Args:
-        observer: rows and weights.
+        observer: rows and weights; the rows J L, then phi^T L, are written to `observer.span`.
         J: (c, nv) Jacobians of the components.
         velocity: (nv,) velocity; its joint part is the direction of the power row.
         generalized: (nv,) generalised force phi.
         A: (c, c) written.
         b: (c,) written.
     """
-    size, nv, rows = b.shape[0], generalized.shape[0], observer.sizes.rows
+    size, span, given, trace = b.shape[0], observer.span, observer.given, 0.0
     for i in range(size):
-        b[i] = 0.0
+        copy_values(J[i], given[i])
+    copy_values(generalized, given[size])
+    put_rows(observer, given, velocity, power_unit(observer, velocity), span)
+    for i in range(size):
+        b[i] = dot(span[i], span[size])
         for j in range(i + 1):
-            A[i, j] = 0.0
-    if rows == TIED:
-        tied_equations(observer.tied, J, generalized, A, b)
-    for k in range(nv if rows == ALL_ROWS else BASE_ROWS if rows < TIED else 0):
-        squared = observer.weight[k] * observer.weight[k]
-        for i in range(size):
-            row = squared * J[i, k]
-            b[i] += row * generalized[k]
-            for j in range(i + 1):
-                A[i, j] += row * J[j, k]
-    if rows == POWER_ROW:  # the power of all joints, per unit of joint velocity
-        speed, power = 0.0, 0.0
-        for k in range(BASE_ROWS, nv):
-            speed += in_unit_of_last_row(observer, velocity, k) ** 2
-            power += velocity[k] * generalized[k]
-        squared = observer.weight[nv - 1] ** 2 / speed if speed > 0.0 else 0.0
-        for i in range(size):
-            along = 0.0
-            for k in range(BASE_ROWS, nv):
-                along += J[i, k] * velocity[k]
-            b[i] += squared * along * power
-            for j in range(i + 1):
-                other = 0.0
-                for k in range(BASE_ROWS, nv):
-                    other += J[j, k] * velocity[k]
-                A[i, j] += squared * along * other
-    trace = 0.0
-    for i in range(size):
+            A[i, j] = dot(span[i], span[j])
         trace += A[i, i]
     return trace
 
 
-@inner
+@merged
+def put_rows(observer: ObserverMemory, generalized: Array, velocity: Array, unit: float, rows: Array) -> None:
+    """Write the weighted rows in use of generalised forces (m, nv), padded with zeros; unit is `power_unit`."""
+    weight, kind, tied, (count, nv) = observer.weight, observer.sizes.rows, observer.tied, rows.shape
+    if kind == ALL_ROWS:
+        for i in range(count):
+            for k in range(nv):
+                rows[i, k] = weight[k] * generalized[i, k]
+        return
+    rows[:, :] = 0.0
+    for i in range(count):
+        force, row = generalized[i], rows[i]
+        if kind == TIED:
+            for k in range(nv):
+                for s in range(tied.shape[1]):
+                    row[s] += tied[k, s] * force[k]
+            continue
+        for k in range(BASE_ROWS):
+            row[k] = weight[k] * force[k]
+        if kind == POWER_ROW:  # the power of all joints, per unit of joint velocity
+            for k in range(BASE_ROWS, nv):
+                row[BASE_ROWS] += unit * velocity[k] * force[k]
+
+
+@merged
+def power_unit(observer: ObserverMemory, velocity: Array) -> float:
+    """Return the weight of the row of the joints' power, over the joints' speed; 0 if they stand still."""
+    nv, speed = velocity.shape[0], 0.0
+    if observer.sizes.rows == POWER_ROW:
+        for k in range(BASE_ROWS, nv):
+            speed += in_unit_of_last_row(observer, velocity, k) ** 2
+    return float(observer.weight[nv - 1] / np.sqrt(speed)) if speed > 0.0 else 0.0
+
+
+@merged
 def in_unit_of_last_row(observer: ObserverMemory, velocity: Array, k: int) -> float:
     """Return a joint's velocity, divided by the lever arm if it slides and the last joint turns (or the reverse)."""
     ratio: float = observer.weight[observer.weight.shape[0] - 1] / observer.weight[k]
     return ratio * float(velocity[k])
-
-
-@inner
-def tied_equations(tied: Array, J: Array, generalized: Array, A: Array, b: Array) -> None:
-    """Add (J L)(J L)^T (lower triangle) to A and J L L^T phi to b, where L (nv, ns) are the weighted tied rows."""
-    row = np.empty(b.shape[0])
-    for s in range(tied.shape[1]):
-        known = 0.0
-        for k in range(tied.shape[0]):
-            known += tied[k, s] * generalized[k]
-        for i in range(b.shape[0]):
-            row[i] = 0.0
-            for k in range(tied.shape[0]):
-                row[i] += J[i, k] * tied[k, s]
-            b[i] += row[i] * known
-            for j in range(i + 1):
-                A[i, j] += row[i] * row[j]
 
 
 @merged
@@ -127,46 +121,22 @@ def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalize
         r = L^T (phi - J^T f)       L: the rows in use, moments over a lever arm of 50 mm (see `BelievedRows.map`)
 
     Args:
-        observer: rows, weights, Jacobian; `fitted`, `unseen` and `blind` change.
+        observer: rows, weights, Jacobian; `fitted`, `unseen` and `blind` change, and so do `span` and `equations`.
         before: (3 + c, nv) sample at the start of the interval.
         after: (3 + c, nv) sample at the end of the interval.
         generalized: (nv,) generalised force phi.
         rest: (nv + 1,) written: r, padded with zeros, and the smallest pivot of the equations over their trace.
     """
-    nv, force, J = generalized.shape[0], observer.fitted, observer.jacobian
+    nv, force, span = generalized.shape[0], observer.fitted, observer.span
     rest[nv] = project(observer, before, after, generalized, force)
-    for k in range(nv):
-        rest[k] = 0.0
     if force.shape[0] == 0:
+        for k in range(nv):
+            rest[k] = 0.0
         return
-    unit = power_unit(observer)
-    for k in range(nv):
-        left = generalized[k]
-        for i in range(force.shape[0]):
-            left -= J[i, k] * force[i]
-        add_to_rows(observer, k, left, unit, rest)
-
-
-@inner
-def power_unit(observer: ObserverMemory) -> float:
-    """Return the weight of the row of the joints' power, over the joints' speed; 0 if they stand still."""
-    nv, speed = observer.velocity.shape[0], 0.0
-    if observer.sizes.rows == POWER_ROW:
-        for k in range(BASE_ROWS, nv):
-            speed += in_unit_of_last_row(observer, observer.velocity, k) ** 2
-    return float(observer.weight[nv - 1] / np.sqrt(speed)) if speed > 0.0 else 0.0
-
-
-@inner
-def add_to_rows(observer: ObserverMemory, k: int, value: float, unit: float, rows: Array) -> None:
-    """Add an entry k of a generalised force to the weighted rows in use (nv,); unit is `power_unit`."""
-    if observer.sizes.rows == TIED:
-        for s in range(observer.tied.shape[1]):
-            rows[s] += observer.tied[k, s] * value
-    elif observer.sizes.rows == ALL_ROWS or k < BASE_ROWS:
-        rows[k] += observer.weight[k] * value
-    elif observer.sizes.rows == POWER_ROW:
-        rows[BASE_ROWS] += unit * observer.velocity[k] * value
+    copy_values(span[force.shape[0]], rest[:nv])
+    for i in range(force.shape[0]):
+        for k in range(nv):
+            rest[k] -= force[i] * span[i, k]
 
 
 @inner
