@@ -21,7 +21,6 @@ import pinocchio as pin
 from aerobat_pin.estimation.raw.air import AirForces
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
-from aerobat_pin.estimation.raw.recursion import MOVING
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 
@@ -33,8 +32,8 @@ class LinearDynamics:
     """The linear model of m intervals with n states; x is the state at the start of the interval.
 
     Attributes:
-        transition: (m, MOVING, n) rows of the transition of pose, twist and crank errors.
-        shift: (m, MOVING) their shift.
+        transition: (m, moving, n) rows of the transition of the first states, see `Layout.moving`.
+        shift: (m, moving) their shift.
         acceleration: (m, 6, n) rows of the change of the body's acceleration; `push` (m, 6) its constant part.
         pose, twist: (m, 6, n) rows of pose and twist error at the middle; `kick` (m, 6) the constant part of the twist.
         torque: (m, 4, n) rows of the joint torques; `torque_at` (m, 4) the torques at x = 0.
@@ -133,10 +132,10 @@ def linear_dynamics(
     Zq, Zv = Dq[:, :, :BASE_SIZE].copy(), Dv[:, :, :BASE_SIZE]
     for i in range(len(frames)):
         Jt = np.swapaxes(J[:, 3 * i : 3 * i + 3], 1, 2)
-        Z[:, :, layout.walk][:, :, 3 * i : 3 * i + 3] = -Jt
         Z[:, :, layout.white][:, :, 3 * i : 3 * i + 3] = -Jt
         in_body = np.einsum("kji,kj->ki", rotation, force[:, i])
         Zq[:, :, 3:] -= Jt @ rotation @ cross_matrices(in_body)
+    Z[:, :, layout.walk] = Z[:, :, layout.white] @ layout.by_mode
     phi_rate, phi_bend = crank[1][:, None, None], crank[2][:, None, None]
     Dqj, Dvj, Mj = Dq[:, :, at_v], Dv[:, :, at_v], M[:, :, at_v]
     d1c, d2c, d3c = d1[:, :, None], d2[:, :, None], d3[:, :, None]
@@ -168,7 +167,7 @@ def linear_dynamics(
     torque = Z[:, at_v] + through @ A
     torque_at = r[:, at_v] + np.einsum("kij,kj->ki", through, push)
 
-    F, shift = np.zeros((m, MOVING, n)), np.zeros((m, MOVING))
+    F, shift = np.zeros((m, layout.moving, n)), np.zeros((m, layout.moving))
     F[:, POSE_ERROR, POSE_ERROR] = ad
     F[:, POSE_ERROR, TWIST_ERROR] = dt[:, None, None] * np.eye(6)
     F[:, POSE_ERROR] += (0.5 * dt**2)[:, None, None] * A
@@ -182,6 +181,8 @@ def linear_dynamics(
     turn[:, 0, 2] = 0.5 * dt**2
     F[:, CRANK_ERROR, CRANK_ERROR] = turn
     shift[:, CRANK_ERROR] = np.einsum("kij,kj->ki", turn, nominal.crank[:-1]) - nominal.crank[1:]
+    F[:, layout.walk, layout.walk] = np.eye(3 * layout.points)
+    F[:, layout.walk, layout.slope] = dt[:, None, None] * np.eye(3 * layout.points)
     up = np.einsum("kji,j->ki", rotation, model.gravity.linear)
     return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, d1, twist, rate, up)
 

@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.known_inputs import Torque
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
-from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR
 from aerobat_pin.estimation.raw.linear import LinearRecord
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import first_prior
-from aerobat_pin.estimation.raw.recursion import MOVING, advance, take_samples
+from aerobat_pin.estimation.raw.recursion import advance, take_samples
 from aerobat_pin.estimation.raw.smoother import JointSmoother
 from aerobat_pin.estimation.raw.tuning import Tuning
 from aerobat_pin.numerics import Array
@@ -80,7 +80,7 @@ class JointFilter:
         self._x, self._P, self._rate = np.zeros(0), np.zeros((0, 0)), np.zeros(6)
         white = self.layout.white
         self._fresh = np.array([white.start, white.stop], dtype=np.intp)
-        self._scratch = np.empty((MOVING + 1, self.layout.size))
+        self._scratch = np.empty((self.layout.moving + 1, self.layout.size))
 
     @property
     def started(self) -> bool:
@@ -203,9 +203,9 @@ class JointFilter:
         count = len(times) - 1
         self._here = solved.motion.part(count, count)
         self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.covariances[-1].copy()
-        self._x[:MOVING] = 0.0
+        self._x[:MOTION] = 0.0
         self._rate = (solved.motion.twist[-1] - solved.motion.twist[-2]) / (times[-1] - times[-2])
-        return self._sample(self._here, self._x[self.layout.walk], self._block(), (0.0, 0))
+        return self._sample(self._here, self.layout.forces(self._x[None]), self._block(), (0.0, 0))
 
     def _step(
         self, here: NominalMotion, time: float, taken: dict[str, tuple[float, Array]], known: Array
@@ -215,7 +215,7 @@ class JointFilter:
         motion = here.extended(dt, self._rate)
         air = smoother.air.go_on(motion)
         record = self._record(motion.time.tolist(), [taken], known[None])
-        force = x[layout.walk].reshape(1, -1, 3)
+        force = layout.forces(x[None])
         linear: LinearRecord = smoother.linear(record, motion, air, force, {}, layout)
         rows, d = linear.rows, linear.dynamics
         noise = linear.noise(self.tuning)[0]
@@ -223,23 +223,24 @@ class JointFilter:
         gains, innovations = np.empty((len(rows.e), layout.size)), np.empty((len(rows.e), 2))
         first, middle, last = rows.start.tolist()
         take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, first, middle)
-        found, block = x[layout.walk].copy(), self._block()
+        found, block = layout.forces(x[None]), self._block()
         self._rate = self._rate + d.push[0] + d.acceleration[0] @ x
         advance(x, P, d.transition[0], d.shift[0], noise, self._fresh, self._scratch)
         take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, middle, last)
         there = motion.part(1, 1)
         self._remember(here, there)
-        self._here = there.moved(x[None, :MOVING])
-        x[:MOVING] = 0.0
+        self._here = there.moved(x[None, :MOTION])
+        x[:MOTION] = 0.0
         ratio = float(np.sum(innovations[:, 0] ** 2 / innovations[:, 1]))
         return self._sample(self._here, found, block, (ratio, len(rows.e)))
 
     def _block(self) -> Array:
-        return self._P[self.layout.walk, self.layout.walk].copy()
+        by_mode, walk = self.layout.by_mode, self.layout.walk
+        return np.asarray(by_mode @ self._P[walk, walk] @ by_mode.T)
 
     def _sample(self, here: NominalMotion, force: Array, block: Array, innovation: tuple[float, int]) -> JointSample:
-        deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOVING], 0.0))
-        assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOVING)
+        deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOTION], 0.0))
+        assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOTION)
         return JointSample(
             float(here.time[0]),
             here.placements()[0],

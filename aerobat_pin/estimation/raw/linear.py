@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.estimation.raw.dynamics import LinearDynamics
-from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, CRANK_ERROR, GYRO_BIAS, Layout
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.estimation.raw.prior import Prior
 from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
@@ -33,9 +33,10 @@ class LinearRecord:
         dt, layout = np.diff(self.nominal.time), self.layout
         added = np.zeros((len(dt), layout.size))
         added[:, CRANK_ERROR.stop - 1] = tuning.jerk**2 * dt
-        added[:, GYRO_BIAS] = GYRO_WALK**2 * dt[:, None]
-        added[:, ACCELEROMETER_BIAS] = ACCELEROMETER_WALK**2 * dt[:, None]
-        added[:, layout.walk] = np.tile(tuning.walk**2, layout.points) * dt[:, None]
+        added[:, layout.gyro_bias] = GYRO_WALK**2 * dt[:, None]
+        added[:, layout.accelerometer_bias] = ACCELEROMETER_WALK**2 * dt[:, None]
+        added[:, layout.walk] = tuning.by_mode(tuning.walk, layout.points) ** 2 * dt[:, None]
+        added[:, layout.slope] = tuning.by_mode(tuning.bend, layout.points) ** 2 * dt[:, None]
         added[:, layout.white] = np.tile(white_variance(tuning, np.append(dt[1:], dt[-1])), layout.points)
         return added
 

@@ -2,7 +2,7 @@
 
     x+ = F x + s + noise,   sample: e = h x + white noise of variance R
 
-Only the first `MOVING` rows of F differ from the identity; forces that are drawn anew in every interval have zero rows.
+Only the first rows of F differ from the identity, and only those are given; forces that are drawn anew in every interval have zero rows.
 Each sample is one number. With the filter's P h = g and S = h P h + R, the way back carries an adjoint l and its
 covariance N:
 
@@ -18,8 +18,6 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, Integers, kernel
-
-MOVING = 15  # pose error (6), twist error (6), crank angle, rate and acceleration
 
 
 @kernel
@@ -70,11 +68,11 @@ def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Int
     Args:
         x: (n,) state, changes.
         P: (n, n) covariance, changes.
-        F: (MOVING, n) rows of the transition; the others are the identity.
-        shift: (MOVING,) shift of these states.
+        F: (moving, n) rows of the transition; the others are the identity.
+        shift: (moving,) shift of these states.
         noise: (n,) variances that the interval adds; of a fresh state: its variance.
         fresh: (2,) first and last (excluded) of the states that are drawn anew.
-        W: (MOVING + 1, n) scratch.
+        W: (moving + 1, n) scratch.
     """
     n, m = x.shape[0], F.shape[0]
     for i in range(m):
@@ -129,8 +127,8 @@ def filter_record(
     Args:
         x: (n,) first state; the last one afterwards.
         P: (n, n) first covariance; the last one afterwards.
-        F: (m, MOVING, n) transitions.
-        shift: (m, MOVING) shifts.
+        F: (m, moving, n) transitions.
+        shift: (m, moving) shifts.
         noise: (m, n) variances that each interval adds.
         fresh: (2,) see `advance`.
         start: (m + 2,) first sample of each knot.
@@ -177,7 +175,7 @@ def smooth_record(
     """Smooth a record that `filter_record` has filtered: replace `states` by smoothed ones.
 
     Args:
-        F: (m, MOVING, n) transitions.
+        F: (m, moving, n) transitions.
         fresh: (2,) states that are drawn anew.
         start: (m + 2,) first sample of each knot.
         h: (k, n) rows of the samples.

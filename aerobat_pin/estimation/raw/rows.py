@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
 from aerobat_pin.estimation.raw.dynamics import LinearDynamics, cross_matrices
-from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, GYRO_BIAS, Layout
+from aerobat_pin.estimation.raw.layout import Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.numerics import Array, Integers
 
@@ -169,7 +169,7 @@ def _gyro(
     s, first = (at - nominal.time[k])[:, None], np.minimum(k, len(d.push) - 1)
     h[:, :, 9:12] = channel.turn.T
     h += s[:, :, None] * (channel.turn.T @ d.acceleration[first, 3:])
-    h[:, :, GYRO_BIAS] += np.eye(3)
+    h[:, :, layout.gyro_bias] += np.eye(3)
     return h, values - rate - s * (d.push[first, 3:] @ channel.turn), slope
 
 
@@ -197,7 +197,7 @@ def _accelerometer(
     h = by_rate @ d.acceleration[first] + by_twist @ d.twist[first] + by_pose @ d.pose[first]
     constant = d.push[first] @ by_rate.T + np.einsum("kij,kj->ki", by_twist, d.kick[first])
     h = channel.turn.T @ h
-    h[:, :, ACCELEROMETER_BIAS] += np.eye(3)
+    h[:, :, layout.accelerometer_bias] += np.eye(3)
     if (mount := layout.mount_at) is not None:
         by_place = cross_matrices(d.middle_acceleration[first, 3:]) + W @ W
         h[:, :, mount] = np.concatenate([channel.turn.T @ by_place, cross_matrices(here)], axis=2)

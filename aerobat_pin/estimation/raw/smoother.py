@@ -14,12 +14,11 @@ import numpy as np
 from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.estimation.raw.channels import RawRecord
 from aerobat_pin.estimation.raw.dynamics import linear_dynamics
-from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, GYRO_BIAS, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
 from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.estimation.raw.prior import Prior, first_prior, prior_at
-from aerobat_pin.estimation.raw.recursion import MOVING
 from aerobat_pin.estimation.raw.rows import sample_rows
 from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs, likely_tuning
 from aerobat_pin.linkage import SeriesSculpture
@@ -155,8 +154,8 @@ class JointSmoother:
                 use, to_choose = likely_tuning(score, use, free, self.weight), False
             smoothed = linear.smooth(use, prior, deviations=False)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
-            motion = motion.moved(smoothed.states[:, :MOVING])
-            force = smoothed.states[:-1, self.layout.walk].reshape(len(force), -1, 3)
+            motion = motion.moved(smoothed.states[:, :MOTION])
+            force = self.layout.forces(smoothed.states[:-1])
             if size < SETTLED and not to_choose:
                 break
         smoothed = linear.smooth(use, prior, deviations=True)
@@ -168,7 +167,7 @@ class JointSmoother:
         error = self.settings.offset_error
 
         def linear(solved: Solved, shifts: dict[str, float]) -> LinearRecord:
-            force = solved.smoothed.states[:-1, self.layout.walk].reshape(-1, len(self.frames), 3)
+            force = self.layout.forces(solved.smoothed.states[:-1])
             return self.linear(record, solved.motion, solved.air, force, shifts, layout)
 
         found = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
@@ -182,15 +181,15 @@ class JointSmoother:
 
     def _joined(self, parts: list[tuple[RecordPart, Solved]], offsets: tuple[ClockOffset, ...]) -> JointEstimate:
         """Join the windows' kept parts."""
-        layout, points = self.layout, len(self.frames)
+        layout = self.layout
         motions, spreads, forces, blocks, counts = [], [], [], [], []
         for window, solved in parts:
             a, b = window.first - window.start, window.last - window.start
             final = b if window.next is not None else b + 1
             motions.append(solved.motion.part(a, final - 1))
-            spreads.append(solved.smoothed.deviations[a:final, :MOVING])
-            forces.append(solved.smoothed.states[a:b, layout.walk].reshape(-1, points, 3))
-            blocks.append(solved.smoothed.blocks[a:b])
+            spreads.append(solved.smoothed.deviations[a:final, :MOTION])
+            forces.append(layout.forces(solved.smoothed.states[a:b]))
+            blocks.append(layout.by_mode @ solved.smoothed.blocks[a:b] @ layout.by_mode.T)
             counts.append(solved.innovation()[a:b])
         _, first = parts[0]
         _, end = parts[-1]
@@ -205,7 +204,7 @@ class JointSmoother:
             motion_deviation=np.concatenate(spreads),
             force=np.concatenate(forces),
             force_covariance=np.concatenate(blocks),
-            bias=np.concatenate([x[GYRO_BIAS], x[ACCELEROMETER_BIAS]]),
+            bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
             mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.covariances[-1][at, at]),
             factors=factors,
             tuning=first.tuning,
