@@ -216,7 +216,7 @@ class JointFilter:
         air = smoother.air.go_on(motion)
         record = self._record(motion.time.tolist(), [taken], known[None])
         force = layout.forces(x[None])
-        linear: LinearRecord = smoother.linear(record, motion, air, force, {}, layout)
+        linear: LinearRecord = smoother.linear(record, motion, air, force, {}, layout, np.zeros(1))
         rows, d = linear.rows, linear.dynamics
         noise = linear.noise(self.tuning)[0]
         P[layout.white, layout.white] = np.diag(noise[layout.white])

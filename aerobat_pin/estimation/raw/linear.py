@@ -21,12 +21,21 @@ GYRO_WALK, ACCELEROMETER_WALK = 1.0e-4, 1.0e-3  # of the biases [rad/s/sqrt(s), 
 
 @dataclass(frozen=True)
 class LinearRecord:
-    """A record linearised about a nominal motion: dynamics and samples."""
+    """A record linearised about a nominal motion: dynamics and samples.
+
+    Attributes:
+        layout: places of the states.
+        nominal: the motion.
+        dynamics: of each interval.
+        rows: the samples.
+        jumps: (m,) variance that a jump at the end of an interval adds to each slow force [N2]; 0 where there is none.
+    """
 
     layout: Layout
     nominal: NominalMotion
     dynamics: LinearDynamics
     rows: SampleRows
+    jumps: Array
 
     def noise(self, tuning: Tuning) -> Array:
         """Return the variances (m, n) that each interval adds to the states."""
@@ -35,7 +44,7 @@ class LinearRecord:
         added[:, CRANK_ERROR.stop - 1] = tuning.jerk**2 * dt
         added[:, layout.gyro_bias] = GYRO_WALK**2 * dt[:, None]
         added[:, layout.accelerometer_bias] = ACCELEROMETER_WALK**2 * dt[:, None]
-        added[:, layout.walk] = tuning.by_mode(tuning.walk, layout.points) ** 2 * dt[:, None]
+        added[:, layout.walk] = tuning.by_mode(tuning.walk, layout.points) ** 2 * dt[:, None] + self.jumps[:, None]
         added[:, layout.slope] = tuning.by_mode(tuning.bend, layout.points) ** 2 * dt[:, None]
         added[:, layout.white] = np.tile(white_variance(tuning, np.append(dt[1:], dt[-1])), layout.points)
         return added
@@ -68,11 +77,13 @@ class LinearRecord:
         block = np.array([layout.walk.start, layout.walk.stop], dtype=np.intp)
         size = len(states) if deviations else 0
         spread, blocks = np.empty((size, n)), np.empty((size, 3 * layout.points, 3 * layout.points))
+        pulls, informations = np.empty((size, 3 * layout.points)), np.empty_like(blocks)
         d, rows = self.dynamics, self.rows
         smooth_record(
-            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block, spread, blocks
-        )
-        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances)
+            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block, spread, blocks,
+            pulls, informations,
+        )  # fmt: skip
+        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances, pulls, informations)
 
 
 class Filtered(NamedTuple):
@@ -97,6 +108,8 @@ class Smoothed:
         innovations: (k, 2) innovation of each sample and its variance.
         score: log-likelihood.
         filtered, covariances: (m + 1, n), (m + 1, n, n) of the filter.
+        pulls, informations: (m + 1, b), (m + 1, b, b) score of a jump of these forces before each knot, and its
+            covariance, or empty.
     """
 
     states: Array
@@ -106,3 +119,5 @@ class Smoothed:
     score: float
     filtered: Array
     covariances: Array
+    pulls: Array
+    informations: Array

@@ -171,6 +171,8 @@ def smooth_record(
     block: Integers,
     deviations: Array,
     blocks: Array,
+    pulls: Array,
+    informations: Array,
 ) -> None:
     """Smooth a record that `filter_record` has filtered: replace `states` by smoothed ones.
 
@@ -186,6 +188,8 @@ def smooth_record(
         block: (2,) first and last (excluded) state of the block whose covariance is wanted.
         deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves most time.
         blocks: (m + 1, b, b) written: smoothed covariance of the block.
+        pulls: (m + 1, b) written: the adjoint of the block before the samples of the knot.
+        informations: (m + 1, b, b) written: covariance of that adjoint.
     """
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
     adjoint, old = np.zeros(n), np.zeros(n)
@@ -265,3 +269,6 @@ def smooth_record(
             push /= variance
             for a in range(n):
                 adjoint[a] -= push * row[a]
+        if wanted:
+            pulls[k] = adjoint[block[0] : block[1]]
+            informations[k] = N[block[0] : block[1], block[0] : block[1]]

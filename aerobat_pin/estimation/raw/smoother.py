@@ -14,6 +14,7 @@ import numpy as np
 from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.estimation.raw.channels import RawRecord
 from aerobat_pin.estimation.raw.dynamics import linear_dynamics
+from aerobat_pin.estimation.raw.jumps import more_jumps
 from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
 from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
@@ -31,6 +32,7 @@ LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, 
 SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends
 NEARLY = 20.0  # times this: the tuning is chosen
 CORRECTIONS = 2  # times that a clock offset is applied, for a better one, where one is found
+ROUNDS_OF_JUMPS = 4  # in which jumps are looked for
 STALE = 0.1  # [m/s]: rms change of the twist after which the air's derivative is flown anew
 
 
@@ -123,19 +125,21 @@ class JointSmoother:
         force: Array,
         shifts: dict[str, float],
         layout: Layout,
+        jumps: Array,
     ) -> LinearRecord:
         """Linearise a record about a motion."""
         dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force, self._data)
-        return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts))
+        return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts), jumps)
 
     def solve(
         self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None, shifts: dict[str, float]
     ) -> Solved:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
-        free = free_logs(self.settings)
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
-        to_choose = tuning is None and bool(np.any(free))
+        to_choose = tuning is None and bool(np.any(free_logs(self.settings)))
+        looked = False
         force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
+        jumps: Array = np.zeros(len(force))
         by_twist: Array | None = None
         flown_at, last, size = motion, self.settings.iterations - 1, np.inf
         for iteration in range(self.settings.iterations):
@@ -145,13 +149,17 @@ class JointSmoother:
                 flown_at = motion
             air = self.air.fly(motion, by_twist)
             by_twist = air.by_twist
-            linear = self.linear(record, motion, air, force, shifts, self.layout)
+            linear = self.linear(record, motion, air, force, shifts, self.layout, jumps)
             if to_choose and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
 
-                def score(candidate: Tuning, linear: LinearRecord = linear) -> float:
-                    return linear.filter(candidate, prior, keep=False)[0]
-
-                use, to_choose = likely_tuning(score, use, free, self.weight), False
+                use, to_choose = self._likely(linear, prior, use), False
+                looked = False
+            if not to_choose and not looked and size < NEARLY * SETTLED:
+                linear, looked = self._with_jumps(linear, prior, use), True
+                if np.any(linear.jumps) and tuning is None:
+                    use = self._likely(linear, prior, use)
+                    linear = self._with_jumps(linear, prior, use)
+                jumps = linear.jumps
             smoothed = linear.smooth(use, prior, deviations=False)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
             motion = motion.moved(smoothed.states[:, :MOTION])
@@ -161,6 +169,24 @@ class JointSmoother:
         smoothed = linear.smooth(use, prior, deviations=True)
         return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
 
+    def _likely(self, linear: LinearRecord, prior: Prior, start: Tuning) -> Tuning:
+        """Return the tuning under which the samples are likeliest."""
+
+        def score(candidate: Tuning) -> float:
+            return linear.filter(candidate, prior, keep=False)[0]
+
+        return likely_tuning(score, start, free_logs(self.settings), self.weight)
+
+    def _with_jumps(self, linear: LinearRecord, prior: Prior, tuning: Tuning) -> LinearRecord:
+        """Return the record with the jumps that the samples ask for."""
+        for _ in range(ROUNDS_OF_JUMPS):
+            smoothed = linear.smooth(tuning, prior, deviations=True)
+            jumps = more_jumps(smoothed, linear.nominal.time, linear.jumps, self.weight)
+            if np.array_equal(jumps, linear.jumps):
+                break
+            linear = replace(linear, jumps=jumps)
+        return linear
+
     def _offsets(self, record: RawRecord, solved: Solved) -> tuple[ClockOffset, ...]:
         """Return the clock offsets that the samples of a smoothed window ask for."""
         layout = replace(self.layout, offsets=tuple(name for name in TIMED if name in record.channels))
@@ -168,7 +194,7 @@ class JointSmoother:
 
         def linear(solved: Solved, shifts: dict[str, float]) -> LinearRecord:
             force = self.layout.forces(solved.smoothed.states[:-1])
-            return self.linear(record, solved.motion, solved.air, force, shifts, layout)
+            return self.linear(record, solved.motion, solved.air, force, shifts, layout, solved.linear.jumps)
 
         found = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
         if not found:
