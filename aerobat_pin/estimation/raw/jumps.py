@@ -22,9 +22,9 @@ LEAST_JUMP_GAIN = 10.0  # of the log-likelihood: one in 20,000 knots is taken to
 APART = 0.02  # [s] between two jumps that are found at once
 
 
-def jump_gains(smoothed: Smoothed, variance: float) -> Array:
+def jump_gains(smoothed: Smoothed, forces: slice, variance: float) -> Array:
     """Return what a jump in each interval (m,) would gain in log-likelihood."""
-    pull, information = smoothed.pulls[1:], smoothed.informations[1:]
+    pull, information = smoothed.pulls[1:, forces], smoothed.inside[1:]
     size = np.eye(pull.shape[1])
     answer = np.linalg.solve(information + size / variance, pull[:, :, None])[:, :, 0]
     return np.asarray(
@@ -32,10 +32,10 @@ def jump_gains(smoothed: Smoothed, variance: float) -> Array:
     )
 
 
-def more_jumps(smoothed: Smoothed, time: Array, jumps: Array, weight: float) -> Array:
+def more_jumps(smoothed: Smoothed, forces: slice, time: Array, jumps: Array, weight: float) -> Array:
     """Return the variances of jumps (m,) with those added that the samples still ask for; see `LinearRecord.jumps`."""
     variance = (JUMP * weight) ** 2
-    gains, found = jump_gains(smoothed, variance), jumps.copy()
+    gains, found = jump_gains(smoothed, forces, variance), jumps.copy()
     gains[jumps > 0.0] = 0.0
     while np.max(gains) > LEAST_JUMP_GAIN:
         k = int(np.argmax(gains))

@@ -68,8 +68,8 @@ class LinearRecord:
         )  # fmt: skip
         return score, Filtered(x, P, gains, innovations, states, covariances)
 
-    def smooth(self, tuning: Tuning, prior: Prior, *, deviations: bool) -> Smoothed:
-        """Smooth the record; standard deviations take most of the time, and are left empty if not asked for."""
+    def smooth(self, tuning: Tuning, prior: Prior, *, scores: bool = False, deviations: bool = False) -> Smoothed:
+        """Smooth the record; scores, and deviations with them, take most of the time, and are empty if not asked for."""
         score, (_, _, gains, innovations, states, covariances) = self.filter(tuning, prior, keep=True)
         filtered = states.copy()
         n, layout = self.layout.size, self.layout
@@ -77,13 +77,15 @@ class LinearRecord:
         block = np.array([layout.walk.start, layout.walk.stop], dtype=np.intp)
         size = len(states) if deviations else 0
         spread, blocks = np.empty((size, n)), np.empty((size, 3 * layout.points, 3 * layout.points))
-        pulls, informations = np.empty((size, 3 * layout.points)), np.empty_like(blocks)
+        size = len(states) if scores or deviations else 0
+        pulls, informations = np.empty((size, n)), np.empty((size, n))
+        inside = np.empty((size, 3 * layout.points, 3 * layout.points))
         d, rows = self.dynamics, self.rows
         smooth_record(
-            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block, spread, blocks,
-            pulls, informations,
+            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block,
+            pulls, informations, inside, spread, blocks,
         )  # fmt: skip
-        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances, pulls, informations)
+        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances, pulls, informations, inside)
 
 
 class Filtered(NamedTuple):
@@ -108,8 +110,9 @@ class Smoothed:
         innovations: (k, 2) innovation of each sample and its variance.
         score: log-likelihood.
         filtered, covariances: (m + 1, n), (m + 1, n, n) of the filter.
-        pulls, informations: (m + 1, b), (m + 1, b, b) score of a jump of these forces before each knot, and its
-            covariance, or empty.
+        pulls, informations: (m + 1, n) derivative of the log-likelihood by a sudden change of each state before each
+            knot's samples, with the sign turned, and its variance, or empty.
+        inside: (m + 1, b, b) covariance of the pulls of the slowly changing forces, or empty.
     """
 
     states: Array
@@ -121,3 +124,4 @@ class Smoothed:
     covariances: Array
     pulls: Array
     informations: Array
+    inside: Array

@@ -169,10 +169,11 @@ def smooth_record(
     states: Array,
     covariances: Array,
     block: Integers,
-    deviations: Array,
-    blocks: Array,
     pulls: Array,
     informations: Array,
+    inside: Array,
+    deviations: Array,
+    blocks: Array,
 ) -> None:
     """Smooth a record that `filter_record` has filtered: replace `states` by smoothed ones.
 
@@ -186,14 +187,15 @@ def smooth_record(
         states: (m + 1, n) filtered states; smoothed afterwards.
         covariances: (m + 1, n, n) filtered covariances.
         block: (2,) first and last (excluded) state of the block whose covariance is wanted.
-        deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves most time.
+        pulls: (m + 1, n) written: the adjoint before the samples of each knot; or (0, n), which saves time.
+        informations: (m + 1, n) written: variances of that adjoint.
+        inside: (m + 1, b, b) written: covariance of the block's adjoint.
+        deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves more time.
         blocks: (m + 1, b, b) written: smoothed covariance of the block.
-        pulls: (m + 1, b) written: the adjoint of the block before the samples of the knot.
-        informations: (m + 1, b, b) written: covariance of that adjoint.
     """
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
     adjoint, old = np.zeros(n), np.zeros(n)
-    wanted = deviations.shape[0] > 0
+    wanted, spread = pulls.shape[0] > 0, deviations.shape[0] > 0
     N, T, w = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     for k in range(m, -1, -1):
         if k < m:
@@ -224,7 +226,7 @@ def smooth_record(
             for j in range(n):
                 total += P[i, j] * adjoint[j]
             states[k, i] -= total
-        if wanted:
+        if spread:
             for i in range(n):
                 for j in range(n):
                     T[i, j] = 0.0
@@ -255,14 +257,11 @@ def smooth_record(
                     across += w[a] * gain[a]
                 across = (across + 1.0) / variance
                 for a in range(n):
-                    if row[a] != 0.0:
-                        for j in range(n):
-                            N[a, j] -= row[a] * w[j]
-                            N[j, a] -= row[a] * w[j]
+                    w[a] -= 0.5 * across * row[a]
                 for a in range(n):
-                    if row[a] != 0.0:
-                        for j in range(n):
-                            N[a, j] += row[a] * row[j] * across
+                    for j in range(a + 1):
+                        N[a, j] -= row[a] * w[j] + row[j] * w[a]
+                        N[j, a] = N[a, j]
             push = innovation
             for a in range(n):
                 push += gain[a] * adjoint[a]
@@ -270,5 +269,7 @@ def smooth_record(
             for a in range(n):
                 adjoint[a] -= push * row[a]
         if wanted:
-            pulls[k] = adjoint[block[0] : block[1]]
-            informations[k] = N[block[0] : block[1], block[0] : block[1]]
+            pulls[k] = adjoint
+            for a in range(n):
+                informations[k, a] = N[a, a]
+            inside[k] = N[block[0] : block[1], block[0] : block[1]]

@@ -16,12 +16,13 @@ from aerobat_pin.estimation.raw.channels import RawRecord
 from aerobat_pin.estimation.raw.dynamics import linear_dynamics
 from aerobat_pin.estimation.raw.jumps import more_jumps
 from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.likelihood import likelier_tuning
 from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.estimation.raw.prior import Prior, first_prior, prior_at
 from aerobat_pin.estimation.raw.rows import sample_rows
-from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs, likely_tuning
+from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
@@ -32,7 +33,8 @@ LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, 
 SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends
 NEARLY = 20.0  # times this: the tuning is chosen
 CORRECTIONS = 2  # times that a clock offset is applied, for a better one, where one is found
-ROUNDS_OF_JUMPS = 4  # in which jumps are looked for
+FIRST_ROUNDS, ROUNDS = 12, 4  # of walks and jumps: in the first search, and after it about each new motion
+LEAST_GAIN_OF_ROUND = 1.0  # of the log-likelihood: smaller gains end the rounds
 STALE = 0.1  # [m/s]: rms change of the twist after which the air's derivative is flown anew
 
 
@@ -136,10 +138,9 @@ class JointSmoother:
     ) -> Solved:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
-        to_choose = tuning is None and bool(np.any(free_logs(self.settings)))
-        looked = False
+        free = free_logs(self.settings) & (tuning is None)
+        rounds, searched = FIRST_ROUNDS if np.any(free) else ROUNDS, False
         force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
-        jumps: Array = np.zeros(len(force))
         by_twist: Array | None = None
         flown_at, last, size = motion, self.settings.iterations - 1, np.inf
         for iteration in range(self.settings.iterations):
@@ -149,43 +150,38 @@ class JointSmoother:
                 flown_at = motion
             air = self.air.fly(motion, by_twist)
             by_twist = air.by_twist
-            linear = self.linear(record, motion, air, force, shifts, self.layout, jumps)
-            if to_choose and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
-
-                use, to_choose = self._likely(linear, prior, use), False
-                looked = False
-            if not to_choose and not looked and size < NEARLY * SETTLED:
-                linear, looked = self._with_jumps(linear, prior, use), True
-                if np.any(linear.jumps) and tuning is None:
-                    use = self._likely(linear, prior, use)
-                    linear = self._with_jumps(linear, prior, use)
-                jumps = linear.jumps
-            smoothed = linear.smooth(use, prior, deviations=False)
+            linear = self.linear(record, motion, air, force, shifts, self.layout, np.zeros(len(force)))
+            if iteration == last or (iteration > 0 and size < NEARLY * SETTLED):
+                use, linear = self._likelier(linear, prior, use, free, rounds)
+                rounds, searched = ROUNDS, True
+            smoothed = linear.smooth(use, prior)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
             motion = motion.moved(smoothed.states[:, :MOTION])
             force = self.layout.forces(smoothed.states[:-1])
-            if size < SETTLED and not to_choose:
+            if size < SETTLED and searched:
                 break
         smoothed = linear.smooth(use, prior, deviations=True)
         return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
 
-    def _likely(self, linear: LinearRecord, prior: Prior, start: Tuning) -> Tuning:
-        """Return the tuning under which the samples are likeliest."""
+    def _likelier(
+        self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Array, rounds: int
+    ) -> tuple[Tuning, LinearRecord]:
+        """Return a tuning under which the samples are likelier, and the record with the jumps that they ask for.
 
-        def score(candidate: Tuning) -> float:
-            return linear.filter(candidate, prior, keep=False)[0]
-
-        return likely_tuning(score, start, free_logs(self.settings), self.weight)
-
-    def _with_jumps(self, linear: LinearRecord, prior: Prior, tuning: Tuning) -> LinearRecord:
-        """Return the record with the jumps that the samples ask for."""
-        for _ in range(ROUNDS_OF_JUMPS):
-            smoothed = linear.smooth(tuning, prior, deviations=True)
-            jumps = more_jumps(smoothed, linear.nominal.time, linear.jumps, self.weight)
-            if np.array_equal(jumps, linear.jumps):
+        In a search from the start, jumps wait until the walks are of the right size; else all that moves is one.
+        """
+        wait = rounds // 3 if rounds == FIRST_ROUNDS else 0
+        for i in range(rounds):
+            smoothed, jumps = linear.smooth(tuning, prior, scores=True), linear.jumps
+            if i >= wait:
+                jumps = more_jumps(smoothed, self.layout.walk, linear.nominal.time, jumps, self.weight)
+            tuning, gain = likelier_tuning(
+                tuning, free, smoothed, np.diff(linear.nominal.time), self.layout, self.weight
+            )
+            if i >= wait and gain < LEAST_GAIN_OF_ROUND and np.array_equal(jumps, linear.jumps):
                 break
             linear = replace(linear, jumps=jumps)
-        return linear
+        return tuning, linear
 
     def _offsets(self, record: RawRecord, solved: Solved) -> tuple[ClockOffset, ...]:
         """Return the clock offsets that the samples of a smoothed window ask for."""

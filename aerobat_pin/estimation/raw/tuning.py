@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.likelihood import most_likely
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import RawSection
 
 TICK = 1.0e-3  # [s]: the white force is stated as a mean over so long
-FIRST_WALK, FIRST_BEND, FIRST_WHITE, FIRST_JERK = 0.1, 10.0, 0.02, 100.0  # of the weight (three), rad/s^2.5
-LEAST = np.log([1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3)  # of the weight
-MOST = np.log([50.0] * 3 + [1e4] * 3 + [1.0] * 3)
-ALIKE_LIMITS = np.log([0.03, 30.0])
-JERK_LIMITS = np.log([1.0, 1e6])
+FIRST_WALK, FIRST_BEND, FIRST_WHITE, FIRST_JERK = 0.1, 50.0, 0.02, 10.0  # of the weight (three), rad/s^2.5
 
 
 @dataclass(frozen=True)
@@ -82,15 +76,6 @@ def free_logs(settings: RawSection) -> Array:
     """Return which of the logarithms (13,) are left out of the settings, to be chosen by likelihood."""
     left_out = [settings.walk is None] * 3 + [settings.bend is None] * 3 + [settings.white is None] * 3 + [settings.alike is None] * 3 + [settings.crank_jerk is None]
     return np.array(left_out)
-
-
-def likely_tuning(score: Callable[[Tuning], float], start: Tuning, free: Array, weight: float) -> Tuning:
-    """Return the tuning of highest likelihood, as far as `likelihood.most_likely` climbs."""
-    least = np.concatenate([LEAST + np.log(weight), [ALIKE_LIMITS[0]] * 3, JERK_LIMITS[:1]])
-    most = np.concatenate([MOST + np.log(weight), [ALIKE_LIMITS[1]] * 3, JERK_LIMITS[1:]])
-    begin = np.where(free, np.clip(start.to_logs(), least, most), start.to_logs())
-    order = [i for i in (6, 7, 8, 3, 4, 5, 0, 1, 2, 9, 10, 11, 12) if free[i]]  # a walk chosen first would follow the white noise
-    return Tuning.from_logs(most_likely(lambda logs: score(Tuning.from_logs(logs)), begin, order, least, most))
 
 
 def white_variance(tuning: Tuning, dt: Array) -> Array:
