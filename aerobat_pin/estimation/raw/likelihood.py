@@ -8,6 +8,8 @@ factor by which the variance is changed. One smoothing of the record serves all 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
@@ -17,8 +19,9 @@ from aerobat_pin.numerics import Array
 
 LEAST = np.log([1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3)  # of the weight
 MOST = np.log([50.0] * 3 + [1e4] * 3 + [1.0] * 3)
-ALIKE_LIMITS = np.log([0.03, 30.0])
+ALIKE_LIMITS = np.log([0.2, 5.0])
 JERK_LIMITS = np.log([1.0, 1e6])
+TURNS = (0.004, 0.008, 0.016)  # [s]: a walk of so many times the bend is tried
 LONGEST_STEP = 1.5  # of a logarithm in one round
 
 
@@ -64,6 +67,24 @@ def likelier_tuning(
     wanted = np.clip(logs + np.clip(0.5 * steps, -LONGEST_STEP, LONGEST_STEP), least, most)
     following = np.where(free, wanted, logs)
     return Tuning.from_logs(following), float(np.concatenate(slopes) @ (following - logs))
+
+
+def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Array, weight: float) -> Tuning:
+    """Return the tuning with forces that walk without a slope, along each axis where the samples are likelier so.
+
+    Walk and slope each have a likelihood with a top of its own, and a climb from a slope does not come to the walk's.
+    """
+    best = score(tuning)
+    least = LEAST[3:6] + np.log(weight)
+    for axis in np.flatnonzero(free[:3] & free[3:6] & (tuning.to_logs()[3:6] > least + 1e-9)).tolist():
+        for seconds in TURNS:
+            logs = tuning.to_logs()
+            logs[axis], logs[3 + axis] = logs[3 + axis] + np.log(seconds), least[axis]
+            tried = Tuning.from_logs(logs)
+            if (found := score(tried)) > best:
+                best, tuning = found, tried
+                break
+    return tuning
 
 
 def _log_ratio(sums: Array) -> Array:

@@ -16,7 +16,7 @@ from aerobat_pin.estimation.raw.channels import RawRecord
 from aerobat_pin.estimation.raw.dynamics import linear_dynamics
 from aerobat_pin.estimation.raw.jumps import more_jumps
 from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
-from aerobat_pin.estimation.raw.likelihood import likelier_tuning
+from aerobat_pin.estimation.raw.likelihood import likelier_tuning, simpler_tuning
 from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
@@ -153,6 +153,8 @@ class JointSmoother:
             linear = self.linear(record, motion, air, force, shifts, self.layout, np.zeros(len(force)))
             if iteration == last or (iteration > 0 and size < NEARLY * SETTLED):
                 use, linear = self._likelier(linear, prior, use, free, rounds)
+                if rounds == FIRST_ROUNDS:
+                    use = self._simpler(linear, prior, use, free)
                 rounds, searched = ROUNDS, True
             smoothed = linear.smooth(use, prior)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
@@ -182,6 +184,14 @@ class JointSmoother:
                 break
             linear = replace(linear, jumps=jumps)
         return tuning, linear
+
+    def _simpler(self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Array) -> Tuning:
+        """Return the tuning, with forces that only walk where the samples are likelier so."""
+
+        def score(candidate: Tuning) -> float:
+            return linear.filter(candidate, prior, keep=False)[0]
+
+        return simpler_tuning(score, tuning, free, self.weight)
 
     def _offsets(self, record: RawRecord, solved: Solved) -> tuple[ClockOffset, ...]:
         """Return the clock offsets that the samples of a smoothed window ask for."""
