@@ -139,8 +139,9 @@ class JointSmoother:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
         free = free_logs(self.settings) & (tuning is None)
-        rounds, searched = FIRST_ROUNDS if np.any(free) else ROUNDS, False
+        rounds = [FIRST_ROUNDS, ROUNDS] if np.any(free) else [ROUNDS]
         force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
+        jumps: Array = np.zeros(len(force))
         by_twist: Array | None = None
         flown_at, last, size = motion, self.settings.iterations - 1, np.inf
         for iteration in range(self.settings.iterations):
@@ -150,17 +151,17 @@ class JointSmoother:
                 flown_at = motion
             air = self.air.fly(motion, by_twist)
             by_twist = air.by_twist
-            linear = self.linear(record, motion, air, force, shifts, self.layout, np.zeros(len(force)))
-            if iteration == last or (iteration > 0 and size < NEARLY * SETTLED):
-                use, linear = self._likelier(linear, prior, use, free, rounds)
-                if rounds == FIRST_ROUNDS:
+            linear = self.linear(record, motion, air, force, shifts, self.layout, jumps)
+            if rounds and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
+                use, linear = self._likelier(replace(linear, jumps=np.zeros(len(force))), prior, use, free, rounds[0])
+                if rounds.pop(0) == FIRST_ROUNDS:
                     use = self._simpler(linear, prior, use, free)
-                rounds, searched = ROUNDS, True
+                jumps = linear.jumps
             smoothed = linear.smooth(use, prior)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
             motion = motion.moved(smoothed.states[:, :MOTION])
             force = self.layout.forces(smoothed.states[:-1])
-            if size < SETTLED and searched:
+            if size < SETTLED and not rounds:
                 break
         smoothed = linear.smooth(use, prior, deviations=True)
         return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
