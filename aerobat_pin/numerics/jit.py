@@ -34,6 +34,7 @@ KERNEL_SOURCES = (
     "aerodynamics/strip_forces.py",
     "control/allocation.py",
     "estimation/believed_air_kernels.py",
+    "estimation/raw/dynamics_kernels.py",
     "estimation/raw/recursion.py",
     "flight/attitude_hold.py",
     "flight/crank/motor.py",

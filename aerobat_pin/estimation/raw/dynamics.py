@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.raw.air import AirForces
+from aerobat_pin.estimation.raw.dynamics_kernels import linearise
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.numerics import Array
@@ -123,49 +124,17 @@ def linear_dynamics(
             J[k, 3 * i : 3 * i + 3] = pin.computeFrameJacobian(
                 model, data, q[k], frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
             )[:3]
-    M_rigid_a = ID
-    M = M + air.added_mass
-    r = ID - air.force - known
-    Dv[:, :, :BASE_SIZE] -= air.by_twist
-
-    Z = np.zeros((m, nv, n))  # all but the pose and the twist of the middle
-    Zq, Zv = Dq[:, :, :BASE_SIZE].copy(), Dv[:, :, :BASE_SIZE]
-    for i in range(len(frames)):
-        Jt = np.swapaxes(J[:, 3 * i : 3 * i + 3], 1, 2)
-        Z[:, :, layout.white][:, :, 3 * i : 3 * i + 3] = -Jt
-        in_body = np.einsum("kji,kj->ki", rotation, force[:, i])
-        Zq[:, :, 3:] -= Jt @ rotation @ cross_matrices(in_body)
-    Z[:, :, layout.walk] = Z[:, :, layout.white] @ layout.by_mode
-    phi_rate, phi_bend = crank[1][:, None, None], crank[2][:, None, None]
-    Dqj, Dvj, Mj = Dq[:, :, at_v], Dv[:, :, at_v], M[:, :, at_v]
-    d1c, d2c, d3c = d1[:, :, None], d2[:, :, None], d3[:, :, None]
-    by_angle = Dqj @ d1c + Dvj @ (d2c * phi_rate) + Mj @ (d3c * phi_rate**2 + d2c * phi_bend)
-    by_rate = Dvj @ d1c + Mj @ (2.0 * d2c * phi_rate)
-    by_bend = Mj @ d1c
-    h1 = half[:, None]
-    Z[:, :, 12] = by_angle[:, :, 0]
-    Z[:, :, 13] = by_angle[:, :, 0] * h1 + by_rate[:, :, 0]
-    Z[:, :, 14] = by_angle[:, :, 0] * 0.5 * h1**2 + by_rate[:, :, 0] * h1 + by_bend[:, :, 0]
-    if layout.mass_at is not None:
-        Z[:, :, layout.mass_at] = M_rigid_a
-    if layout.air_at is not None:
-        Z[:, :, layout.air_at] = -air.force
-
-    base = slice(0, BASE_SIZE)
-    pose, turned = np.zeros((m, 6, n)), np.zeros((m, 6, n))
-    pose[:, :, POSE_ERROR] = ad_half
-    pose[:, :, TWIST_ERROR] = half[:, None, None] * np.eye(6)
-    turned[:, :, TWIST_ERROR] = np.eye(6)
-    Z += Zq @ pose + Zv @ turned
-    G = M[:, base, base] + half[:, None, None] * Zv[:, base]
-    found = -np.linalg.solve(G, np.concatenate([r[:, base, None], Z[:, base]], axis=2))
-    push, A = found[:, :, 0], found[:, :, 1:]
-    turned = turned + half[:, None, None] * A
-    kick = half[:, None] * push
-
-    through = M[:, at_v, :BASE_SIZE] + half[:, None, None] * Zv[:, at_v]
-    torque = Z[:, at_v] + through @ A
-    torque_at = r[:, at_v] + np.einsum("kij,kj->ki", through, push)
+    at = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, CRANK_ERROR.start]
+    shape = (m, BASE_SIZE, n)
+    A, pose, turned = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    push, kick = np.empty((m, BASE_SIZE)), np.empty((m, BASE_SIZE))
+    torque, torque_at = np.empty((m, len(at_v), n)), np.empty((m, len(at_v)))
+    linearise(
+        np.array([-1 if place is None else place for place in at], dtype=np.intp), np.array(at_v, dtype=np.intp),
+        layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), np.stack([d1, d2, d3], axis=1), ad_half, rotation,
+        Dq, Dv, air.by_twist, M + air.added_mass, ID, ID - air.force - known, air.force, J, force.reshape(m, -1),
+        pose, turned, kick, A, push, torque, torque_at,
+    )  # fmt: skip
 
     F, shift = np.zeros((m, layout.moving, n)), np.zeros((m, layout.moving))
     F[:, POSE_ERROR, POSE_ERROR] = ad
