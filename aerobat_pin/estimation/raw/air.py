@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.believed_air import AirAlongMotion, half_steps
+from aerobat_pin.estimation.believed_air import AirAlongMotion
 from aerobat_pin.estimation.motion import Motion
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.flight import wind_of
+from aerobat_pin.linkage import joints_along
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, Aerobat
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import AirSection
 
+FLAP_ANGLES = 64  # of the crank, at which the fastest airspeed of a flap is looked for
 SHIFTS = (0.02, 0.02, 0.02, 0.2, 0.2, 0.2)  # [m/s, rad/s] by which the twist is shifted
 
 
@@ -43,6 +45,7 @@ class AirAboutNominal:
         """Set up the aerodynamic model."""
         self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
+        self.in_air, self._longest = self.along.in_air, np.inf
         self._states = np.zeros((1 + len(SHIFTS), self.along.air.state_size))
 
     def motion(self, nominal: NominalMotion) -> Motion:
@@ -73,13 +76,26 @@ class AirAboutNominal:
                 self._states[1 + i] = state
         return AirForces(force, inertia, by_twist)
 
+    def begin(self, nominal: NominalMotion) -> None:
+        """Fly along a motion, for `go_on`: with steps as short as the fastest airspeed of a flap at its end needs."""
+        self.fly(nominal)
+        moved, solve = self.motion(nominal), self.robot.linkage.solve
+        angle, rate, _ = nominal.crank[-1]
+        turn = joint_table(solve(angle + np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), rate))
+        body = moved.q[-1, :7], nominal.twist[-1] - np.append(nominal.rotation[-1].T @ moved.wind[-1, 0], np.zeros(3))
+        self._longest = float(np.min(self.along.longest_step(self.along.airspeed(self.in_air.flapping_twists(*body, turn)))))
+
     def go_on(self, nominal: NominalMotion) -> AirForces:
-        """Return the air of one more interval, from where `fly` (with its derivative) or `go_on` has ended."""
-        moved, nv = self.motion(nominal), self.robot.model.nv
-        fields, inertia, by_twist = self.along.in_air.fields, np.zeros((1, nv, nv)), np.empty((1, nv, BASE_SIZE))
-        steps = self.along.steps(moved)
-        dt = np.diff(moved.time) / steps
-        q, v, a, wind = half_steps(moved, self.robot, steps)
+        """Return the air of one more interval, from where `begin` or `go_on` has ended.
+
+        Between the knots the body moves as in `believed_air`, and the crank's acceleration is that at the start.
+        """
+        nv = self.robot.model.nv
+        fields, inertia, by_twist = self.in_air.fields, np.zeros((1, nv, nv)), np.empty((1, nv, BASE_SIZE))
+        span = float(nominal.time[1] - nominal.time[0])
+        count = max(int(np.ceil(span / self._longest - 1e-9)), 1)
+        q, v, a, wind = self._half_steps(nominal, span, count)
+        steps, dt = np.array([count]), np.array([span / count])
         force = np.zeros((1, nv))
         for i, shift in enumerate((0.0, *SHIFTS)):
             fields.start[:] = fields.state[:] = self._states[i]
@@ -91,3 +107,26 @@ class AirAboutNominal:
                 v[:, i - 1] -= shift
             self._states[i] = fields.state
         return AirForces(force, inertia, by_twist)
+
+    def _half_steps(self, nominal: NominalMotion, span: float, count: int) -> tuple[Array, Array, Array, Array]:
+        """Return q, v, acceleration and wind at the half steps of one interval, as `believed_air.half_steps` does."""
+        model, robot = self.robot.model, self.robot
+        share = np.arange(2 * count + 1) / (2.0 * count)
+        angle, turning, speeding = nominal.crank[0]
+        rate = turning + share * span * speeding
+        joints = np.empty((len(share), 3, 2))
+        joints_along(robot.linkage.series, angle + share * span * 0.5 * (turning + rate), joints)
+        q, v = np.empty((len(share), model.nq)), np.empty((len(share), model.nv))
+        a = np.empty_like(v)
+        ends = nominal.placements()
+        ends[1, 3:] *= 1.0 if ends[0, 3:] @ ends[1, 3:] >= 0.0 else -1.0
+        q[:, :7] = ends[0] + share[:, None] * (ends[1] - ends[0])
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1)[:, None]
+        v[:, :BASE_SIZE] = nominal.twist[0] + share[:, None] * (nominal.twist[1] - nominal.twist[0])
+        a[:, :BASE_SIZE] = (nominal.twist[1] - nominal.twist[0]) / span
+        slope, bend = np.tile(joints[:, 1], 2), np.tile(joints[:, 2], 2)
+        q[:, list(robot.idx_q)] = np.tile(joints[:, 0], 2)
+        v[:, list(robot.idx_v)] = slope * rate[:, None]
+        a[:, list(robot.idx_v)] = slope * speeding + bend * rate[:, None] ** 2
+        wind = self.wind.field(nominal.time[0] + share * span)
+        return q, v, a, wind

@@ -19,9 +19,10 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.dynamics_kernels import linearise
-from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.dynamics_kernels import linearise, transitions
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
+from aerobat_pin.linkage import SeriesSculpture, joints_along
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 
@@ -87,16 +88,16 @@ def linear_dynamics(
     rate = np.diff(nominal.twist, axis=0) / dt[:, None]
     angle, turning, speeding = nominal.crank[:-1].T
     crank = np.stack([angle + half * turning + 0.5 * half**2 * speeding, turning + half * speeding, speeding])
-    closure = robot.linkage.solve(*crank)
-    near = robot.linkage.solve(crank[0] + np.array([[CRANK_STEP], [-CRANK_STEP]]))
-
-    def both(shoulder: Array, elbow: Array) -> Array:
-        return np.stack([shoulder, elbow, shoulder, elbow], axis=-1)
-
-    d1, d2 = both(closure.dtheta_s, closure.dtheta_e), both(closure.d2theta_s, closure.d2theta_e)
-    d3 = -both(*(np.diff(one, axis=0)[0] for one in (near.d2theta_s, near.d2theta_e))) / (2.0 * CRANK_STEP)
-    v = robot.velocity(twist, closure.theta_s_dot, closure.theta_e_dot)
-    a = robot.velocity(rate, closure.theta_s_ddot, closure.theta_e_ddot)
+    joints = np.empty((3, m, 3, 2))
+    for i, step in enumerate((0.0, CRANK_STEP, -CRANK_STEP)):
+        joints_along(robot.linkage.series, crank[0] + step, joints[i])
+    third = (joints[1, :, 2:] - joints[2, :, 2:]) / (2.0 * CRANK_STEP)
+    slopes = np.tile(np.concatenate([joints[0, :, 1:], third], axis=1), 2)  # (m, 3, 4): left wing, right wing
+    q, v, a = np.empty((m, robot.model.nq)), np.empty((m, nv)), np.empty((m, nv))
+    v[:, :BASE_SIZE], a[:, :BASE_SIZE] = twist, rate
+    q[:, list(robot.idx_q)] = np.tile(joints[0, :, 0], 2)
+    v[:, at_v] = slopes[:, 0] * crank[1][:, None]
+    a[:, at_v] = slopes[:, 0] * crank[2][:, None] + slopes[:, 1] * crank[1][:, None] ** 2
     rotation = np.empty((m, 3, 3))
     ID, Dq, Dv, M = np.empty((m, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv))
     J = np.empty((m, 3 * len(frames), nv))
@@ -104,7 +105,6 @@ def linear_dynamics(
     model = robot.model
     data = model.createData() if data is None else data
     ids = [model.getFrameId(frame) for frame in frames]
-    placement = np.zeros((m, 7))
     for k in range(m):
         here = pin.SE3(nominal.rotation[k], nominal.position[k])
         there = pin.SE3(nominal.rotation[k + 1], nominal.position[k + 1])
@@ -115,9 +115,7 @@ def linear_dynamics(
         ad_half[k] = pin.exp6(half[k] * nominal.twist[k]).toActionMatrixInverse()
         ad[k] = moved.toActionMatrixInverse()
         rotation[k] = halfway.rotation
-        placement[k] = pin.SE3ToXYZQUAT(halfway)
-    q = robot.configuration(placement, closure.theta_s, closure.theta_e)
-    for k in range(m):
+        q[k, :7] = pin.SE3ToXYZQUAT(halfway)
         Dq[k], Dv[k], M[k] = pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
         ID[k] = data.tau
         for i, frame in enumerate(ids):
@@ -125,35 +123,21 @@ def linear_dynamics(
                 model, data, q[k], frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
             )[:3]
     at = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, CRANK_ERROR.start]
+    places = np.array([-1 if place is None else place for place in at], dtype=np.intp)
     shape = (m, BASE_SIZE, n)
     A, pose, turned = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     push, kick = np.empty((m, BASE_SIZE)), np.empty((m, BASE_SIZE))
     torque, torque_at = np.empty((m, len(at_v), n)), np.empty((m, len(at_v)))
     linearise(
-        np.array([-1 if place is None else place for place in at], dtype=np.intp), np.array(at_v, dtype=np.intp),
-        layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), np.stack([d1, d2, d3], axis=1), ad_half, rotation,
+        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), slopes, ad_half, rotation,
         Dq, Dv, air.by_twist, M + air.added_mass, ID, ID - air.force - known, air.force, J, force.reshape(m, -1),
         pose, turned, kick, A, push, torque, torque_at,
     )  # fmt: skip
 
-    F, shift = np.zeros((m, layout.moving, n)), np.zeros((m, layout.moving))
-    F[:, POSE_ERROR, POSE_ERROR] = ad
-    F[:, POSE_ERROR, TWIST_ERROR] = dt[:, None, None] * np.eye(6)
-    F[:, POSE_ERROR] += (0.5 * dt**2)[:, None, None] * A
-    shift[:, POSE_ERROR] = defect + (0.5 * dt**2)[:, None] * push
-    F[:, TWIST_ERROR, TWIST_ERROR] = np.eye(6)
-    F[:, TWIST_ERROR] += dt[:, None, None] * A
-    shift[:, TWIST_ERROR] = dt[:, None] * push
-    turn = np.zeros((m, 3, 3))
-    turn[:] = np.eye(3)
-    turn[:, 0, 1] = turn[:, 1, 2] = dt
-    turn[:, 0, 2] = 0.5 * dt**2
-    F[:, CRANK_ERROR, CRANK_ERROR] = turn
-    shift[:, CRANK_ERROR] = np.einsum("kij,kj->ki", turn, nominal.crank[:-1]) - nominal.crank[1:]
-    F[:, layout.walk, layout.walk] = np.eye(3 * layout.points)
-    F[:, layout.walk, layout.slope] = dt[:, None, None] * np.eye(3 * layout.points)
+    F, shift = np.zeros((m, layout.moving, n)), np.empty((m, layout.moving))
+    transitions(places, layout.moving, dt, nominal.crank, ad, defect, A, push, F, shift)
     up = np.einsum("kji,j->ki", rotation, model.gravity.linear)
-    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, d1, twist, rate, up)
+    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, slopes[:, 0], twist, rate, up)
 
 
 def cross_matrices(vectors: Array) -> Array:

@@ -145,6 +145,59 @@ def linearise(
                     torque[k, i, j] += through * A[k, c, j]
 
 
+@kernel
+def transitions(
+    at: Integers,
+    moving: int,
+    dt: Array,
+    crank: Array,
+    ad: Array,
+    defect: Array,
+    A: Array,
+    push: Array,
+    F: Array,
+    shift: Array,
+) -> None:
+    """Write rows and shift of the transition of the first states.
+
+    Args:
+        at: (5,) as of `linearise`.
+        moving: number of these states: the last of them walk, with their slopes behind them.
+        dt: (m,) [s].
+        crank: (m + 1, 3) nominal angle, rate and acceleration of the crank.
+        ad: (m, 6, 6) from the pose error at the start to that at the end.
+        defect: (m, 6) by how much the nominal motion's pose misses what its twist gives.
+        A, push: (m, 6, n), (m, 6) of `linearise`.
+        F: (m, moving, n) written, zero before.
+        shift: (m, moving) written.
+    """
+    walk, phi, n = at[0], at[4], A.shape[2]
+    for k in range(dt.shape[0]):
+        h = dt[k]
+        for i in range(BODY):
+            shift[k, i] = defect[k, i] + 0.5 * h * h * push[k, i]
+            shift[k, BODY + i] = h * push[k, i]
+            for j in range(n):
+                F[k, i, j] = 0.5 * h * h * A[k, i, j]
+                F[k, BODY + i, j] = h * A[k, i, j]
+            for j in range(BODY):
+                F[k, i, j] += ad[k, i, j]
+            F[k, i, BODY + i] += h
+            F[k, BODY + i, BODY + i] += 1.0
+        for i in range(3):
+            F[k, phi + i, phi + i] = 1.0
+        F[k, phi, phi + 1] = F[k, phi + 1, phi + 2] = h
+        F[k, phi, phi + 2] = 0.5 * h * h
+        for i in range(3):
+            shift[k, phi + i] = -crank[k + 1, i]
+            for j in range(i, 3):
+                shift[k, phi + i] += F[k, phi + i, phi + j] * crank[k, j]
+        for i in range(walk, moving):
+            shift[k, i] = 0.0
+            F[k, i, i] = 1.0
+            F[k, i, i + moving - walk] = h
+
+
 @inner
 def eliminate(G: Array, right: Array) -> None:
     """Solve G X = right by Gauss's elimination with pivots; X overwrites `right`, and G is destroyed."""

@@ -199,7 +199,7 @@ class JointFilter:
         smoother = self.smoother
         prior = first_prior(self.layout, guess, smoother.weight, smoother.settings)
         solved = smoother.solve(record, guess, prior, self.tuning, {})
-        smoother.air.fly(solved.motion)
+        smoother.air.begin(solved.motion)
         count = len(times) - 1
         self._here = solved.motion.part(count, count)
         self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.covariances[-1].copy()

@@ -165,7 +165,8 @@ def _gyro(
 ) -> tuple[Array, Array, Array]:
     h = np.zeros((len(k), 3, layout.size))
     series = nominal.twist[:, 3:] @ channel.turn
-    rate, slope = _interpolated(nominal.time, series, at)[0], _rate_of(nominal.time, series, at)
+    rate = _interpolated(nominal.time, series, at)[0]
+    slope = _rate_of(nominal.time, series, at) if channel.name in layout.offset_at else np.zeros_like(rate)
     s, first = (at - nominal.time[k])[:, None], np.minimum(k, len(d.push) - 1)
     h[:, :, 9:12] = channel.turn.T
     h += s[:, :, None] * (channel.turn.T @ d.acceleration[first, 3:])
@@ -189,7 +190,9 @@ def _accelerometer(
     Wm, turned = cross_matrices(w), cross_matrices(w) @ r
     felt = d.middle_acceleration[:, :3] + np.einsum("kij,kj->ki", Wm, v + turned) - d.up
     felt += cross_matrices(d.middle_acceleration[:, 3:]) @ r
-    here, slope = _interpolated(middle, felt @ channel.turn, at)[0], _rate_of(middle, felt @ channel.turn, at)
+    felt = felt @ channel.turn
+    here = _interpolated(middle, felt, at)[0]
+    slope = _rate_of(middle, felt, at) if channel.name in layout.offset_at else np.zeros_like(here)
     by_rate = np.concatenate([np.eye(3), -cross_matrices(r[None])[0]], axis=1)  # a_lin + a_ang x r
     W, V, R = Wm[first], cross_matrices(v[first]), cross_matrices(turned[first])
     by_twist = np.concatenate([W, -V - R - W @ cross_matrices(r[None])[0]], axis=2)
@@ -240,7 +243,8 @@ def _torque(
         h = np.einsum("ki,kij->kj", d.slope[first], d.torque[first])[:, None]
     else:
         series, h = d.torque_at, d.torque[first].copy()
-    here, slope = _interpolated(middle, series, at)[0], _rate_of(middle, series, at)
+    here = _interpolated(middle, series, at)[0]
+    slope = _rate_of(middle, series, at) if channel.name in layout.offset_at else np.zeros_like(here)
     return h, values - here, slope
 
 
