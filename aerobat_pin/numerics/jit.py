@@ -36,6 +36,7 @@ KERNEL_SOURCES = (
     "estimation/believed_air_kernels.py",
     "estimation/raw/dynamics_kernels.py",
     "estimation/raw/recursion.py",
+    "estimation/raw/rows_kernels.py",
     "flight/attitude_hold.py",
     "flight/crank/motor.py",
     "flight/plant/kernels.py",

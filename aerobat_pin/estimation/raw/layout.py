@@ -34,7 +34,7 @@ class Layout:
     mount: bool = False
     offsets: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def walk(self) -> slice:
         """Slowly changing forces, in modes, world axes [N]."""
         return slice(MOTION, MOTION + 3 * self.points)
@@ -57,42 +57,42 @@ class Layout:
         """Matrix (3 points, 3 points) from slow states to forces, point after point."""
         return np.kron(self.modes, np.eye(3))
 
-    @property
+    @cached_property
     def moving(self) -> int:
         """Number of states whose change depends on other states."""
         return self.walk.stop
 
-    @property
+    @cached_property
     def slope(self) -> slice:
         """Slopes of the slowly changing forces, in modes, world axes [N/s]."""
         return slice(self.walk.stop, self.walk.stop + 3 * self.points)
 
-    @property
+    @cached_property
     def white(self) -> slice:
         """Force of each point that is drawn anew in every interval, world axes [N]."""
         return slice(self.slope.stop, self.slope.stop + 3 * self.points)
 
-    @property
+    @cached_property
     def gyro_bias(self) -> slice:
         """Bias of the gyro [rad/s]."""
         return slice(self.white.stop, self.white.stop + 3)
 
-    @property
+    @cached_property
     def accelerometer_bias(self) -> slice:
         """Bias of the accelerometer [m/s2]."""
         return slice(self.white.stop + 3, self.white.stop + 6)
 
-    @property
+    @cached_property
     def mass_at(self) -> int | None:
         """Error of the mass's factor."""
         return self.accelerometer_bias.stop if self.mass else None
 
-    @property
+    @cached_property
     def air_at(self) -> int | None:
         """Error of the air's factor."""
         return self.accelerometer_bias.stop + int(self.mass) if self.air else None
 
-    @property
+    @cached_property
     def mount_at(self) -> slice | None:
         """Errors of the accelerometer's place, body axes [m], and of its turn, a rotation vector in its axes [rad]."""
         first = self.accelerometer_bias.stop + int(self.mass) + int(self.air)
@@ -108,7 +108,7 @@ class Layout:
         """Return the slowly changing forces (k, points, 3) of states (k, n), world axes [N]."""
         return np.asarray(states[:, self.walk] @ self.by_mode.T).reshape(len(states), self.points, 3)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of states."""
         more = int(self.mass) + int(self.air) + MOUNT_SIZE * int(self.mount)
