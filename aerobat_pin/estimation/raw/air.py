@@ -8,9 +8,9 @@ import numpy as np
 
 from aerobat_pin.estimation.believed_air import AirAlongMotion
 from aerobat_pin.estimation.motion import Motion
+from aerobat_pin.estimation.raw.dynamics_kernels import half_step_motion
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.flight import wind_of
-from aerobat_pin.linkage import joints_along
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import AirSection
@@ -45,6 +45,7 @@ class AirAboutNominal:
         """Set up the aerodynamic model."""
         self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
+        self._at_q, self._at_v = (np.array(places, dtype=np.intp) for places in (robot.idx_q, robot.idx_v))
         self.in_air, self._longest = self.along.in_air, np.inf
         self._states = np.zeros((1 + len(SHIFTS), self.along.air.state_size))
 
@@ -110,23 +111,10 @@ class AirAboutNominal:
 
     def _half_steps(self, nominal: NominalMotion, span: float, count: int) -> tuple[Array, Array, Array, Array]:
         """Return q, v, acceleration and wind at the half steps of one interval, as `believed_air.half_steps` does."""
-        model, robot = self.robot.model, self.robot
-        share = np.arange(2 * count + 1) / (2.0 * count)
-        angle, turning, speeding = nominal.crank[0]
-        rate = turning + share * span * speeding
-        joints = np.empty((len(share), 3, 2))
-        joints_along(robot.linkage.series, angle + share * span * 0.5 * (turning + rate), joints)
-        q, v = np.empty((len(share), model.nq)), np.empty((len(share), model.nv))
-        a = np.empty_like(v)
-        ends = nominal.placements()
-        ends[1, 3:] *= 1.0 if ends[0, 3:] @ ends[1, 3:] >= 0.0 else -1.0
-        q[:, :7] = ends[0] + share[:, None] * (ends[1] - ends[0])
-        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1)[:, None]
-        v[:, :BASE_SIZE] = nominal.twist[0] + share[:, None] * (nominal.twist[1] - nominal.twist[0])
-        a[:, :BASE_SIZE] = (nominal.twist[1] - nominal.twist[0]) / span
-        slope, bend = np.tile(joints[:, 1], 2), np.tile(joints[:, 2], 2)
-        q[:, list(robot.idx_q)] = np.tile(joints[:, 0], 2)
-        v[:, list(robot.idx_v)] = slope * rate[:, None]
-        a[:, list(robot.idx_v)] = slope * speeding + bend * rate[:, None] ** 2
-        wind = self.wind.field(nominal.time[0] + share * span)
-        return q, v, a, wind
+        robot, places = self.robot, 2 * count + 1
+        q, v, a = (np.empty((places, size)) for size in (robot.model.nq, robot.model.nv, robot.model.nv))
+        half_step_motion(
+            robot.linkage.series, self._at_q, self._at_v, nominal.placements(), nominal.twist, nominal.crank[0], span,
+            q, v, a,
+        )  # fmt: skip
+        return q, v, a, self.wind.field(nominal.time[0] + np.arange(places) / (2.0 * count) * span)

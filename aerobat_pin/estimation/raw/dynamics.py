@@ -19,14 +19,13 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.dynamics_kernels import linearise, transitions
+from aerobat_pin.estimation.raw.dynamics_kernels import linearise, transitions, wing_angles
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
-from aerobat_pin.linkage import SeriesSculpture, joints_along
+from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 
-CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
 
 
 @dataclass(frozen=True)
@@ -88,16 +87,13 @@ def linear_dynamics(
     rate = np.diff(nominal.twist, axis=0) / dt[:, None]
     angle, turning, speeding = nominal.crank[:-1].T
     crank = np.stack([angle + half * turning + 0.5 * half**2 * speeding, turning + half * speeding, speeding])
-    joints = np.empty((3, m, 3, 2))
-    for i, step in enumerate((0.0, CRANK_STEP, -CRANK_STEP)):
-        joints_along(robot.linkage.series, crank[0] + step, joints[i])
-    third = (joints[1, :, 2:] - joints[2, :, 2:]) / (2.0 * CRANK_STEP)
-    slopes = np.tile(np.concatenate([joints[0, :, 1:], third], axis=1), 2)  # (m, 3, 4): left wing, right wing
+    joints = np.empty((m, 4, len(at_v)))
+    wing_angles(robot.linkage.series, crank[0], joints)
     q, v, a = np.empty((m, robot.model.nq)), np.empty((m, nv)), np.empty((m, nv))
     v[:, :BASE_SIZE], a[:, :BASE_SIZE] = twist, rate
-    q[:, list(robot.idx_q)] = np.tile(joints[0, :, 0], 2)
-    v[:, at_v] = slopes[:, 0] * crank[1][:, None]
-    a[:, at_v] = slopes[:, 0] * crank[2][:, None] + slopes[:, 1] * crank[1][:, None] ** 2
+    q[:, list(robot.idx_q)] = joints[:, 0]
+    v[:, at_v] = joints[:, 1] * crank[1][:, None]
+    a[:, at_v] = joints[:, 1] * crank[2][:, None] + joints[:, 2] * crank[1][:, None] ** 2
     rotation = np.empty((m, 3, 3))
     ID, Dq, Dv, M = np.empty((m, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv))
     J = np.empty((m, 3 * len(frames), nv))
@@ -129,7 +125,7 @@ def linear_dynamics(
     push, kick = np.empty((m, BASE_SIZE)), np.empty((m, BASE_SIZE))
     torque, torque_at = np.empty((m, len(at_v), n)), np.empty((m, len(at_v)))
     linearise(
-        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), slopes, ad_half, rotation,
+        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), joints, ad_half, rotation,
         Dq, Dv, air.by_twist, M + air.added_mass, ID, ID - air.force - known, air.force, J, force.reshape(m, -1),
         pose, turned, kick, A, push, torque, torque_at,
     )  # fmt: skip
@@ -137,7 +133,7 @@ def linear_dynamics(
     F, shift = np.zeros((m, layout.moving, n)), np.empty((m, layout.moving))
     transitions(places, layout.moving, dt, nominal.crank, ad, defect, A, push, F, shift)
     up = np.einsum("kji,j->ki", rotation, model.gravity.linear)
-    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, slopes[:, 0], twist, rate, up)
+    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, joints[:, 1], twist, rate, up)
 
 
 def cross_matrices(vectors: Array) -> Array:

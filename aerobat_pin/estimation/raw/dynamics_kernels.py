@@ -4,9 +4,82 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerobat_pin.linkage import joints_at
 from aerobat_pin.numerics import Array, Integers, inner, kernel
 
+CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
 BODY = 6  # rows of the base; as many states each have pose and twist error, which come first
+
+
+@kernel
+def wing_angles(series: Array, angles: Array, joints: Array) -> None:
+    """Write angle and first to third derivative by crank angle (m, 4, 4) of the four joints, left wing, right wing.
+
+    Args:
+        series: of the linkage, see `joint_series`.
+        angles: (m,) of the crank [rad].
+        joints: (m, 4, 4) written.
+    """
+    here, ahead, behind = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 2))
+    for k in range(angles.shape[0]):
+        joints_at(series, angles[k], here)
+        joints_at(series, angles[k] + CRANK_STEP, ahead)
+        joints_at(series, angles[k] - CRANK_STEP, behind)
+        for j in range(4):
+            for i in range(3):
+                joints[k, i, j] = here[i, j % 2]
+            joints[k, 3, j] = (ahead[2, j % 2] - behind[2, j % 2]) / (2.0 * CRANK_STEP)
+
+
+@kernel
+def half_step_motion(
+    series: Array,
+    at_q: Integers,
+    at_v: Integers,
+    ends: Array,
+    twist: Array,
+    crank: Array,
+    span: float,
+    q: Array,
+    v: Array,
+    a: Array,
+) -> None:
+    """Write configuration, velocity and acceleration at equal steps of an interval.
+
+    Between the knots the body's position and quaternion are straight, as is its twist; the crank's acceleration stays.
+
+    Args:
+        series: of the linkage.
+        at_q, at_v: (4,) places of the joints.
+        ends: (2, 7) placements of the body at both ends.
+        twist: (2, 6) of the body.
+        crank: (3,) angle, rate and acceleration at the start.
+        span: length of the interval [s].
+        q, v, a: (s, nq), (s, nv), (s, nv) written.
+    """
+    joints, last = np.empty((3, 2)), q.shape[0] - 1
+    same = 0.0
+    for i in range(3, 7):
+        same += ends[0, i] * ends[1, i]
+    for k in range(last + 1):
+        share, size = k / last, 0.0
+        for i in range(7):
+            end = -ends[1, i] if i > 2 and same < 0.0 else ends[1, i]
+            q[k, i] = ends[0, i] + share * (end - ends[0, i])
+            if i > 2:
+                size += q[k, i] ** 2
+        for i in range(3, 7):
+            q[k, i] /= np.sqrt(size)
+        for i in range(6):
+            change = twist[1, i] - twist[0, i]
+            v[k, i], a[k, i] = twist[0, i] + share * change, change / span
+        s = share * span
+        rate = crank[1] + s * crank[2]
+        joints_at(series, crank[0] + 0.5 * s * (crank[1] + rate), joints)
+        for j in range(4):
+            angle, slope, bend = joints[0, j % 2], joints[1, j % 2], joints[2, j % 2]
+            q[k, at_q[j]], v[k, at_v[j]] = angle, slope * rate
+            a[k, at_v[j]] = slope * crank[2] + bend * rate**2
 
 
 @kernel
@@ -44,7 +117,7 @@ def linearise(
         by_mode: (b, b) from slow states to forces.
         dt: (m,) [s].
         crank: (m, 2) rate and acceleration of the crank at the middle.
-        slopes: (m, 3, 4) first to third derivative of the joint angles by crank angle.
+        slopes: (m, 4, 4) of `wing_angles`.
         ad_half: (m, 6, 6) from the pose error at the start to that at the middle.
         rotation: (m, 3, 3) body to world.
         Dq, Dv: (m, nv, nv) derivatives of the inverse dynamics.
@@ -99,7 +172,7 @@ def linearise(
         for i in range(nv):
             by_angle, by_rate, by_bend = 0.0, 0.0, 0.0
             for j in range(joints.shape[0]):
-                d1, d2, d3 = slopes[k, 0, j], slopes[k, 1, j], slopes[k, 2, j]
+                d1, d2, d3 = slopes[k, 1, j], slopes[k, 2, j], slopes[k, 3, j]
                 q, v, a = Dq[k, i, joints[j]], Dv[k, i, joints[j]], M[k, i, joints[j]]
                 by_angle += q * d1 + v * d2 * rate + a * (d3 * rate**2 + d2 * bend)
                 by_rate += v * d1 + a * 2.0 * d2 * rate

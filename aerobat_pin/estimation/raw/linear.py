@@ -19,6 +19,18 @@ from aerobat_pin.numerics import Array
 GYRO_WALK, ACCELEROMETER_WALK = 1.0e-4, 1.0e-3  # of the biases [rad/s/sqrt(s), m/s2/sqrt(s)]
 
 
+def added_variances(layout: Layout, tuning: Tuning, dt: Array) -> Array:
+    """Return the variances (m, n) that intervals dt (m,) [s] add to the states; of the white forces: the next one's."""
+    added, each = np.zeros((len(dt), layout.size)), dt[:, None]
+    added[:, CRANK_ERROR.stop - 1] = tuning.jerk**2 * dt
+    added[:, layout.gyro_bias] = GYRO_WALK**2 * each
+    added[:, layout.accelerometer_bias] = ACCELEROMETER_WALK**2 * each
+    added[:, layout.walk] = tuning.by_mode(tuning.walk, layout.points) ** 2 * each
+    added[:, layout.slope] = tuning.by_mode(tuning.bend, layout.points) ** 2 * each
+    added[:, layout.white] = np.tile(white_variance(tuning, np.append(dt[1:], dt[-1])), layout.points)
+    return added
+
+
 @dataclass(frozen=True)
 class LinearRecord:
     """A record linearised about a nominal motion: dynamics and samples.
@@ -39,14 +51,8 @@ class LinearRecord:
 
     def noise(self, tuning: Tuning) -> Array:
         """Return the variances (m, n) that each interval adds to the states."""
-        dt, layout = np.diff(self.nominal.time), self.layout
-        added = np.zeros((len(dt), layout.size))
-        added[:, CRANK_ERROR.stop - 1] = tuning.jerk**2 * dt
-        added[:, layout.gyro_bias] = GYRO_WALK**2 * dt[:, None]
-        added[:, layout.accelerometer_bias] = ACCELEROMETER_WALK**2 * dt[:, None]
-        added[:, layout.walk] = tuning.by_mode(tuning.walk, layout.points) ** 2 * dt[:, None] + self.jumps[:, None]
-        added[:, layout.slope] = tuning.by_mode(tuning.bend, layout.points) ** 2 * dt[:, None]
-        added[:, layout.white] = np.tile(white_variance(tuning, np.append(dt[1:], dt[-1])), layout.points)
+        added = added_variances(self.layout, tuning, np.diff(self.nominal.time))
+        added[:, self.layout.walk] += self.jumps[:, None]
         return added
 
     def filter(self, tuning: Tuning, prior: Prior, *, keep: bool) -> tuple[float, Filtered]:

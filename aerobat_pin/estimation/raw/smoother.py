@@ -13,7 +13,7 @@ import numpy as np
 
 from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.estimation.raw.channels import RawRecord
-from aerobat_pin.estimation.raw.dynamics import linear_dynamics
+from aerobat_pin.estimation.raw.dynamics import LinearDynamics, linear_dynamics
 from aerobat_pin.estimation.raw.jumps import more_jumps
 from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
 from aerobat_pin.estimation.raw.likelihood import likelier_tuning, simpler_tuning
@@ -119,6 +119,12 @@ class JointSmoother:
                 progress(window.stop / (len(record.time) - 1))
         return self._joined(parts, offsets)
 
+    def dynamics(
+        self, motion: NominalMotion, air: AirForces, known: Array, force: Array, layout: Layout | None = None
+    ) -> LinearDynamics:
+        """Linearise the dynamics about a motion."""
+        return linear_dynamics(self.robot, self.frames, layout or self.layout, motion, air, known, force, self._data)
+
     def linear(
         self,
         record: RawRecord,
@@ -130,7 +136,7 @@ class JointSmoother:
         jumps: Array,
     ) -> LinearRecord:
         """Linearise a record about a motion."""
-        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force, self._data)
+        dynamics = self.dynamics(motion, air, record.known, force, layout)
         return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts), jumps)
 
     def solve(
