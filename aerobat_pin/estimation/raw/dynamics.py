@@ -100,6 +100,7 @@ def linear_dynamics(
     defect, ad_half, ad = np.empty((m, 6)), np.empty((m, 6, 6)), np.empty((m, 6, 6))
     model = robot.model
     data = model.createData() if data is None else data
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ids = [model.getFrameId(frame) for frame in frames]
     for k in range(m):
         here = pin.SE3(nominal.rotation[k], nominal.position[k])
@@ -115,9 +116,8 @@ def linear_dynamics(
         Dq[k], Dv[k], M[k] = pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
         ID[k] = data.tau
         for i, frame in enumerate(ids):
-            J[k, 3 * i : 3 * i + 3] = pin.computeFrameJacobian(
-                model, data, q[k], frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            )[:3]
+            pin.updateFramePlacement(model, data, frame)  # the joints' Jacobian is that of the derivatives
+            J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
     at = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, CRANK_ERROR.start]
     places = np.array([-1 if place is None else place for place in at], dtype=np.intp)
     shape = (m, BASE_SIZE, n)
