@@ -14,7 +14,9 @@ from aerobat_pin.scenario import RawSection, load_scenario
 
 FILTERED = 300  # samples of one pass through the filter
 POINTS = ("left_force_point", "right_force_point")
-GIVEN = RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0)
+GIVEN = RawSection(
+    walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
+)
 
 
 def raw_figures(rounds: int) -> Iterator[Figure]:

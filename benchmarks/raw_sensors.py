@@ -39,6 +39,10 @@ GUARD_HOLD = (
     "hold.height_damping=0.737",
 )
 
+GIVEN = RawSection(
+    walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
+)
+
 
 @dataclass(frozen=True)
 class Case:
@@ -287,7 +291,7 @@ def kept_rows(page: Path | None) -> dict[str, list[str]]:
 
 def given_walks(seed: int) -> float:
     """Return the seconds of CPU that 2 s of the paper's flight take with given walks, without looking for offsets."""
-    case = Case("given", raw=RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0))
+    case = Case("given", raw=GIVEN)
     return min(measured(case, seed, causal=False)[2] for _ in range(3))
 
 

@@ -19,7 +19,7 @@ angular accelerations that an integrator turns into angles.
 
 from aerobat_pin.linkage.arms import ANGLES, PINS
 from aerobat_pin.linkage.closure import Closure
-from aerobat_pin.linkage.joint_series import joint_series, joints_at
+from aerobat_pin.linkage.joint_series import joint_series, joints_along, joints_at
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.linkage.sculpture_dynamics import SculptureDynamics
 from aerobat_pin.linkage.sensitivity import Sensitivity
@@ -34,5 +34,6 @@ __all__ = [
     "Sensitivity",
     "SeriesSculpture",
     "joint_series",
+    "joints_along",
     "joints_at",
 ]

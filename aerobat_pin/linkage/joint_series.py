@@ -58,3 +58,10 @@ def joints_at(series: Array, crank_angle: float, joints: Array) -> None:
         elbow_d2 -= n * n * wave
     joints[0, 0], joints[1, 0], joints[2, 0] = shoulder, shoulder_d, shoulder_d2
     joints[0, 1], joints[1, 1], joints[2, 1] = elbow, elbow_d, elbow_d2
+
+
+@kernel
+def joints_along(series: Array, crank_angles: Array, joints: Array) -> None:
+    """Write what `joints_at` writes, (n, 3, 2), for each of n crank angles (n,) [rad]."""
+    for k in range(crank_angles.shape[0]):
+        joints_at(series, crank_angles[k], joints[k])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.linkage.closure import Closure
-from aerobat_pin.linkage.joint_series import joint_series
+from aerobat_pin.linkage.joint_series import joint_series, joints_along
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.linkage.moving import Angle
 
@@ -16,12 +16,15 @@ class SeriesSculpture(KineticSculpture):
 
     Args:
         linkage: the linkage; its crank must turn through a full circle.
+
+    Attributes:
+        series: coefficients of `joint_series`.
     """
 
     def __init__(self, linkage: KineticSculpture) -> None:
         """Compute the series, see `joint_series`."""
         super().__init__(linkage.lengths)
-        self._series = joint_series(linkage)
+        self.series = joint_series(linkage)
         self._judged = True
 
     def solve(
@@ -31,13 +34,8 @@ class SeriesSculpture(KineticSculpture):
         t1, rate, acceleration = np.broadcast_arrays(
             np.asarray(crank_angle, float), np.asarray(crank_velocity, float), np.asarray(crank_acceleration, float)
         )
-        order = np.arange(len(self._series))
-        phase = np.multiply.outer(t1, order)
-        cosine, sine = np.cos(phase), np.sin(phase)
-        angles = []
-        for a, b in (self._series[:, :2].T, self._series[:, 2:].T):
-            slope = cosine @ (order * b) - sine @ (order * a)
-            angles.append((cosine @ a + sine @ b, slope, -(cosine @ (order**2 * a) + sine @ (order**2 * b))))
-        shoulder, elbow = angles
+        joints = np.empty((t1.size, 3, 2))
+        joints_along(self.series, t1.ravel(), joints)
+        shoulder, elbow = (tuple(joints[:, i, j].reshape(t1.shape) for i in range(3)) for j in range(2))
         bars = {"t5": Angle(*shoulder), "t6": Angle(*(x + y for x, y in zip(shoulder, elbow, strict=True)))}
         return Closure(self.lengths, t1[()], rate[()], acceleration[()], bars, {})

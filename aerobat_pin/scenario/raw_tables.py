@@ -26,6 +26,12 @@ class RawSection(Section):
     walk: PerWorldAxis | None = Field(
         None, description="change of each force in a second, world x, y, z; left out: by likelihood [N/sqrt(s)]"
     )
+    bend: PerWorldAxis | None = Field(
+        None, description="change of each force's slope in a second, world x, y, z; left out: by likelihood [N/s^1.5]"
+    )
+    alike: PerWorldAxis | None = Field(
+        None, description="common changes of the forces over those in which they differ; left out: by likelihood [-]"
+    )
     crank_jerk: Positive | None = Field(
         None, description="white noise of the crank's jerk; left out: by likelihood [rad/s^2.5]"
     )

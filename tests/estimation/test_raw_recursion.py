@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.recursion import MOVING, filter_record, smooth_record
+from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
+
+MOVING = 15
 
 
 def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> None:
@@ -64,7 +66,11 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
         np.testing.assert_allclose(covariances[k], spread[at, at], atol=1e-10)
     block = np.array([MOVING, MOVING + 2], dtype=np.intp)
     deviations, found = np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
-    smooth_record(F, fresh, start, h, gains, innovations, states, covariances, block, deviations, found)
+    pulls, informations, inside = np.empty((m + 1, n)), np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
+    smooth_record(
+        F, fresh, start, h, gains, innovations, states, covariances, block,
+        pulls, informations, inside, deviations, found,
+    )  # fmt: skip
     best, spread, _ = conditioned(len(e))
     np.testing.assert_allclose(states.ravel(), best, atol=1e-10)
     np.testing.assert_allclose(deviations.ravel() ** 2, np.diag(spread), atol=1e-10)

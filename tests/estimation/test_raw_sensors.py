@@ -36,8 +36,10 @@ from aerobat_pin.robot import Aerobat, believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario
 
 FRAMES = ("left_force_point", "right_force_point")
-GIVEN = RawSection(walk=(0.04, 0.3, 0.3), white=(1e-3, 5e-3, 4e-3), crank_jerk=5.0)  # as likelihood finds them
-FREE = RawSection(walk=(0.02, 0.05, 0.05), white=(1e-3, 1e-3, 1e-3), crank_jerk=5.0)
+GIVEN = RawSection(
+    walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
+)  # as likelihood finds them
+FREE = RawSection(walk=0.02, bend=0.1, white=1e-3, alike=1.0, crank_jerk=1.0)
 SHORT = ("simulation.duration=1.3",)  # the forces' step is at 1 s
 
 
@@ -109,7 +111,8 @@ def linearised() -> tuple[LinearRecord, Prior, Tuning]:
     smoother, record, found = smoothed("measured")
     motion = found.nominal
     prior = first_prior(smoother.layout, first_guess(record), smoother.weight, GIVEN)
-    linear = smoother.linear(record, motion, smoother.air.fly(motion), found.force, {}, smoother.layout)
+    air, no_jumps = smoother.air.fly(motion), np.zeros(len(found.force))
+    linear = smoother.linear(record, motion, air, found.force, {}, smoother.layout, no_jumps)
     return linear, prior, found.tuning
 
 
@@ -138,7 +141,7 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
         made = linear_dynamics(smoother.robot, FRAMES, smoother.layout, motion, held, known, force)
         rows = made.acceleration
         return made.push + np.einsum(
-            "kij,kj->ki", rows[:, :, smoother.layout.walk], force.reshape(10, -1)
+            "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
         ), rows @ state
 
     (here, change), (there, _) = accelerations(part), accelerations(part.moved(x))
@@ -253,8 +256,8 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:
     """The sum is given, and a warning says so."""
     settings = ["observers.torque=none", 'observers.names=["smoother"]', *SHORT]
-    walk = ["observers.raw.walk=0.3", "observers.raw.white=0.004", "observers.raw.crank_jerk=5.0"]
-    scenario = load_scenario("raw_sensors", [*settings, *walk])
+    observers = load_scenario("raw_sensors", settings).observers.model_copy(update={"raw": GIVEN})
+    scenario = load_scenario("raw_sensors", settings).model_copy(update={"observers": observers})
     log, robot = flight()
     _, estimates = estimate_log(log, robot, scenario)
     estimate = estimates["smoother"]

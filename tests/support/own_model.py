@@ -39,17 +39,20 @@ def own_model_errors(linear: LinearRecord, prior: Prior, tuning: Tuning, rng: np
             following[white] = 0.0
             x = following + np.sqrt(noise[k]) * rng.standard_normal(n)
     fresh, block = (np.array([part.start, part.stop], dtype=np.intp) for part in (white, walk))
+    spread_size = walk.stop - walk.start
     gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
     states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
+    pulls, inside = np.empty((m + 1, n)), np.empty((m + 1, spread_size, spread_size))
     filter_record(
         np.zeros(n), P0.copy(), d.transition, d.shift, noise, fresh, rows.start, rows.h, e, rows.R,
         gains, innovations, states, covariances,
     )  # fmt: skip
     filtered, spread = states[:, walk].copy(), covariances[:, walk, walk].copy()
-    deviations, blocks = np.empty((m + 1, n)), np.empty((m + 1, spread.shape[1], spread.shape[1]))
+    deviations, blocks = np.empty((m + 1, n)), np.empty_like(inside)
     smooth_record(
-        d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block, deviations, blocks
-    )
+        d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block,
+        pulls, np.empty_like(pulls), inside, deviations, blocks,
+    )  # fmt: skip
     made = {}
     for name, found, covariance in (("filter", filtered, spread), ("smoother", states[:, walk], blocks)):
         error = found - true[:, walk]

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.believed_air import AirAlongMotion, half_steps
+from aerobat_pin.estimation.believed_air import AirAlongMotion
 from aerobat_pin.estimation.motion import Motion
+from aerobat_pin.estimation.raw.dynamics_kernels import half_step_motion
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.flight import wind_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, Aerobat
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import AirSection
 
+FLAP_ANGLES = 64  # of the crank, at which the fastest airspeed of a flap is looked for
 SHIFTS = (0.02, 0.02, 0.02, 0.2, 0.2, 0.2)  # [m/s, rad/s] by which the twist is shifted
 
 
@@ -43,6 +45,8 @@ class AirAboutNominal:
         """Set up the aerodynamic model."""
         self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
+        self._at_q, self._at_v = (np.array(places, dtype=np.intp) for places in (robot.idx_q, robot.idx_v))
+        self.in_air, self._longest = self.along.in_air, np.inf
         self._states = np.zeros((1 + len(SHIFTS), self.along.air.state_size))
 
     def motion(self, nominal: NominalMotion) -> Motion:
@@ -73,13 +77,26 @@ class AirAboutNominal:
                 self._states[1 + i] = state
         return AirForces(force, inertia, by_twist)
 
+    def begin(self, nominal: NominalMotion) -> None:
+        """Fly along a motion, for `go_on`: with steps as short as the fastest airspeed of a flap at its end needs."""
+        self.fly(nominal)
+        moved, solve = self.motion(nominal), self.robot.linkage.solve
+        angle, rate, _ = nominal.crank[-1]
+        turn = joint_table(solve(angle + np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), rate))
+        body = moved.q[-1, :7], nominal.twist[-1] - np.append(nominal.rotation[-1].T @ moved.wind[-1, 0], np.zeros(3))
+        self._longest = float(np.min(self.along.longest_step(self.along.airspeed(self.in_air.flapping_twists(*body, turn)))))
+
     def go_on(self, nominal: NominalMotion) -> AirForces:
-        """Return the air of one more interval, from where `fly` (with its derivative) or `go_on` has ended."""
-        moved, nv = self.motion(nominal), self.robot.model.nv
-        fields, inertia, by_twist = self.along.in_air.fields, np.zeros((1, nv, nv)), np.empty((1, nv, BASE_SIZE))
-        steps = self.along.steps(moved)
-        dt = np.diff(moved.time) / steps
-        q, v, a, wind = half_steps(moved, self.robot, steps)
+        """Return the air of one more interval, from where `begin` or `go_on` has ended.
+
+        Between the knots the body moves as in `believed_air`, and the crank's acceleration is that at the start.
+        """
+        nv = self.robot.model.nv
+        fields, inertia, by_twist = self.in_air.fields, np.zeros((1, nv, nv)), np.empty((1, nv, BASE_SIZE))
+        span = float(nominal.time[1] - nominal.time[0])
+        count = max(int(np.ceil(span / self._longest - 1e-9)), 1)
+        q, v, a, wind = self._half_steps(nominal, span, count)
+        steps, dt = np.array([count]), np.array([span / count])
         force = np.zeros((1, nv))
         for i, shift in enumerate((0.0, *SHIFTS)):
             fields.start[:] = fields.state[:] = self._states[i]
@@ -91,3 +108,13 @@ class AirAboutNominal:
                 v[:, i - 1] -= shift
             self._states[i] = fields.state
         return AirForces(force, inertia, by_twist)
+
+    def _half_steps(self, nominal: NominalMotion, span: float, count: int) -> tuple[Array, Array, Array, Array]:
+        """Return q, v, acceleration and wind at the half steps of one interval, as `believed_air.half_steps` does."""
+        robot, places = self.robot, 2 * count + 1
+        q, v, a = (np.empty((places, size)) for size in (robot.model.nq, robot.model.nv, robot.model.nv))
+        half_step_motion(
+            robot.linkage.series, self._at_q, self._at_v, nominal.placements(), nominal.twist, nominal.crank[0], span,
+            q, v, a,
+        )  # fmt: skip
+        return q, v, a, self.wind.field(nominal.time[0] + np.arange(places) / (2.0 * count) * span)

@@ -19,13 +19,13 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.dynamics_kernels import linearise, transitions, wing_angles
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
-from aerobat_pin.estimation.raw.recursion import MOVING
+from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 
-CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class LinearDynamics:
     """The linear model of m intervals with n states; x is the state at the start of the interval.
 
     Attributes:
-        transition: (m, MOVING, n) rows of the transition of pose, twist and crank errors.
-        shift: (m, MOVING) their shift.
+        transition: (m, moving, n) rows of the transition of the first states, see `Layout.moving`.
+        shift: (m, moving) their shift.
         acceleration: (m, 6, n) rows of the change of the body's acceleration; `push` (m, 6) its constant part.
         pose, twist: (m, 6, n) rows of pose and twist error at the middle; `kick` (m, 6) the constant part of the twist.
         torque: (m, 4, n) rows of the joint torques; `torque_at` (m, 4) the torques at x = 0.
@@ -87,24 +87,21 @@ def linear_dynamics(
     rate = np.diff(nominal.twist, axis=0) / dt[:, None]
     angle, turning, speeding = nominal.crank[:-1].T
     crank = np.stack([angle + half * turning + 0.5 * half**2 * speeding, turning + half * speeding, speeding])
-    closure = robot.linkage.solve(*crank)
-    near = robot.linkage.solve(crank[0] + np.array([[CRANK_STEP], [-CRANK_STEP]]))
-
-    def both(shoulder: Array, elbow: Array) -> Array:
-        return np.stack([shoulder, elbow, shoulder, elbow], axis=-1)
-
-    d1, d2 = both(closure.dtheta_s, closure.dtheta_e), both(closure.d2theta_s, closure.d2theta_e)
-    d3 = -both(*(np.diff(one, axis=0)[0] for one in (near.d2theta_s, near.d2theta_e))) / (2.0 * CRANK_STEP)
-    v = robot.velocity(twist, closure.theta_s_dot, closure.theta_e_dot)
-    a = robot.velocity(rate, closure.theta_s_ddot, closure.theta_e_ddot)
+    joints = np.empty((m, 4, len(at_v)))
+    wing_angles(robot.linkage.series, crank[0], joints)
+    q, v, a = np.empty((m, robot.model.nq)), np.empty((m, nv)), np.empty((m, nv))
+    v[:, :BASE_SIZE], a[:, :BASE_SIZE] = twist, rate
+    q[:, list(robot.idx_q)] = joints[:, 0]
+    v[:, at_v] = joints[:, 1] * crank[1][:, None]
+    a[:, at_v] = joints[:, 1] * crank[2][:, None] + joints[:, 2] * crank[1][:, None] ** 2
     rotation = np.empty((m, 3, 3))
     ID, Dq, Dv, M = np.empty((m, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv))
     J = np.empty((m, 3 * len(frames), nv))
     defect, ad_half, ad = np.empty((m, 6)), np.empty((m, 6, 6)), np.empty((m, 6, 6))
     model = robot.model
     data = model.createData() if data is None else data
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ids = [model.getFrameId(frame) for frame in frames]
-    placement = np.zeros((m, 7))
     for k in range(m):
         here = pin.SE3(nominal.rotation[k], nominal.position[k])
         there = pin.SE3(nominal.rotation[k + 1], nominal.position[k + 1])
@@ -115,75 +112,28 @@ def linear_dynamics(
         ad_half[k] = pin.exp6(half[k] * nominal.twist[k]).toActionMatrixInverse()
         ad[k] = moved.toActionMatrixInverse()
         rotation[k] = halfway.rotation
-        placement[k] = pin.SE3ToXYZQUAT(halfway)
-    q = robot.configuration(placement, closure.theta_s, closure.theta_e)
-    for k in range(m):
+        q[k, :7] = pin.SE3ToXYZQUAT(halfway)
         Dq[k], Dv[k], M[k] = pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
         ID[k] = data.tau
         for i, frame in enumerate(ids):
-            J[k, 3 * i : 3 * i + 3] = pin.computeFrameJacobian(
-                model, data, q[k], frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            )[:3]
-    M_rigid_a = ID
-    M = M + air.added_mass
-    r = ID - air.force - known
-    Dv[:, :, :BASE_SIZE] -= air.by_twist
+            pin.updateFramePlacement(model, data, frame)  # the joints' Jacobian is that of the derivatives
+            J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
+    at = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, CRANK_ERROR.start]
+    places = np.array([-1 if place is None else place for place in at], dtype=np.intp)
+    shape = (m, BASE_SIZE, n)
+    A, pose, turned = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    push, kick = np.empty((m, BASE_SIZE)), np.empty((m, BASE_SIZE))
+    torque, torque_at = np.empty((m, len(at_v), n)), np.empty((m, len(at_v)))
+    linearise(
+        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), joints, ad_half, rotation,
+        Dq, Dv, air.by_twist, M + air.added_mass, ID, ID - air.force - known, air.force, J, force.reshape(m, -1),
+        pose, turned, kick, A, push, torque, torque_at,
+    )  # fmt: skip
 
-    Z = np.zeros((m, nv, n))  # all but the pose and the twist of the middle
-    Zq, Zv = Dq[:, :, :BASE_SIZE].copy(), Dv[:, :, :BASE_SIZE]
-    for i in range(len(frames)):
-        Jt = np.swapaxes(J[:, 3 * i : 3 * i + 3], 1, 2)
-        Z[:, :, layout.walk][:, :, 3 * i : 3 * i + 3] = -Jt
-        Z[:, :, layout.white][:, :, 3 * i : 3 * i + 3] = -Jt
-        in_body = np.einsum("kji,kj->ki", rotation, force[:, i])
-        Zq[:, :, 3:] -= Jt @ rotation @ cross_matrices(in_body)
-    phi_rate, phi_bend = crank[1][:, None, None], crank[2][:, None, None]
-    Dqj, Dvj, Mj = Dq[:, :, at_v], Dv[:, :, at_v], M[:, :, at_v]
-    d1c, d2c, d3c = d1[:, :, None], d2[:, :, None], d3[:, :, None]
-    by_angle = Dqj @ d1c + Dvj @ (d2c * phi_rate) + Mj @ (d3c * phi_rate**2 + d2c * phi_bend)
-    by_rate = Dvj @ d1c + Mj @ (2.0 * d2c * phi_rate)
-    by_bend = Mj @ d1c
-    h1 = half[:, None]
-    Z[:, :, 12] = by_angle[:, :, 0]
-    Z[:, :, 13] = by_angle[:, :, 0] * h1 + by_rate[:, :, 0]
-    Z[:, :, 14] = by_angle[:, :, 0] * 0.5 * h1**2 + by_rate[:, :, 0] * h1 + by_bend[:, :, 0]
-    if layout.mass_at is not None:
-        Z[:, :, layout.mass_at] = M_rigid_a
-    if layout.air_at is not None:
-        Z[:, :, layout.air_at] = -air.force
-
-    base = slice(0, BASE_SIZE)
-    pose, turned = np.zeros((m, 6, n)), np.zeros((m, 6, n))
-    pose[:, :, POSE_ERROR] = ad_half
-    pose[:, :, TWIST_ERROR] = half[:, None, None] * np.eye(6)
-    turned[:, :, TWIST_ERROR] = np.eye(6)
-    Z += Zq @ pose + Zv @ turned
-    G = M[:, base, base] + half[:, None, None] * Zv[:, base]
-    found = -np.linalg.solve(G, np.concatenate([r[:, base, None], Z[:, base]], axis=2))
-    push, A = found[:, :, 0], found[:, :, 1:]
-    turned = turned + half[:, None, None] * A
-    kick = half[:, None] * push
-
-    through = M[:, at_v, :BASE_SIZE] + half[:, None, None] * Zv[:, at_v]
-    torque = Z[:, at_v] + through @ A
-    torque_at = r[:, at_v] + np.einsum("kij,kj->ki", through, push)
-
-    F, shift = np.zeros((m, MOVING, n)), np.zeros((m, MOVING))
-    F[:, POSE_ERROR, POSE_ERROR] = ad
-    F[:, POSE_ERROR, TWIST_ERROR] = dt[:, None, None] * np.eye(6)
-    F[:, POSE_ERROR] += (0.5 * dt**2)[:, None, None] * A
-    shift[:, POSE_ERROR] = defect + (0.5 * dt**2)[:, None] * push
-    F[:, TWIST_ERROR, TWIST_ERROR] = np.eye(6)
-    F[:, TWIST_ERROR] += dt[:, None, None] * A
-    shift[:, TWIST_ERROR] = dt[:, None] * push
-    turn = np.zeros((m, 3, 3))
-    turn[:] = np.eye(3)
-    turn[:, 0, 1] = turn[:, 1, 2] = dt
-    turn[:, 0, 2] = 0.5 * dt**2
-    F[:, CRANK_ERROR, CRANK_ERROR] = turn
-    shift[:, CRANK_ERROR] = np.einsum("kij,kj->ki", turn, nominal.crank[:-1]) - nominal.crank[1:]
+    F, shift = np.zeros((m, layout.moving, n)), np.empty((m, layout.moving))
+    transitions(places, layout.moving, dt, nominal.crank, ad, defect, A, push, F, shift)
     up = np.einsum("kji,j->ki", rotation, model.gravity.linear)
-    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, d1, twist, rate, up)
+    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, joints[:, 1], twist, rate, up)
 
 
 def cross_matrices(vectors: Array) -> Array:

@@ -8,6 +8,7 @@ is carried along the filter's own motion since its stamp, and then taken as one 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,17 +20,21 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.known_inputs import Torque
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
-from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR
-from aerobat_pin.estimation.raw.linear import LinearRecord
+from aerobat_pin.estimation.raw.dynamics import LinearDynamics
+from aerobat_pin.estimation.raw.jumps import JUMP, LEAST_JUMP_GAIN
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR
+from aerobat_pin.estimation.raw.linear import added_variances
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import first_prior
-from aerobat_pin.estimation.raw.recursion import MOVING, advance, take_samples
+from aerobat_pin.estimation.raw.recursion import advance, take_samples
+from aerobat_pin.estimation.raw.rows import ROWS_BY_SENSOR
 from aerobat_pin.estimation.raw.smoother import JointSmoother
 from aerobat_pin.estimation.raw.tuning import Tuning
 from aerobat_pin.numerics import Array
 
 FIRST_POSES = 8  # with which the filter starts
 POSES, MOST_LATE = ("position", "orientation"), 0.05  # what may come late, and by how much [s]
+SURPRISING = 6.0  # standard deviations of a chi-square above its mean: the forces may have jumped
 OVER_INTERVAL = ("accelerometer", "torque")  # sensors that average over an interval: their stamp is its middle
 
 
@@ -80,7 +85,8 @@ class JointFilter:
         self._x, self._P, self._rate = np.zeros(0), np.zeros((0, 0)), np.zeros(6)
         white = self.layout.white
         self._fresh = np.array([white.start, white.stop], dtype=np.intp)
-        self._scratch = np.empty((MOVING + 1, self.layout.size))
+        self._noise_of, self._noise = -1.0, np.zeros(self.layout.size)
+        self._scratch = np.empty((self.layout.moving + 1, self.layout.size))
 
     @property
     def started(self) -> bool:
@@ -152,7 +158,7 @@ class JointFilter:
         else:
             values = sample
         array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
-        if array.shape != (size,) or not np.all(np.isfinite(array)):
+        if array.shape != (size,) or not all(map(math.isfinite, array.tolist())):
             raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
         earliest = last if last is None or name not in POSES or not self._way else self._way[0][0] - 1e-9
         if stamp > time + 1e-9 or (earliest is not None and stamp <= earliest):
@@ -199,50 +205,95 @@ class JointFilter:
         smoother = self.smoother
         prior = first_prior(self.layout, guess, smoother.weight, smoother.settings)
         solved = smoother.solve(record, guess, prior, self.tuning, {})
-        smoother.air.fly(solved.motion)
+        smoother.air.begin(solved.motion)
         count = len(times) - 1
         self._here = solved.motion.part(count, count)
         self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.covariances[-1].copy()
-        self._x[:MOVING] = 0.0
+        self._x[:MOTION] = 0.0
         self._rate = (solved.motion.twist[-1] - solved.motion.twist[-2]) / (times[-1] - times[-2])
-        return self._sample(self._here, self._x[self.layout.walk], self._block(), (0.0, 0))
+        return self._sample(self._here, self.layout.forces(self._x[None]), self._block(), (0.0, 0))
 
     def _step(
         self, here: NominalMotion, time: float, taken: dict[str, tuple[float, Array]], known: Array
     ) -> JointSample:
         dt = time - float(here.time[0])
-        x, P, smoother, layout = self._x, self._P, self.smoother, self.layout
+        x, layout, smoother = self._x, self.layout, self.smoother
         motion = here.extended(dt, self._rate)
-        air = smoother.air.go_on(motion)
-        record = self._record(motion.time.tolist(), [taken], known[None])
-        force = x[layout.walk].reshape(1, -1, 3)
-        linear: LinearRecord = smoother.linear(record, motion, air, force, {}, layout)
-        rows, d = linear.rows, linear.dynamics
-        noise = linear.noise(self.tuning)[0]
-        P[layout.white, layout.white] = np.diag(noise[layout.white])
-        gains, innovations = np.empty((len(rows.e), layout.size)), np.empty((len(rows.e), 2))
-        first, middle, last = rows.start.tolist()
-        take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, first, middle)
-        found, block = x[layout.walk].copy(), self._block()
+        air, force = smoother.air.go_on(motion), layout.forces(x[None])
+        d = smoother.dynamics(motion, air, known[None], force)
+        if dt != self._noise_of:
+            self._noise_of, self._noise = dt, added_variances(layout, self.tuning, np.array([dt]))[0]
+        self._P[layout.white, layout.white] = np.diag(self._noise[layout.white])
+        ratio, count = self._take(motion, d, taken, 0)
+        found, block = layout.forces(x[None]), self._block()
         self._rate = self._rate + d.push[0] + d.acceleration[0] @ x
-        advance(x, P, d.transition[0], d.shift[0], noise, self._fresh, self._scratch)
-        take_samples(x, P, rows.h, rows.e, rows.R, gains, innovations, middle, last)
+        advance(x, self._P, d.transition[0], d.shift[0], self._noise, self._fresh, self._scratch)
+        more, others = self._take(motion, d, taken, 1)
         there = motion.part(1, 1)
         self._remember(here, there)
-        self._here = there.moved(x[None, :MOVING])
-        x[:MOVING] = 0.0
-        ratio = float(np.sum(innovations[:, 0] ** 2 / innovations[:, 1]))
-        return self._sample(self._here, found, block, (ratio, len(rows.e)))
+        self._here = there.moved(x[None, :MOTION])
+        x[:MOTION] = 0.0
+        return self._sample(self._here, found, block, (ratio + more, count + others))
+
+    def _take(
+        self, motion: NominalMotion, d: LinearDynamics, taken: dict[str, tuple[float, Array]], knot: int
+    ) -> tuple[float, int]:
+        """Take the samples that belong to a knot; return the sum of innovations squared over variance, and their number.
+
+        Where they are far from what was expected, and the forces may have jumped, they have.
+        """
+        parts = []
+        for name, (stamp, values) in taken.items():
+            if (stamp + 1e-9 >= motion.time[1]) == bool(knot):
+                sensor = self.sensors[name]
+                at, k = np.array([stamp]), np.array([knot])
+                h, e, _ = ROWS_BY_SENSOR[name](sensor, self.layout, motion, d, k, at, values[None], self.torque)
+                parts.append((h[0], e[0], np.full(e.size, sensor.noise**2)))
+        if not parts:
+            return 0.0, 0
+        h, e, R = (np.concatenate(each) for each in zip(*parts, strict=True))
+        count, x, P = len(e), self._x.copy(), self._P.copy()
+        gains, innovations = np.empty((count, len(x))), np.empty((count, 2))
+        score = take_samples(self._x, self._P, h, e, R, gains, innovations, 0, count)
+        ratio = float(innovations[:, 0] @ (innovations[:, 0] / innovations[:, 1]))
+        if ratio > count + SURPRISING * np.sqrt(2.0 * count):
+            self._jump(x, P, score, h, e, R)
+        return ratio, count
+
+    def _jump(self, x: Array, P: Array, score: float, h: Array, e: Array, R: Array) -> None:
+        """Take samples anew with a jump of the slow states that make them likelier, one after the other.
+
+        Args:
+            x, P: state and covariance before the samples.
+            score: log-likelihood of the samples without a jump.
+            h, e, R: the samples, see `take_samples`.
+        """
+        gains, innovations = np.empty_like(h), np.empty((len(e), 2))
+        variance, states = (JUMP * self.smoother.weight) ** 2, set(range(*self.layout.walk.indices(len(x))))
+        while states:
+            tried = []
+            for state in states:
+                there, spread = x.copy(), P.copy()
+                spread[state, state] += variance
+                found = take_samples(there, spread, h, e, R, gains, innovations, 0, len(e))
+                tried.append((found, state, there, spread))
+            best, state, there, spread = max(tried, key=lambda one: one[0])
+            if best < score + LEAST_JUMP_GAIN:
+                return
+            self._x[:], self._P[:], score = there, spread, best
+            P[state, state] += variance
+            states.remove(state)
 
     def _block(self) -> Array:
-        return self._P[self.layout.walk, self.layout.walk].copy()
+        by_mode, walk = self.layout.by_mode, self.layout.walk
+        return np.asarray(by_mode @ self._P[walk, walk] @ by_mode.T)
 
     def _sample(self, here: NominalMotion, force: Array, block: Array, innovation: tuple[float, int]) -> JointSample:
-        deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOVING], 0.0))
-        assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOVING)
+        deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOTION], 0.0))
+        assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOTION)
         return JointSample(
             float(here.time[0]),
-            here.placements()[0],
+            pin.SE3ToXYZQUAT(pin.SE3(here.rotation[0], here.position[0])),
             here.twist[0].copy(),
             here.crank[0].copy(),
             force.reshape(-1, 3).copy(),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.estimation.raw.dynamics import LinearDynamics
-from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, CRANK_ERROR, GYRO_BIAS, Layout
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.estimation.raw.prior import Prior
 from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
@@ -19,24 +19,40 @@ from aerobat_pin.numerics import Array
 GYRO_WALK, ACCELEROMETER_WALK = 1.0e-4, 1.0e-3  # of the biases [rad/s/sqrt(s), m/s2/sqrt(s)]
 
 
+def added_variances(layout: Layout, tuning: Tuning, dt: Array) -> Array:
+    """Return the variances (m, n) that intervals dt (m,) [s] add to the states; of the white forces: the next one's."""
+    added, each = np.zeros((len(dt), layout.size)), dt[:, None]
+    added[:, CRANK_ERROR.stop - 1] = tuning.jerk**2 * dt
+    added[:, layout.gyro_bias] = GYRO_WALK**2 * each
+    added[:, layout.accelerometer_bias] = ACCELEROMETER_WALK**2 * each
+    added[:, layout.walk] = tuning.by_mode(tuning.walk, layout.points) ** 2 * each
+    added[:, layout.slope] = tuning.by_mode(tuning.bend, layout.points) ** 2 * each
+    added[:, layout.white] = np.tile(white_variance(tuning, np.append(dt[1:], dt[-1])), layout.points)
+    return added
+
+
 @dataclass(frozen=True)
 class LinearRecord:
-    """A record linearised about a nominal motion: dynamics and samples."""
+    """A record linearised about a nominal motion: dynamics and samples.
+
+    Attributes:
+        layout: places of the states.
+        nominal: the motion.
+        dynamics: of each interval.
+        rows: the samples.
+        jumps: (m,) variance that a jump at the end of an interval adds to each slow force [N2]; 0 where there is none.
+    """
 
     layout: Layout
     nominal: NominalMotion
     dynamics: LinearDynamics
     rows: SampleRows
+    jumps: Array
 
     def noise(self, tuning: Tuning) -> Array:
         """Return the variances (m, n) that each interval adds to the states."""
-        dt, layout = np.diff(self.nominal.time), self.layout
-        added = np.zeros((len(dt), layout.size))
-        added[:, CRANK_ERROR.stop - 1] = tuning.jerk**2 * dt
-        added[:, GYRO_BIAS] = GYRO_WALK**2 * dt[:, None]
-        added[:, ACCELEROMETER_BIAS] = ACCELEROMETER_WALK**2 * dt[:, None]
-        added[:, layout.walk] = np.tile(tuning.walk**2, layout.points) * dt[:, None]
-        added[:, layout.white] = np.tile(white_variance(tuning, np.append(dt[1:], dt[-1])), layout.points)
+        added = added_variances(self.layout, tuning, np.diff(self.nominal.time))
+        added[:, self.layout.walk] += self.jumps[:, None]
         return added
 
     def filter(self, tuning: Tuning, prior: Prior, *, keep: bool) -> tuple[float, Filtered]:
@@ -58,8 +74,8 @@ class LinearRecord:
         )  # fmt: skip
         return score, Filtered(x, P, gains, innovations, states, covariances)
 
-    def smooth(self, tuning: Tuning, prior: Prior, *, deviations: bool) -> Smoothed:
-        """Smooth the record; standard deviations take most of the time, and are left empty if not asked for."""
+    def smooth(self, tuning: Tuning, prior: Prior, *, scores: bool = False, deviations: bool = False) -> Smoothed:
+        """Smooth the record; scores, and deviations with them, take most of the time, and are empty if not asked for."""
         score, (_, _, gains, innovations, states, covariances) = self.filter(tuning, prior, keep=True)
         filtered = states.copy()
         n, layout = self.layout.size, self.layout
@@ -67,11 +83,15 @@ class LinearRecord:
         block = np.array([layout.walk.start, layout.walk.stop], dtype=np.intp)
         size = len(states) if deviations else 0
         spread, blocks = np.empty((size, n)), np.empty((size, 3 * layout.points, 3 * layout.points))
+        size = len(states) if scores or deviations else 0
+        pulls, informations = np.empty((size, n)), np.empty((size, n))
+        inside = np.empty((size, 3 * layout.points, 3 * layout.points))
         d, rows = self.dynamics, self.rows
         smooth_record(
-            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block, spread, blocks
-        )
-        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances)
+            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block,
+            pulls, informations, inside, spread, blocks,
+        )  # fmt: skip
+        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances, pulls, informations, inside)
 
 
 class Filtered(NamedTuple):
@@ -96,6 +116,9 @@ class Smoothed:
         innovations: (k, 2) innovation of each sample and its variance.
         score: log-likelihood.
         filtered, covariances: (m + 1, n), (m + 1, n, n) of the filter.
+        pulls, informations: (m + 1, n) derivative of the log-likelihood by a sudden change of each state before each
+            knot's samples, with the sign turned, and its variance, or empty.
+        inside: (m + 1, b, b) covariance of the pulls of the slowly changing forces, or empty.
     """
 
     states: Array
@@ -105,3 +128,6 @@ class Smoothed:
     score: float
     filtered: Array
     covariances: Array
+    pulls: Array
+    informations: Array
+    inside: Array

@@ -12,7 +12,9 @@ from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import RawSection
 
-START = (0.03,) * 3 + (0.1,) * 3 + (1.0,) * 3 + (3.0,) * 3 + (0.01, 1.0, 100.0) + (0.05,) * 3 + (0.5,) * 3
+START = (0.03,) * 3 + (0.1,) * 3 + (1.0,) * 3 + (3.0,) * 3 + (0.01, 1.0, 100.0)
+BIAS_PRIOR = (0.05,) * 3 + (0.5,) * 3
+SLOPE_PRIOR = 100.0  # of the robot's weight, per second
 FORCE_PRIOR = 2.0  # of the robot's weight
 MOUNT_PRIOR = (0.02,) * 3 + (0.05,) * 3  # of the accelerometer [m, rad]
 
@@ -47,7 +49,8 @@ def first_prior(layout: Layout, nominal: NominalMotion, weight: float, settings:
     """Return a wide prior about the first knot of a first guess; `weight` is the robot's [N]."""
     spread = np.zeros(layout.size)
     spread[: len(START)] = START
-    spread[layout.walk] = FORCE_PRIOR * weight
+    spread[layout.walk], spread[layout.slope] = FORCE_PRIOR * weight, SLOPE_PRIOR * weight
+    spread[layout.gyro_bias], spread[layout.accelerometer_bias] = BIAS_PRIOR[:3], BIAS_PRIOR[3:]
     for at, error in ((layout.mass_at, settings.mass_error), (layout.air_at, settings.air_error)):
         if at is not None:
             spread[at] = error

@@ -2,7 +2,7 @@
 
     x+ = F x + s + noise,   sample: e = h x + white noise of variance R
 
-Only the first `MOVING` rows of F differ from the identity; forces that are drawn anew in every interval have zero rows.
+Only the first rows of F differ from the identity, and only those are given; forces that are drawn anew in every interval have zero rows.
 Each sample is one number. With the filter's P h = g and S = h P h + R, the way back carries an adjoint l and its
 covariance N:
 
@@ -18,8 +18,6 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, Integers, kernel
-
-MOVING = 15  # pose error (6), twist error (6), crank angle, rate and acceleration
 
 
 @kernel
@@ -70,11 +68,11 @@ def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Int
     Args:
         x: (n,) state, changes.
         P: (n, n) covariance, changes.
-        F: (MOVING, n) rows of the transition; the others are the identity.
-        shift: (MOVING,) shift of these states.
+        F: (moving, n) rows of the transition; the others are the identity.
+        shift: (moving,) shift of these states.
         noise: (n,) variances that the interval adds; of a fresh state: its variance.
         fresh: (2,) first and last (excluded) of the states that are drawn anew.
-        W: (MOVING + 1, n) scratch.
+        W: (moving + 1, n) scratch.
     """
     n, m = x.shape[0], F.shape[0]
     for i in range(m):
@@ -129,8 +127,8 @@ def filter_record(
     Args:
         x: (n,) first state; the last one afterwards.
         P: (n, n) first covariance; the last one afterwards.
-        F: (m, MOVING, n) transitions.
-        shift: (m, MOVING) shifts.
+        F: (m, moving, n) transitions.
+        shift: (m, moving) shifts.
         noise: (m, n) variances that each interval adds.
         fresh: (2,) see `advance`.
         start: (m + 2,) first sample of each knot.
@@ -171,13 +169,16 @@ def smooth_record(
     states: Array,
     covariances: Array,
     block: Integers,
+    pulls: Array,
+    informations: Array,
+    inside: Array,
     deviations: Array,
     blocks: Array,
 ) -> None:
     """Smooth a record that `filter_record` has filtered: replace `states` by smoothed ones.
 
     Args:
-        F: (m, MOVING, n) transitions.
+        F: (m, moving, n) transitions.
         fresh: (2,) states that are drawn anew.
         start: (m + 2,) first sample of each knot.
         h: (k, n) rows of the samples.
@@ -186,12 +187,15 @@ def smooth_record(
         states: (m + 1, n) filtered states; smoothed afterwards.
         covariances: (m + 1, n, n) filtered covariances.
         block: (2,) first and last (excluded) state of the block whose covariance is wanted.
-        deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves most time.
+        pulls: (m + 1, n) written: the adjoint before the samples of each knot; or (0, n), which saves time.
+        informations: (m + 1, n) written: variances of that adjoint.
+        inside: (m + 1, b, b) written: covariance of the block's adjoint.
+        deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves more time.
         blocks: (m + 1, b, b) written: smoothed covariance of the block.
     """
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
     adjoint, old = np.zeros(n), np.zeros(n)
-    wanted = deviations.shape[0] > 0
+    wanted, spread = pulls.shape[0] > 0, deviations.shape[0] > 0
     N, T, w = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     for k in range(m, -1, -1):
         if k < m:
@@ -222,7 +226,7 @@ def smooth_record(
             for j in range(n):
                 total += P[i, j] * adjoint[j]
             states[k, i] -= total
-        if wanted:
+        if spread:
             for i in range(n):
                 for j in range(n):
                     T[i, j] = 0.0
@@ -253,17 +257,19 @@ def smooth_record(
                     across += w[a] * gain[a]
                 across = (across + 1.0) / variance
                 for a in range(n):
-                    if row[a] != 0.0:
-                        for j in range(n):
-                            N[a, j] -= row[a] * w[j]
-                            N[j, a] -= row[a] * w[j]
+                    w[a] -= 0.5 * across * row[a]
                 for a in range(n):
-                    if row[a] != 0.0:
-                        for j in range(n):
-                            N[a, j] += row[a] * row[j] * across
+                    for j in range(a + 1):
+                        N[a, j] -= row[a] * w[j] + row[j] * w[a]
+                        N[j, a] = N[a, j]
             push = innovation
             for a in range(n):
                 push += gain[a] * adjoint[a]
             push /= variance
             for a in range(n):
                 adjoint[a] -= push * row[a]
+        if wanted:
+            pulls[k] = adjoint
+            for a in range(n):
+                informations[k, a] = N[a, a]
+            inside[k] = N[block[0] : block[1], block[0] : block[1]]

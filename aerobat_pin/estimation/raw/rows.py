@@ -19,8 +19,9 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
 from aerobat_pin.estimation.raw.dynamics import LinearDynamics, cross_matrices
-from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, GYRO_BIAS, Layout
+from aerobat_pin.estimation.raw.layout import Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
+from aerobat_pin.estimation.raw.rows_kernels import accelerometer_rows, felt_accelerations
 from aerobat_pin.numerics import Array, Integers
 
 SLOPE_OVER = 15  # samples over which the rate of change of a series is taken
@@ -165,11 +166,12 @@ def _gyro(
 ) -> tuple[Array, Array, Array]:
     h = np.zeros((len(k), 3, layout.size))
     series = nominal.twist[:, 3:] @ channel.turn
-    rate, slope = _interpolated(nominal.time, series, at)[0], _rate_of(nominal.time, series, at)
+    rate = _interpolated(nominal.time, series, at)[0]
+    slope = _rate_of(nominal.time, series, at) if channel.name in layout.offset_at else np.zeros_like(rate)
     s, first = (at - nominal.time[k])[:, None], np.minimum(k, len(d.push) - 1)
     h[:, :, 9:12] = channel.turn.T
     h += s[:, :, None] * (channel.turn.T @ d.acceleration[first, 3:])
-    h[:, :, GYRO_BIAS] += np.eye(3)
+    h[:, :, layout.gyro_bias] += np.eye(3)
     return h, values - rate - s * (d.push[first, 3:] @ channel.turn), slope
 
 
@@ -185,23 +187,20 @@ def _accelerometer(
 ) -> tuple[Array, Array, Array]:
     middle = 0.5 * (nominal.time[1:] + nominal.time[:-1])
     first = np.minimum(k, len(middle) - 1)
-    r, v, w = channel.place, d.middle_twist[:, :3], d.middle_twist[:, 3:]
-    Wm, turned = cross_matrices(w), cross_matrices(w) @ r
-    felt = d.middle_acceleration[:, :3] + np.einsum("kij,kj->ki", Wm, v + turned) - d.up
-    felt += cross_matrices(d.middle_acceleration[:, 3:]) @ r
-    here, slope = _interpolated(middle, felt @ channel.turn, at)[0], _rate_of(middle, felt @ channel.turn, at)
-    by_rate = np.concatenate([np.eye(3), -cross_matrices(r[None])[0]], axis=1)  # a_lin + a_ang x r
-    W, V, R = Wm[first], cross_matrices(v[first]), cross_matrices(turned[first])
-    by_twist = np.concatenate([W, -V - R - W @ cross_matrices(r[None])[0]], axis=2)
-    by_pose = np.concatenate([np.zeros((len(k), 3, 3)), -cross_matrices(d.up[first])], axis=2)
-    h = by_rate @ d.acceleration[first] + by_twist @ d.twist[first] + by_pose @ d.pose[first]
-    constant = d.push[first] @ by_rate.T + np.einsum("kij,kj->ki", by_twist, d.kick[first])
-    h = channel.turn.T @ h
-    h[:, :, ACCELEROMETER_BIAS] += np.eye(3)
+    felt = np.empty((len(middle), 3))
+    felt_accelerations(d.middle_twist, d.middle_acceleration, d.up, channel.place, felt)
+    felt = felt @ channel.turn
+    here = _interpolated(middle, felt, at)[0]
+    slope = _rate_of(middle, felt, at) if channel.name in layout.offset_at else np.zeros_like(here)
+    h, constant, by_place = np.zeros((len(k), 3, layout.size)), np.empty((len(k), 3)), np.empty((len(k), 3, 3))
+    accelerometer_rows(
+        first, channel.turn, channel.place, d.middle_twist, d.middle_acceleration, d.up, d.acceleration, d.push,
+        d.pose, d.twist, d.kick, h, constant, by_place,
+    )  # fmt: skip
+    h[:, :, layout.accelerometer_bias] += np.eye(3)
     if (mount := layout.mount_at) is not None:
-        by_place = cross_matrices(d.middle_acceleration[first, 3:]) + W @ W
         h[:, :, mount] = np.concatenate([channel.turn.T @ by_place, cross_matrices(here)], axis=2)
-    return h, values - here - constant @ channel.turn, slope
+    return h, values - here - constant, slope
 
 
 def _crank(
@@ -240,7 +239,8 @@ def _torque(
         h = np.einsum("ki,kij->kj", d.slope[first], d.torque[first])[:, None]
     else:
         series, h = d.torque_at, d.torque[first].copy()
-    here, slope = _interpolated(middle, series, at)[0], _rate_of(middle, series, at)
+    here = _interpolated(middle, series, at)[0]
+    slope = _rate_of(middle, series, at) if channel.name in layout.offset_at else np.zeros_like(here)
     return h, values - here, slope
 
 

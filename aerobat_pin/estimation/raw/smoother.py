@@ -13,15 +13,16 @@ import numpy as np
 
 from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.estimation.raw.channels import RawRecord
-from aerobat_pin.estimation.raw.dynamics import linear_dynamics
-from aerobat_pin.estimation.raw.layout import ACCELEROMETER_BIAS, GYRO_BIAS, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.dynamics import LinearDynamics, linear_dynamics
+from aerobat_pin.estimation.raw.jumps import more_jumps
+from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
+from aerobat_pin.estimation.raw.likelihood import likelier_tuning, simpler_tuning
 from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.estimation.raw.prior import Prior, first_prior, prior_at
-from aerobat_pin.estimation.raw.recursion import MOVING
 from aerobat_pin.estimation.raw.rows import sample_rows
-from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs, likely_tuning
+from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
@@ -32,6 +33,8 @@ LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, 
 SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends
 NEARLY = 20.0  # times this: the tuning is chosen
 CORRECTIONS = 2  # times that a clock offset is applied, for a better one, where one is found
+FIRST_ROUNDS, ROUNDS = 12, 4  # of walks and jumps: in the first search, and after it about each new motion
+LEAST_GAIN_OF_ROUND = 1.0  # of the log-likelihood: smaller gains end the rounds
 STALE = 0.1  # [m/s]: rms change of the twist after which the air's derivative is flown anew
 
 
@@ -116,6 +119,12 @@ class JointSmoother:
                 progress(window.stop / (len(record.time) - 1))
         return self._joined(parts, offsets)
 
+    def dynamics(
+        self, motion: NominalMotion, air: AirForces, known: Array, force: Array, layout: Layout | None = None
+    ) -> LinearDynamics:
+        """Linearise the dynamics about a motion."""
+        return linear_dynamics(self.robot, self.frames, layout or self.layout, motion, air, known, force, self._data)
+
     def linear(
         self,
         record: RawRecord,
@@ -124,19 +133,21 @@ class JointSmoother:
         force: Array,
         shifts: dict[str, float],
         layout: Layout,
+        jumps: Array,
     ) -> LinearRecord:
         """Linearise a record about a motion."""
-        dynamics = linear_dynamics(self.robot, self.frames, layout, motion, air, record.known, force, self._data)
-        return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts))
+        dynamics = self.dynamics(motion, air, record.known, force, layout)
+        return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts), jumps)
 
     def solve(
         self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None, shifts: dict[str, float]
     ) -> Solved:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
-        free = free_logs(self.settings)
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
-        to_choose = tuning is None and bool(np.any(free))
+        free = free_logs(self.settings) & (tuning is None)
+        rounds = [FIRST_ROUNDS, ROUNDS] if np.any(free) else [ROUNDS]
         force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
+        jumps: Array = np.zeros(len(force))
         by_twist: Array | None = None
         flown_at, last, size = motion, self.settings.iterations - 1, np.inf
         for iteration in range(self.settings.iterations):
@@ -146,21 +157,48 @@ class JointSmoother:
                 flown_at = motion
             air = self.air.fly(motion, by_twist)
             by_twist = air.by_twist
-            linear = self.linear(record, motion, air, force, shifts, self.layout)
-            if to_choose and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
-
-                def score(candidate: Tuning, linear: LinearRecord = linear) -> float:
-                    return linear.filter(candidate, prior, keep=False)[0]
-
-                use, to_choose = likely_tuning(score, use, free, self.weight), False
-            smoothed = linear.smooth(use, prior, deviations=False)
+            linear = self.linear(record, motion, air, force, shifts, self.layout, jumps)
+            if rounds and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
+                use, linear = self._likelier(replace(linear, jumps=np.zeros(len(force))), prior, use, free, rounds[0])
+                if rounds.pop(0) == FIRST_ROUNDS:
+                    use = self._simpler(linear, prior, use, free)
+                jumps = linear.jumps
+            smoothed = linear.smooth(use, prior)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
-            motion = motion.moved(smoothed.states[:, :MOVING])
-            force = smoothed.states[:-1, self.layout.walk].reshape(len(force), -1, 3)
-            if size < SETTLED and not to_choose:
+            motion = motion.moved(smoothed.states[:, :MOTION])
+            force = self.layout.forces(smoothed.states[:-1])
+            if size < SETTLED and not rounds:
                 break
         smoothed = linear.smooth(use, prior, deviations=True)
         return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
+
+    def _likelier(
+        self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Array, rounds: int
+    ) -> tuple[Tuning, LinearRecord]:
+        """Return a tuning under which the samples are likelier, and the record with the jumps that they ask for.
+
+        In a search from the start, jumps wait until the walks are of the right size; else all that moves is one.
+        """
+        wait = rounds // 3 if rounds == FIRST_ROUNDS else 0
+        for i in range(rounds):
+            smoothed, jumps = linear.smooth(tuning, prior, scores=True), linear.jumps
+            if i >= wait:
+                jumps = more_jumps(smoothed, self.layout.walk, linear.nominal.time, jumps, self.weight)
+            tuning, gain = likelier_tuning(
+                tuning, free, smoothed, np.diff(linear.nominal.time), self.layout, self.weight
+            )
+            if i >= wait and gain < LEAST_GAIN_OF_ROUND and np.array_equal(jumps, linear.jumps):
+                break
+            linear = replace(linear, jumps=jumps)
+        return tuning, linear
+
+    def _simpler(self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Array) -> Tuning:
+        """Return the tuning, with forces that only walk where the samples are likelier so."""
+
+        def score(candidate: Tuning) -> float:
+            return linear.filter(candidate, prior, keep=False)[0]
+
+        return simpler_tuning(score, tuning, free, self.weight)
 
     def _offsets(self, record: RawRecord, solved: Solved) -> tuple[ClockOffset, ...]:
         """Return the clock offsets that the samples of a smoothed window ask for."""
@@ -168,8 +206,8 @@ class JointSmoother:
         error = self.settings.offset_error
 
         def linear(solved: Solved, shifts: dict[str, float]) -> LinearRecord:
-            force = solved.smoothed.states[:-1, self.layout.walk].reshape(-1, len(self.frames), 3)
-            return self.linear(record, solved.motion, solved.air, force, shifts, layout)
+            force = self.layout.forces(solved.smoothed.states[:-1])
+            return self.linear(record, solved.motion, solved.air, force, shifts, layout, solved.linear.jumps)
 
         found = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
         if not found:
@@ -182,15 +220,15 @@ class JointSmoother:
 
     def _joined(self, parts: list[tuple[RecordPart, Solved]], offsets: tuple[ClockOffset, ...]) -> JointEstimate:
         """Join the windows' kept parts."""
-        layout, points = self.layout, len(self.frames)
+        layout = self.layout
         motions, spreads, forces, blocks, counts = [], [], [], [], []
         for window, solved in parts:
             a, b = window.first - window.start, window.last - window.start
             final = b if window.next is not None else b + 1
             motions.append(solved.motion.part(a, final - 1))
-            spreads.append(solved.smoothed.deviations[a:final, :MOVING])
-            forces.append(solved.smoothed.states[a:b, layout.walk].reshape(-1, points, 3))
-            blocks.append(solved.smoothed.blocks[a:b])
+            spreads.append(solved.smoothed.deviations[a:final, :MOTION])
+            forces.append(layout.forces(solved.smoothed.states[a:b]))
+            blocks.append(layout.by_mode @ solved.smoothed.blocks[a:b] @ layout.by_mode.T)
             counts.append(solved.innovation()[a:b])
         _, first = parts[0]
         _, end = parts[-1]
@@ -205,7 +243,7 @@ class JointSmoother:
             motion_deviation=np.concatenate(spreads),
             force=np.concatenate(forces),
             force_covariance=np.concatenate(blocks),
-            bias=np.concatenate([x[GYRO_BIAS], x[ACCELEROMETER_BIAS]]),
+            bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
             mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.covariances[-1][at, at]),
             factors=factors,
             tuning=first.tuning,

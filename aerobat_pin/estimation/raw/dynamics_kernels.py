@@ -1,0 +1,297 @@
+"""The compiled part of `dynamics`: one interval after the other, from Pinocchio's derivatives to rows of the state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.linkage import joints_at
+from aerobat_pin.numerics import Array, Integers, inner, kernel
+
+CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
+BODY = 6  # rows of the base; as many states each have pose and twist error, which come first
+
+
+@kernel
+def wing_angles(series: Array, angles: Array, joints: Array) -> None:
+    """Write angle and first to third derivative by crank angle (m, 4, 4) of the four joints, left wing, right wing.
+
+    Args:
+        series: of the linkage, see `joint_series`.
+        angles: (m,) of the crank [rad].
+        joints: (m, 4, 4) written.
+    """
+    here, ahead, behind = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 2))
+    for k in range(angles.shape[0]):
+        joints_at(series, angles[k], here)
+        joints_at(series, angles[k] + CRANK_STEP, ahead)
+        joints_at(series, angles[k] - CRANK_STEP, behind)
+        for j in range(4):
+            for i in range(3):
+                joints[k, i, j] = here[i, j % 2]
+            joints[k, 3, j] = (ahead[2, j % 2] - behind[2, j % 2]) / (2.0 * CRANK_STEP)
+
+
+@kernel
+def half_step_motion(
+    series: Array,
+    at_q: Integers,
+    at_v: Integers,
+    ends: Array,
+    twist: Array,
+    crank: Array,
+    span: float,
+    q: Array,
+    v: Array,
+    a: Array,
+) -> None:
+    """Write configuration, velocity and acceleration at equal steps of an interval.
+
+    Between the knots the body's position and quaternion are straight, as is its twist; the crank's acceleration stays.
+
+    Args:
+        series: of the linkage.
+        at_q, at_v: (4,) places of the joints.
+        ends: (2, 7) placements of the body at both ends.
+        twist: (2, 6) of the body.
+        crank: (3,) angle, rate and acceleration at the start.
+        span: length of the interval [s].
+        q, v, a: (s, nq), (s, nv), (s, nv) written.
+    """
+    joints, last = np.empty((3, 2)), q.shape[0] - 1
+    same = 0.0
+    for i in range(3, 7):
+        same += ends[0, i] * ends[1, i]
+    for k in range(last + 1):
+        share, size = k / last, 0.0
+        for i in range(7):
+            end = -ends[1, i] if i > 2 and same < 0.0 else ends[1, i]
+            q[k, i] = ends[0, i] + share * (end - ends[0, i])
+            if i > 2:
+                size += q[k, i] ** 2
+        for i in range(3, 7):
+            q[k, i] /= np.sqrt(size)
+        for i in range(6):
+            change = twist[1, i] - twist[0, i]
+            v[k, i], a[k, i] = twist[0, i] + share * change, change / span
+        s = share * span
+        rate = crank[1] + s * crank[2]
+        joints_at(series, crank[0] + 0.5 * s * (crank[1] + rate), joints)
+        for j in range(4):
+            angle, slope, bend = joints[0, j % 2], joints[1, j % 2], joints[2, j % 2]
+            q[k, at_q[j]], v[k, at_v[j]] = angle, slope * rate
+            a[k, at_v[j]] = slope * crank[2] + bend * rate**2
+
+
+@kernel
+def linearise(
+    at: Integers,
+    joints: Integers,
+    by_mode: Array,
+    dt: Array,
+    crank: Array,
+    slopes: Array,
+    ad_half: Array,
+    rotation: Array,
+    Dq: Array,
+    Dv: Array,
+    by_twist: Array,
+    M: Array,
+    rigid: Array,
+    r: Array,
+    air: Array,
+    J: Array,
+    force: Array,
+    pose: Array,
+    twist: Array,
+    kick: Array,
+    A: Array,
+    push: Array,
+    torque: Array,
+    torque_at: Array,
+) -> None:
+    """Write the rows of `LinearDynamics` that follow from the equations of motion.
+
+    Args:
+        at: (5,) where walk, white, factor of the mass, factor of the air and crank stand; -1: not a state.
+        joints: (4,) rows of the joints.
+        by_mode: (b, b) from slow states to forces.
+        dt: (m,) [s].
+        crank: (m, 2) rate and acceleration of the crank at the middle.
+        slopes: (m, 4, 4) of `wing_angles`.
+        ad_half: (m, 6, 6) from the pose error at the start to that at the middle.
+        rotation: (m, 3, 3) body to world.
+        Dq, Dv: (m, nv, nv) derivatives of the inverse dynamics.
+        by_twist: (m, nv, 6) derivative of the air by the twist.
+        M: (m, nv, nv) inertia, added mass included.
+        rigid: (m, nv) inverse dynamics of the robot without air.
+        r: (m, nv) the same less all known forces.
+        air: (m, nv) force of the air.
+        J: (m, b, nv) Jacobians of the points, world axes.
+        force: (m, b) forces of the last iteration, world axes.
+        pose, twist, A: (m, 6, n) written, zero before: see `LinearDynamics`.
+        kick, push: (m, 6) written.
+        torque: (m, 4, n) written.
+        torque_at: (m, 4) written.
+    """
+    m, nv, n, b = len(dt), M.shape[1], A.shape[2], J.shape[1]
+    walk, white, mass_at, air_at, phi = at
+    Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY)), np.zeros((nv, BODY))
+    G, found = np.zeros((BODY, BODY)), np.zeros((BODY, n + 1))
+    body_force = np.zeros(3)
+    for k in range(m):
+        half, rate, bend = 0.5 * dt[k], crank[k, 0], crank[k, 1]
+        for i in range(nv):
+            for j in range(n):
+                Z[i, j] = 0.0
+            for j in range(b):
+                Z[i, white + j] = -J[k, j, i]
+            for j in range(b):
+                total = 0.0
+                for c in range(b):
+                    total -= J[k, c, i] * by_mode[c, j]
+                Z[i, walk + j] = total
+            for j in range(BODY):
+                Zq[i, j] = Dq[k, i, j]
+                Zv[i, j] = Dv[k, i, j] - by_twist[k, i, j]
+        for point in range(b // 3):
+            for j in range(3):
+                body_force[j] = 0.0
+                for i in range(3):
+                    body_force[j] += rotation[k, i, j] * force[k, 3 * point + i]
+            fx, fy, fz = body_force
+            for i in range(nv):
+                gx, gy, gz = 0.0, 0.0, 0.0  # row of J^T R
+                for c in range(3):
+                    lever = J[k, 3 * point + c, i]
+                    gx += lever * rotation[k, c, 0]
+                    gy += lever * rotation[k, c, 1]
+                    gz += lever * rotation[k, c, 2]
+                Zq[i, 3] -= gy * fz - gz * fy
+                Zq[i, 4] -= gz * fx - gx * fz
+                Zq[i, 5] -= gx * fy - gy * fx
+        for i in range(nv):
+            by_angle, by_rate, by_bend = 0.0, 0.0, 0.0
+            for j in range(joints.shape[0]):
+                d1, d2, d3 = slopes[k, 1, j], slopes[k, 2, j], slopes[k, 3, j]
+                q, v, a = Dq[k, i, joints[j]], Dv[k, i, joints[j]], M[k, i, joints[j]]
+                by_angle += q * d1 + v * d2 * rate + a * (d3 * rate**2 + d2 * bend)
+                by_rate += v * d1 + a * 2.0 * d2 * rate
+                by_bend += a * d1
+            Z[i, phi] = by_angle
+            Z[i, phi + 1] = by_angle * half + by_rate
+            Z[i, phi + 2] = by_angle * 0.5 * half**2 + by_rate * half + by_bend
+            if mass_at >= 0:
+                Z[i, mass_at] = rigid[k, i]
+            if air_at >= 0:
+                Z[i, air_at] = -air[k, i]
+            for j in range(BODY):
+                total = 0.0
+                for c in range(BODY):
+                    total += Zq[i, c] * ad_half[k, c, j]
+                Z[i, j] += total
+                Z[i, BODY + j] += Zq[i, j] * half + Zv[i, j]
+        for i in range(BODY):
+            for j in range(BODY):
+                G[i, j] = M[k, i, j] + half * Zv[i, j]
+            found[i, 0] = -r[k, i]
+            for j in range(n):
+                found[i, 1 + j] = -Z[i, j]
+        eliminate(G, found)
+        for i in range(BODY):
+            push[k, i], kick[k, i] = found[i, 0], half * found[i, 0]
+            for j in range(n):
+                A[k, i, j] = found[i, 1 + j]
+                twist[k, i, j] = half * found[i, 1 + j]
+            twist[k, i, BODY + i] += 1.0
+            pose[k, i, BODY + i] = half
+            for j in range(BODY):
+                pose[k, i, j] = ad_half[k, i, j]
+        for i in range(joints.shape[0]):
+            row = joints[i]
+            torque_at[k, i] = r[k, row]
+            for j in range(n):
+                torque[k, i, j] = Z[row, j]
+            for c in range(BODY):
+                through = M[k, row, c] + half * Zv[row, c]
+                torque_at[k, i] += through * push[k, c]
+                for j in range(n):
+                    torque[k, i, j] += through * A[k, c, j]
+
+
+@kernel
+def transitions(
+    at: Integers,
+    moving: int,
+    dt: Array,
+    crank: Array,
+    ad: Array,
+    defect: Array,
+    A: Array,
+    push: Array,
+    F: Array,
+    shift: Array,
+) -> None:
+    """Write rows and shift of the transition of the first states.
+
+    Args:
+        at: (5,) as of `linearise`.
+        moving: number of these states: the last of them walk, with their slopes behind them.
+        dt: (m,) [s].
+        crank: (m + 1, 3) nominal angle, rate and acceleration of the crank.
+        ad: (m, 6, 6) from the pose error at the start to that at the end.
+        defect: (m, 6) by how much the nominal motion's pose misses what its twist gives.
+        A, push: (m, 6, n), (m, 6) of `linearise`.
+        F: (m, moving, n) written, zero before.
+        shift: (m, moving) written.
+    """
+    walk, phi, n = at[0], at[4], A.shape[2]
+    for k in range(dt.shape[0]):
+        h = dt[k]
+        for i in range(BODY):
+            shift[k, i] = defect[k, i] + 0.5 * h * h * push[k, i]
+            shift[k, BODY + i] = h * push[k, i]
+            for j in range(n):
+                F[k, i, j] = 0.5 * h * h * A[k, i, j]
+                F[k, BODY + i, j] = h * A[k, i, j]
+            for j in range(BODY):
+                F[k, i, j] += ad[k, i, j]
+            F[k, i, BODY + i] += h
+            F[k, BODY + i, BODY + i] += 1.0
+        for i in range(3):
+            F[k, phi + i, phi + i] = 1.0
+        F[k, phi, phi + 1] = F[k, phi + 1, phi + 2] = h
+        F[k, phi, phi + 2] = 0.5 * h * h
+        for i in range(3):
+            shift[k, phi + i] = -crank[k + 1, i]
+            for j in range(i, 3):
+                shift[k, phi + i] += F[k, phi + i, phi + j] * crank[k, j]
+        for i in range(walk, moving):
+            shift[k, i] = 0.0
+            F[k, i, i] = 1.0
+            F[k, i, i + moving - walk] = h
+
+
+@inner
+def eliminate(G: Array, right: Array) -> None:
+    """Solve G X = right by Gauss's elimination with pivots; X overwrites `right`, and G is destroyed."""
+    n = G.shape[0]
+    for c in range(n):
+        best = c
+        for i in range(c + 1, n):
+            if abs(G[i, c]) > abs(G[best, c]):
+                best = i
+        if best != c:
+            for j in range(n):
+                G[c, j], G[best, j] = G[best, j], G[c, j]
+            for j in range(right.shape[1]):
+                right[c, j], right[best, j] = right[best, j], right[c, j]
+        for i in range(n):
+            if i != c and G[i, c] != 0.0:
+                factor = G[i, c] / G[c, c]
+                for j in range(c, n):
+                    G[i, j] -= factor * G[c, j]
+                for j in range(right.shape[1]):
+                    right[i, j] -= factor * right[c, j]
+    for c in range(n):
+        for j in range(right.shape[1]):
+            right[c, j] /= G[c, c]
