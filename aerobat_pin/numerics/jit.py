@@ -33,6 +33,7 @@ KERNEL_SOURCES = (
     "aerodynamics/robot_in_air.py",
     "aerodynamics/strip_forces.py",
     "control/allocation.py",
+    "control/law.py",
     "estimation/believed_air_kernels.py",
     "estimation/raw/recursion.py",
     "flight/attitude_hold.py",
