@@ -30,6 +30,7 @@ from aerobat_pin.numerics import (
     new_memory,
     next_size,
     rewind,
+    shaped,
     solve_positive,
     take,
     take_integers,
@@ -117,7 +118,7 @@ class Allocation:
     def thrusts(self, wrench: Array) -> Array:
         """Return the thrusts (m,) [N] for a wanted wrench (6,) at the body's centre of mass, body axes."""
         thrust = np.empty(len(self.limit))
-        allocate(self._memory, np.asarray(wrench, float), thrust)
+        allocate(self._memory, shaped(wrench, (6,), "wrench"), thrust)
         return thrust
 
     def unrealised(self, wrench: Array, thrust: Array) -> Array:

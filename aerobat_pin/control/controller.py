@@ -1,4 +1,4 @@
-"""The controller: what a scenario says becomes the numbers of the law, which `law` computes, with an observer beside it.
+"""The controller: a scenario becomes the numbers of the law, which `law` computes, with an observer beside it.
 
 Everything in it is *believed*: mass and inertia, the nominal flight, lag and limits of the thrusters. The disturbance
 is what a momentum observer sees (`disturbance`); it may be switched off, and so may the integrals. Every gain stands in
@@ -20,7 +20,7 @@ from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance, observer_gains
 from aerobat_pin.control.law import law_in, next_command, wanted_wrench
 from aerobat_pin.control.nominal import control_of, nominal_flight
-from aerobat_pin.errors import ControlWarning, ScenarioError
+from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
 from aerobat_pin.numerics import Array, fields_of, guarded, new_memory
 from aerobat_pin.robot import Aerobat, believed_robot
@@ -95,6 +95,7 @@ class Controller:
             warnings.warn(ControlWarning(line), stacklevel=2)
         self.loop_times = np.zeros(0)
         self.dt = step if self.control.rate is None else 1.0 / self.control.rate
+        self._shapes = (robot.model.nq,), (robot.model.nv,)
         self._robot, self._crank_rate = robot, 2.0 * np.pi * scenario.crank.frequency
         self._observer = disturbance
         if disturbance is None and self.control.feedforward:
@@ -179,7 +180,14 @@ class Controller:
 
         Returns:
             Commanded thrusts (m,) [N] for the next interval.
+
+        Raises:
+            ShapeError: q or v is not that of the robot.
         """
+        if q.shape != self._shapes[0] or v.shape != self._shapes[1]:
+            raise ShapeError(
+                f"q, v have shapes {q.shape}, {v.shape}: {self._shapes[0]}, {self._shapes[1]} were expected"
+            )
         since = time - self._begun
         if since * (1.0 + 1e-9) + 1e-9 >= self._ticks * self.dt:
             self._ticks += 1

@@ -117,7 +117,8 @@ def next_command(memory: Array, since: float, q: Array, v: Array, crank_angle: f
     Args:
         memory: see `law_in`; `disturbance` is what acts now.
         since: time since the begin of the flight [s].
-        q, v: (nq,), (nv,) configuration and velocity as the sensors show them; the base counts.
+        q: (nq,) configuration as the sensors show it; the base counts.
+        v: (nv,) velocity likewise.
         crank_angle: as its sensor shows it [rad].
     """
     law = law_in(memory)
