@@ -18,7 +18,7 @@ import numpy as np
 
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance, observer_gains
-from aerobat_pin.control.law import law_in, next_command, wanted_wrench
+from aerobat_pin.control.law import law_in, law_wrench, write_commands
 from aerobat_pin.control.nominal import control_of, nominal_flight
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
@@ -180,29 +180,28 @@ class Controller:
 
         Returns:
             Commanded thrusts (m,) [N] for the next interval.
-
-        Raises:
-            ShapeError: q or v is not that of the robot.
         """
-        if q.shape != self._shapes[0] or v.shape != self._shapes[1]:
-            raise ShapeError(
-                f"q, v have shapes {q.shape}, {v.shape}: {self._shapes[0]}, {self._shapes[1]} were expected"
-            )
         since = time - self._begun
         if since * (1.0 + 1e-9) + 1e-9 >= self._ticks * self.dt:
             self._ticks += 1
             if self._observer is not None and self._pushes:
                 self.disturbance[:] = self._observer.update(time, q, v, self._pushed / self._pushes)
             self._pushed, self._pushes = np.zeros(6), 0
-            next_command(self._memory, since, q, v, crank_angle)
+            write_commands(self._memory, self.wrench(since, q, v, crank_angle), crank_angle)
             self._command = self._law.command.copy()
         self.modelled = self.thrust.advance(self._command)
         self._pushed, self._pushes = self._pushed + self.modelled, self._pushes + 1
         return self._command
 
-    @guarded(q=("nq",), v=("nv",))
     def wrench(self, since: float, q: Array, v: Array, crank_angle: float) -> Array:
-        """Return the wrench (6,) that the law wants `since` seconds after the begin, before its lead and steering."""
+        """Return the wrench (6,) that the law wants `since` seconds after the begin, before its lead and steering.
+
+        Another law overrides this. Raises ShapeError if q or v is not that of the robot.
+        """
+        if q.shape != self._shapes[0] or v.shape != self._shapes[1]:
+            raise ShapeError(
+                f"q, v have shapes {q.shape}, {v.shape}: {self._shapes[0]}, {self._shapes[1]} were expected"
+            )
         wanted = np.empty(6)
-        wanted_wrench(self._memory, since, q, v, crank_angle, wanted)
+        law_wrench(self._memory, since, q, v, crank_angle, wanted)
         return wanted

@@ -111,44 +111,18 @@ def law_in(memory: Array) -> Law:
 
 
 @kernel
-def next_command(memory: Array, since: float, q: Array, v: Array, crank_angle: float) -> None:
-    """Take a sample, and write `wanted`, `command` and `unrealised`.
+def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: float, out: Array) -> None:
+    """Write the wrench that is wanted for a sample, before lead and steering; integrals and nose move on.
 
     Args:
-        memory: see `law_in`; `disturbance` is what acts now.
+        memory: see `law_in`; `disturbance` is what acts now, `unrealised` what was left of the last wrench.
         since: time since the begin of the flight [s].
         q: (nq,) configuration as the sensors show it; the base counts.
         v: (nv,) velocity likewise.
         crank_angle: as its sensor shows it [rad].
+        out: (6,) written, at the body's centre of mass and in body axes [N, N m].
     """
     law = law_in(memory)
-    wanted, slow = law.wanted, law.slow
-    law_wrench(law, since, q, v, crank_angle, wanted)
-    for i in range(6):
-        now = wanted[i]
-        if law.begun[()] == 0.0:
-            slow[i] = now
-        wanted[i] = law.lead[()] * now - (law.lead[()] - 1.0) * slow[i]
-        slow[i] += law.follow[()] * (now - slow[i])
-    law.begun[()] = 1.0
-    wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
-    limited_thrusts(law.limited, wanted, law.command)
-    for i in range(6):
-        made = 0.0
-        for j in range(law.command.shape[0]):
-            made += law.limited.map[i, j] * law.command[j]
-        law.unrealised[i] = wanted[i] - made
-
-
-@kernel
-def wanted_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: float, out: Array) -> None:
-    """Write the wrench (6,) that is wanted for a sample, without lead and steering. Integrals and nose move on."""
-    law_wrench(law_in(memory), since, q, v, crank_angle, out)
-
-
-@inner
-def law_wrench(law: Law, since: float, q: Array, v: Array, crank_angle: float, out: Array) -> None:
-    """Write the wrench (6,) that is wanted for a sample, at the body's centre of mass and in body axes."""
     gains, force, nominal, centre = law.gains, law.force, law.nominal, law.centre
     reference, push = law.reference, law.disturbance
     x, y, z, w = q[3], q[4], q[5], q[6]
@@ -188,8 +162,9 @@ def law_wrench(law: Law, since: float, q: Array, v: Array, crank_angle: float, o
     ax, ay, az, aw = ax * c - az * s, ay * c + aw * s, az * c + ax * s, aw * c - ay * s
     s, c = sin(0.5 * bank), cos(0.5 * bank)
     ax, ay, az, aw = ax * c + aw * s, ay * c + az * s, az * c - ay * s, aw * c - ax * s
-    bx, by, bz = 0.5 * reference[6], 0.5 * reference[7], 0.5 * reference[8]  # swings are small: half the turn
-    bw = sqrt(max(1.0 - bx * bx - by * by - bz * bz, 0.0))
+    half = 0.5 * sqrt(reference[6] ** 2 + reference[7] ** 2 + reference[8] ** 2)
+    bw, scale = cos(half), 0.5 * sin(half) / half if half > 0.0 else 0.5
+    bx, by, bz = scale * reference[6], scale * reference[7], scale * reference[8]
     tx = aw * bx + ax * bw + ay * bz - az * by
     ty = aw * by - ax * bz + ay * bw + az * bx
     tz = aw * bz + ax * by - ay * bx + az * bw
@@ -212,6 +187,26 @@ def law_wrench(law: Law, since: float, q: Array, v: Array, crank_angle: float, o
     out[0] = nominal[0] + force[0]
     out[1] = 0.0
     out[2] = (nominal[2] + force[2]) / max(R22, 0.5)
+
+
+@kernel
+def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
+    """Write `wanted`, `command` and `unrealised` for the wrench (6,) that a law wants."""
+    law = law_in(memory)
+    wanted, slow, lead = law.wanted, law.slow, law.lead[()]
+    for i in range(6):
+        if law.begun[()] == 0.0:
+            slow[i] = wrench[i]
+        wanted[i] = lead * wrench[i] - (lead - 1.0) * slow[i]
+        slow[i] += law.follow[()] * (wrench[i] - slow[i])
+    law.begun[()] = 1.0
+    wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
+    limited_thrusts(law.limited, wanted, law.command)
+    for i in range(6):
+        made = 0.0
+        for j in range(law.command.shape[0]):
+            made += law.limited.map[i, j] * law.command[j]
+        law.unrealised[i] = wanted[i] - made
 
 
 @inner
