@@ -27,14 +27,11 @@ Angles and distances are root mean squares about the course over a whole flight.
 gusts are `gust_closed_loop`, of 1.5 m/s.
 
 Yaw is the last angle of Rz Ry Rx. A body that is banked by r and pitches by p, as wings make it, has a yaw of about
--r p even if it does not turn about its own z; a bank that answers a gust makes yaw so. The row "turn about the body's
-own z" is yaw without that part.
+-r p even if it does not turn about its own z. The row "turn about the body's own z" is yaw without that part.
 
-Missed: in the lateral gust, yaw is 1.5 times that of PD (0.17 for 0.11 deg), since it grows with bank; the turn about
-the body's own z is 1.08 times PD's. In the vertical gust, yaw is 1.3 times PD's (0.015 for 0.012 deg; the attitude
-sensor's noise is 0.17 deg) and pitch 1.005 times. A blow of 10 ms is over before an observer sees it: the robot settles
-as soon as without. The loop's times were taken on two cores with a load of 14 to 18, which lengthens them; even the
-least of ten equal flights has a 99th percentile above the bound there.
+Missed: in the vertical gust, which turns nobody, yaw is 1.05 times that of PD: 0.0125 for 0.0121 deg. It is noise in
+both, and 0 without it: what an observer makes of the gyro's noise adds to what the law makes of the attitude sensor's
+0.17 deg. A blow of 10 ms is over before an observer sees it: the robot settles as soon as without.
 """
 
 

@@ -34,7 +34,7 @@ seen, info = env.reset(seed=1)
 pilot.begin(info["time"], info["q"], info["v"], info["crank_angle"])
 reward, over = 0.0, False
 while not over:
-    thrust = pilot.command(info["time"], info["q"], info["v"])
+    thrust = pilot.command(info["time"], info["q"], info["v"], info["crank_angle"])
     seen, more, fallen, ended, info = env.step(2.0 * thrust / pilot.thrusters.limit - 1.0)
     reward, over = reward + more, fallen or ended
 print(f"hovering at 100 Hz: {'fallen' if fallen else 'still up'} after {info['time']:.2f} s, reward {reward:.1f}")

@@ -15,15 +15,76 @@ solution after a few changes of the set of thrusters at a limit; none is needed 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from aerobat_pin.flight import ThrusterSet
-from aerobat_pin.numerics import Array, Integers, kernel, solve_positive
+from aerobat_pin.numerics import (
+    Array,
+    Integers,
+    fields_of,
+    inner,
+    kernel,
+    merged,
+    new_memory,
+    next_size,
+    rewind,
+    shaped,
+    solve_positive,
+    take,
+    take_integers,
+)
 
 THRUSTER_ARM = 0.2  # [m]: about the thrusters' distance
 PRIORITY = {"Fx": 0.1, "Fy": 0.0, "Fz": 3.0, "Mx": 30.0, "My": 30.0, "Mz": 10.0}
 EVEN = 1.0e-9
 MOST_CHANGES = 60
+
+
+class Limited(NamedTuple):
+    """The problem of m thrusters: `map` (6, m), `limit` (m,), and with the weights, `H` (m, m), `f` (m, 6) of it.
+
+    `free` (m, 6) is its solution where nothing is limited, `least` and `most` (6,) the wrenches within reach. Scratch
+    are `held` (m,), `A` (m, m), `b` (m,), `linear` (m,).
+    """
+
+    map: Array
+    limit: Array
+    H: Array
+    f: Array
+    free: Array
+    least: Array
+    most: Array
+    held: Integers
+    A: Array
+    b: Array
+    linear: Array
+
+
+@merged
+def limited_in(cursor: Integers, m: int) -> Limited:
+    """Lay out the problem of m thrusters."""
+    return Limited(
+        map=take(cursor, (6, m)),
+        limit=take(cursor, (m,)),
+        H=take(cursor, (m, m)),
+        f=take(cursor, (m, 6)),
+        free=take(cursor, (m, 6)),
+        least=take(cursor, (6,)),
+        most=take(cursor, (6,)),
+        held=take_integers(cursor, (m,)),
+        A=take(cursor, (m, m)),
+        b=take(cursor, (m,)),
+        linear=take(cursor, (m,)),
+    )
+
+
+@merged
+def allocation_in(memory: Array) -> Limited:
+    """Lay out the memory of an allocation. Sizes: number of thrusters."""
+    cursor = rewind(memory)
+    return limited_in(cursor, next_size(cursor))
 
 
 class Allocation:
@@ -37,22 +98,27 @@ class Allocation:
     def __init__(self, thrusters: ThrusterSet, factor: float = 1.0) -> None:
         """Weigh the rows and factorise what does not change."""
         self.map, self.limit = factor * thrusters.map, thrusters.limit.copy()
+        self._memory = new_memory(allocation_in, len(self.limit))
+        self.fill(fields_of(allocation_in, self._memory))
+
+    def fill(self, problem: Limited) -> None:
+        """Write the problem into the memory of a kernel."""
+        problem.map[:], problem.limit[:] = self.map, self.limit
         weight = np.array(list(PRIORITY.values())) / np.array([1.0, 1.0, 1.0, THRUSTER_ARM, THRUSTER_ARM, THRUSTER_ARM])
         weighted = weight[:, None] * self.map
-        self._H = weighted.T @ weighted
-        self._H += EVEN * np.trace(self._H) * np.eye(len(self.limit))
-        self._f = weighted.T * weight
-        self._free = np.linalg.solve(self._H, self._f)
-        self._reach = (np.minimum(self.map, 0.0) @ self.limit, np.maximum(self.map, 0.0) @ self.limit)
-        self._limits = self.limit.tolist()
-        self._set = np.zeros(len(self.limit), dtype=np.intp)
+        problem.H[:] = weighted.T @ weighted
+        problem.H[:] += EVEN * np.trace(problem.H) * np.eye(len(self.limit))
+        problem.f[:] = weighted.T * weight
+        problem.free[:] = np.linalg.solve(problem.H, problem.f)
+        problem.least[:], problem.most[:] = (
+            np.minimum(self.map, 0.0) @ self.limit,
+            np.maximum(self.map, 0.0) @ self.limit,
+        )
 
     def thrusts(self, wrench: Array) -> Array:
         """Return the thrusts (m,) [N] for a wanted wrench (6,) at the body's centre of mass, body axes."""
-        thrust: Array = self._free @ wrench
-        if not all(0.0 <= one <= limit for one, limit in zip(thrust.tolist(), self._limits, strict=True)):
-            asked = np.minimum(np.maximum(wrench, self._reach[0]), self._reach[1])
-            limit_thrusts(self._H, self._f @ asked, self.limit, self._set, thrust)
+        thrust = np.empty(len(self.limit))
+        allocate(self._memory, shaped(wrench, (6,), "wrench"), thrust)
         return thrust
 
     def unrealised(self, wrench: Array, thrust: Array) -> Array:
@@ -61,18 +127,37 @@ class Allocation:
 
 
 @kernel
-def limit_thrusts(H: Array, f: Array, limit: Array, held: Integers, u: Array) -> None:
-    """Minimise u . H u / 2 - f . u for 0 <= u <= limit.
+def allocate(memory: Array, wrench: Array, thrust: Array) -> None:
+    """Write the thrusts (m,) for a wanted wrench (6,)."""
+    limited_thrusts(allocation_in(memory), wrench, thrust)
 
-    Args:
-        H: (m, m) symmetric positive definite.
-        f: (m,) linear term.
-        limit: (m,) upper limits; the lower ones are 0.
-        held: (m,) scratch: -1 and 1 for what is held at its lower and upper limit, 0 for what is free.
-        u: (m,) any start, such as the minimum without limits; written.
+
+@inner
+def limited_thrusts(problem: Limited, wrench: Array, thrust: Array) -> None:
+    """Write the thrusts (m,) for a wanted wrench (6,); the limits are asked only where they are passed."""
+    good = True
+    for i in range(thrust.shape[0]):
+        thrust[i] = 0.0
+        for j in range(6):
+            thrust[i] += problem.free[i, j] * wrench[j]
+        good = good and 0.0 <= thrust[i] <= problem.limit[i]
+    if good:
+        return
+    for i in range(thrust.shape[0]):
+        problem.linear[i] = 0.0
+        for j in range(6):
+            problem.linear[i] += problem.f[i, j] * min(max(wrench[j], problem.least[j]), problem.most[j])
+    limit_thrusts(problem, thrust)
+
+
+@inner
+def limit_thrusts(problem: Limited, u: Array) -> None:
+    """Minimise u . H u / 2 - linear . u for 0 <= u <= limit; u (m,) is any start, and written.
+
+    `held` is -1 and 1 for what is held at its lower and upper limit, 0 for what is free.
     """
+    H, f, limit, held, A, b = problem.H, problem.linear, problem.limit, problem.held, problem.A, problem.b
     m = u.shape[0]
-    A, b = np.empty((m, m)), np.empty(m)
     for i in range(m):
         held[i] = -1 if u[i] <= 0.0 else (1 if u[i] >= limit[i] else 0)
         u[i] = min(max(u[i], 0.0), limit[i])

@@ -19,7 +19,7 @@ import pinocchio as pin
 from aerobat_pin.control.nominal import Nominal
 from aerobat_pin.estimation import AirStream
 from aerobat_pin.flight import Plant
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import Application, ForceLevelObserver
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, ControlSection
@@ -46,9 +46,28 @@ def observer_gains(control: ControlSection) -> Array:
 
 def moved(wrench: Array, lever: Array) -> Array:
     """Return a wrench (6,) at a point from which its own point lies at `lever` (3,) [m]; all in the same axes."""
-    fx, fy, fz, mx, my, mz = wrench.tolist()
-    x, y, z = lever.tolist()
-    return np.array([fx, fy, fz, mx + y * fz - z * fy, my + z * fx - x * fz, mz + x * fy - y * fx])
+    there = np.empty(BASE_SIZE)
+    move(wrench, lever, there)
+    return there
+
+
+@kernel
+def move(wrench: Array, lever: Array, there: Array) -> None:
+    """Write what `moved` returns."""
+    fx, fy, fz, x, y, z = wrench[0], wrench[1], wrench[2], lever[0], lever[1], lever[2]
+    there[0], there[1], there[2] = fx, fy, fz
+    there[3] = wrench[3] + y * fz - z * fy
+    there[4] = wrench[4] + z * fx - x * fz
+    there[5] = wrench[5] + x * fy - y * fx
+
+
+@kernel
+def add_thrust(air: Array, thrust: Array, known: Array) -> None:
+    """Write the sum of all known forces (nv,): of the air (n, nv), and the thrusters' wrench (6,) on the base."""
+    for i in range(known.shape[0]):
+        known[i] = thrust[i] if i < BASE_SIZE else 0.0
+        for j in range(air.shape[0]):
+            known[i] += air[j, i]
 
 
 class TrueDisturbance:
@@ -125,8 +144,8 @@ class DisturbanceObserver:
         self.observer = ForceLevelObserver(model, unknown, observer_gains(control), rows="base")
         self._stream = AirStream(robot, air, dt) if control.air else None
         self._rate, self._centre = crank_rate, nominal.centre
-        self._tau, self._pushed = np.zeros(model.nv), np.zeros(model.nv)
-        self._mean = np.append(nominal.air, np.zeros(model.nv - BASE_SIZE))
+        self._tau, self._known = np.zeros(model.nv), {"air and thrusters": np.zeros(model.nv)}
+        self._mean = np.append(nominal.air, np.zeros(model.nv - BASE_SIZE))[None]
 
     def reset(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
         """Start at a sample."""
@@ -136,8 +155,6 @@ class DisturbanceObserver:
 
     def update(self, time: float, q: Array, v: Array, thrust: Array) -> Array:
         """Take a sample and the thrusters' mean wrench (6,) since the last one; return the unknown wrench (6,)."""
-        self._pushed[:BASE_SIZE] = thrust
-        known = {"thrusters": self._pushed, "air": self._mean}
-        if self._stream is not None:
-            known["air"], known["added_mass"] = self._stream.update(time, q, v)
-        return moved(self.observer.update(time, q, v, self._tau, known).components, self._centre)
+        air = self._mean if self._stream is None else self._stream.update(time, q, v)
+        add_thrust(air, thrust, self._known["air and thrusters"])
+        return moved(self.observer.update(time, q, v, self._tau, self._known).components, self._centre)

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aerobat_pin.control.controller import integral_shares
 from aerobat_pin.control.nominal import control_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario import Scenario
@@ -64,6 +65,7 @@ def loop_margins(scenario: Scenario) -> dict[str, Margins]:
     control = control_of(scenario)
     lateral = control.lateral
     feedback = control.feedforward
+    by_position, by_attitude = integral_shares(control)
     found = {}
     for axis, frequency, gain in (
         ("roll", control.roll, control.moment_gain),
@@ -72,12 +74,11 @@ def loop_margins(scenario: Scenario) -> dict[str, Margins]:
         ("height", control.height, control.lift_gain),
         ("forward", control.forward, control.forward_gain),
     ):
-        share = control.attitude_integral if axis in ("roll", "pitch", "yaw") else control.position_integral
-        share = share if control.integral else 0.0
+        share = by_attitude if axis in ("roll", "pitch", "yaw") else by_position
         stiffness: Polynomials = np.array([1.0, share]) * frequency**2, np.array([1.0, 0.0])
         damping: Polynomials = np.array([2.0 * control.damping * frequency, 0.0]), np.ones(1)
         if axis == "roll":
-            slow = lateral**2 * (control.position_integral if control.integral else 0.0)
+            slow = lateral**2 * by_position
             outer: Polynomials = (
                 np.array([2.0 * control.damping * lateral, lateral**2, slow]),
                 np.array([1.0, 0.0, 0.0, 0.0]),

@@ -1,15 +1,19 @@
-"""The nominal flight: which wrench of the thrusters a believed robot needs on its course, and how heavy it turns.
+"""The nominal flight: which wrench of the thrusters a believed robot needs on its course, and how it swings about it.
 
-The body heaves and pitches about its course as the wings let it, under a constant wrench w, and comes back to where it
-was after each flap. The rows of the base of inverse dynamics and air say both, w and the motion:
+The wings heave and pitch the body in each flap. No thruster can stop the heaving; the pitching is steered against, at
+the rate of the flaps, as it is known in advance. So the thrusters make a constant wrench w and a pitching moment s,
+and the body moves about its course and comes back to where it was after each flap. The rows of the base of inverse
+dynamics and air say all three, w, s and the motion:
 
-    (M a + C v + g - u_air)_base = w        over a flap, with a velocity and a position without drift
+    (M a + C v + g - u_air)_base = w + s        over a flap, with a velocity and a position without drift,
+                                                and without pitching as fast as the crank turns
 
 Beginning with a body that keeps still, `PASSES` corrections of its acceleration by M_bb^-1 of what the left side misses
-of its mean find them; each is some five times smaller than the one before.
+of w + s find them; each is some five times smaller than the one before. s is a sine of the crank angle; its overtones
+are left to the body, as thrusters with a lag cannot follow them.
 
-Gravity is in it: the body's centre of mass, about which thrusters count, is not the robot's, and so the wrench has a
-moment. An observer counts gravity as known and does not see it; nominal wrench and observer share one belief.
+Gravity is in w: the body's centre of mass, about which thrusters count, is not the robot's, and so the wrench has a
+moment. An observer counts gravity as known and does not see it; nominal flight and observer share one belief.
 """
 
 from __future__ import annotations
@@ -27,6 +31,8 @@ from aerobat_pin.scenario import ControlSection, Scenario
 
 FLAP_SAMPLES = 240  # in a flap
 PASSES = 4
+OVERTONES = 6  # up to this multiple of the crank angle, the swing is kept
+PITCHING = 4  # row of a wrench
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,9 @@ class Nominal:
         centre: (3,) the robot's centre of mass from the body's, body axes, mean over a flap [m].
         mass: of the robot [kg].
         quaternion: (4,) attitude xyzw to keep: heading of the start, and the pitch of the table `control`.
+        swing: (2 OVERTONES, 12) the body's motion about its course: rows as `waves` has them of the crank angle;
+            columns position and velocity over ground, world axes, turn and body rate, body axes [m, m/s, rad, rad/s].
+        steering: (2,) the pitching moment against the flaps, as cosine and sine of the crank angle [N m].
     """
 
     wrench: Array
@@ -48,6 +57,8 @@ class Nominal:
     centre: Array
     mass: float
     quaternion: Array
+    swing: Array
+    steering: Array
 
 
 @guarded()
@@ -80,6 +91,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
     placements[:, :3] += time[:, None] * np.array(flight.velocity)
     steady = scenario.believed_air.model_copy(update={"gust": None})
     stream, data = AirStream(robot, steady, dt), model.createData()
+    beat = waves(angle[:-1]) if rate > 0.0 else np.zeros((FLAP_SAMPLES, 2 * OVERTONES))
     for left in reversed(range(PASSES)):
         q = robot.configuration(placements, closed.theta_s, closed.theta_e)
         v = robot.velocity(twists, closed.theta_s_dot, closed.theta_e_dot)
@@ -94,12 +106,31 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
             centre += data.oMi[1].actInv(data.com[0]) / FLAP_SAMPLES
             inverse[k] = np.linalg.inv(pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE])
         wrench = np.mean(needed - air, axis=0)
+        steering = _fitted((needed - air)[:, PITCHING], beat)[:2]
         if left:
-            miss = np.einsum("kij,kj->ki", inverse, needed - air - wrench)
-            accelerations -= np.append(miss, miss[:1], axis=0)
+            miss = needed - air - wrench
+            miss[:, PITCHING] -= beat[:, :2] @ steering
+            accelerations[:-1] -= np.einsum("kij,kj->ki", inverse, miss)
+            accelerations[:-1, PITCHING] -= beat[:, :2] @ _fitted(accelerations[:-1, PITCHING], beat)[:2]
+            accelerations[-1] = accelerations[0]
             twists, placements = _without_drift(accelerations, twist, placement, np.array(flight.velocity), time)
-    air = np.mean(air, axis=0)
-    return Nominal(wrench, air, inertia, centre, robot.mass, quaternion)
+    swing = _about_the_course(placements, twists, quaternion, np.array(flight.velocity), time)
+    return Nominal(
+        wrench=wrench,
+        air=np.mean(air, axis=0),
+        inertia=inertia,
+        centre=centre,
+        mass=robot.mass,
+        quaternion=quaternion,
+        swing=_fitted(swing[:-1], beat),
+        steering=steering,
+    )
+
+
+def waves(angle: Array) -> Array:
+    """Return cosine and sine of an angle (n,), then of twice the angle, up to `OVERTONES` times: (n, 2 OVERTONES)."""
+    turned = np.outer(angle, np.arange(1, OVERTONES + 1))
+    return np.stack([np.cos(turned), np.sin(turned)], axis=2).reshape(len(angle), -1)
 
 
 def _blown(stream: AirStream, time: Array, q: Array, v: Array, angle: float, rate: float) -> Array:
@@ -136,6 +167,24 @@ def _without_drift(
     places = _integral(over_ground - extra - velocity, time)
     places += placement[:3] - _mean(places) + time[:, None] * velocity
     return twists, np.concatenate([places, [one.coeffs() for one in attitudes]], axis=1)
+
+
+def _about_the_course(placements: Array, twists: Array, level: Array, velocity: Array, time: Array) -> Array:
+    """Return position, velocity over ground, turn and body rate (n, 12) of a body, less those of its course."""
+    course = pin.Quaternion(level)
+    rows = np.zeros((len(time), 12))
+    for row, placement, twist, t in zip(rows, placements, twists, time, strict=True):
+        attitude = pin.Quaternion(placement[3:])
+        row[:3] = placement[:3] - t * velocity
+        row[3:6] = attitude.matrix() @ twist[:3] - velocity
+        row[6:9] = pin.log3((course.conjugate() * attitude).matrix())
+        row[9:] = twist[3:]
+    return rows
+
+
+def _fitted(rows: Array, beat: Array) -> Array:
+    """Return the waves' coefficients (2 OVERTONES, ...) in rows (FLAP_SAMPLES, ...) of a whole flap."""
+    return np.asarray(2.0 / FLAP_SAMPLES * beat.T @ rows)
 
 
 def _mean(rows: Array) -> Array:

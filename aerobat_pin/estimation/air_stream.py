@@ -10,11 +10,12 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.errors import ShapeError
+from aerobat_pin.estimation.air_stream_kernels import air_at, stream_in
 from aerobat_pin.estimation.believed_air import WARM_UP_ANGLES, AirAlongMotion
-from aerobat_pin.estimation.believed_air_kernels import advance_air_stage
 from aerobat_pin.estimation.motion import Motion
 from aerobat_pin.flight import wind_of
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, fields_of, guarded, new_memory
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import AirSection
 
@@ -36,6 +37,9 @@ class AirStream:
         self._in_air, self._wind = self._along.in_air, wind_of(air)
         self._gusty = air.gust is not None and any(air.gust.amplitude)
         self._steps = 1
+        self._memory = new_memory(stream_in, self._in_air.memory.ctypes.data, robot.model.nq, robot.model.nv)
+        self._stream = fields_of(stream_in, self._memory)
+        self._stream.dt[...] = dt
 
     @guarded(q=("nq",), v=("nv",))
     def reset(self, time: float, q: Array, v: Array, crank_angle: float, crank_rate: float) -> None:
@@ -45,44 +49,31 @@ class AirStream:
         begin = Motion(np.array([time]), q[None], v[None], crank, wind, {})
         along, fields = self._along, self._in_air.fields
         fields.start[:] = fields.state[:] = along.start(begin)
-        self._q, self._v, self._at = np.array(q), np.array(v), wind[0]
+        stream = self._stream
+        stream.q[:], stream.v[:] = q, v
+        stream.wind[:] = stream.last_wind[:] = wind[0]
         body = v[:BASE_SIZE] - np.concatenate([pin.Quaternion(q[3:7]).matrix().T @ wind[0, 0], np.zeros(3)])
         turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, WARM_UP_ANGLES), crank_rate))
         fastest = np.max(along.airspeed(self._in_air.flapping_twists(q[:7], body, turn)), keepdims=True)
         self._steps = int(np.ceil(self.dt / along.longest_step(fastest)[0] - 1e-9))
-        pin.nonLinearEffects(self.robot.model, self._in_air.data, self._q, self._v)
+        pin.nonLinearEffects(self.robot.model, self._in_air.data, stream.q, stream.v)
 
     def update(self, time: float, q: Array, v: Array) -> Array:
         """Take the next sample, and return the mean forces (2, nv) since the last one: of the air, of the added mass.
 
-        The arguments are not checked; they are those of a sample that an observer has taken.
+        Values are not checked; they are those of a sample that an observer takes. Raises ShapeError for other shapes.
         """
-        model, data, memory, count = self.robot.model, self._in_air.data, self._in_air.memory, self._steps
-        nle, before, rate = pin.nonLinearEffects, self._q, self._v
-        length = self.dt / count
-        a, joints = (v - rate) / self.dt, before[7:]
-        wind, last = self._at, self._at
+        model, data, stream, count = self.robot.model, self._in_air.data, self._stream, self._steps
+        if q.shape != stream.q.shape or v.shape != stream.v.shape:
+            raise ShapeError(f"q, v have shapes {q.shape}, {v.shape}: {stream.q.shape}, {stream.v.shape} were expected")
+        memory, nle, interpolate, ends = self._memory, pin.nonLinearEffects, pin.interpolate, 2 * count
         if self._gusty:
-            last = self._wind.field(np.array([time]))[0]
-        means = np.zeros((2, model.nv))
-        gap = q[7:] - joints
-        bend, twist = gap - self.dt * rate[6:], gap - self.dt * v[6:]  # of the cubic: -(slopes less the chord) dt
-        here, velocity = wind, rate
-        for i in range(count):
-            for place in (1, 2):
-                if place == 1:
-                    advance_air_stage(memory, here, a, length, 0, means)
-                share = (i + 0.5 * place) / count
-                if share < 1.0:
-                    middle = pin.interpolate(model, before, q, share)
-                    middle[7:] -= share * (1.0 - share) * ((1.0 - share) * bend - share * twist)
-                    velocity = rate + share * (v - rate)
-                    here = wind + share * (last - wind) if self._gusty else wind
-                else:
-                    middle, velocity, here = q, v, last
-                nle(model, data, middle, velocity)
-                advance_air_stage(memory, here, a, length, place, means)
-        self._q, self._v, self._at = q, v, last
-        if count > 1:
-            means /= count
-        return means
+            stream.last_wind[:] = self._wind.field(np.array([time]))[0]
+        for half in range(ends - 1):
+            middle = interpolate(model, stream.q, q, 0.5 * (half + 1) / count)
+            air_at(memory, q, v, half, count, middle)
+            nle(model, data, middle, stream.velocity)
+        air_at(memory, q, v, ends - 1, count, q)
+        nle(model, data, q, v)
+        air_at(memory, q, v, ends, count, q)
+        return stream.means.copy()

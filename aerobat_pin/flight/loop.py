@@ -44,8 +44,8 @@ class Pilot(Protocol):
     def begin(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
         """Start at the first sample of a flight."""
 
-    def command(self, time: float, q: Array, v: Array) -> Array:
-        """Return the commanded thrusts (m,) [N] for a sample."""
+    def command(self, time: float, q: Array, v: Array, crank_angle: float) -> Array:
+        """Return the commanded thrusts (m,) [N] for a sample and a crank angle [rad]."""
         ...
 
 
@@ -105,12 +105,14 @@ class ClosedLoop:
         k, pilot = self.done, self.pilot
         time = k * self.dt
         self.sensing.draw(k)
+        true_crank = self.flight.crank_angle
         begun = thread_time()
         q, v = self.sensing.read(k, self.q, self.v)
+        crank_angle = self.sensing.crank(k, true_crank)
         if k == 0:
-            pilot.begin(time, q, v, self.flight.crank_angle)
+            pilot.begin(time, q, v, crank_angle)
             begun = thread_time()
-        command = pilot.command(time, q, v)
+        command = pilot.command(time, q, v, crank_angle)
         self._times[k % len(self._times)] = thread_time() - begun
         self.q, self.v = self.plant.step(self.thrust.advance(command))
         at = k % len(self._rows[0])

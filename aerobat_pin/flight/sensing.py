@@ -8,7 +8,7 @@ and joints.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ ORIGIN = np.zeros(3)
 
 
 class Sensing:
-    """What a robot's sensors show of q and v during a flight.
+    """What a robot's sensors show of q, v and crank angle during a flight.
 
     Args:
         robot: the robot that flies.
@@ -43,14 +43,15 @@ class Sensing:
         """Draw the errors of the first n + 1 samples."""
         places = SENSED | {"joint_angle": ("q", list(robot.idx_q)), "joint_rate": ("v", list(robot.idx_v))}
         self._fitted = [(name, *places[name], one) for name, one in sensors.fitted.items() if name in places]
+        self._crank = [("crank_angle", "crank", slice(0, 1), one) for one in [sensors.fitted.get("crank_angle")] if one]
         self._time, self._seed, self._first = time, seed, 0
-        self._readers = self._drawn()
+        self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
 
     def draw(self, k: int) -> None:
         """Draw the errors that sample k needs, unless they are drawn: work of a simulation, and of no sensor."""
         if k - self._first == len(self._time):
             self._first = k
-            self._readers = self._drawn()
+            self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
 
     def read(self, k: int, q: Array, v: Array) -> tuple[Array, Array]:
         """Return what the sensors show at sample k of a flight whose true q and v are given; k counts up by one."""
@@ -64,11 +65,19 @@ class Sensing:
                 values[columns] = reader(k, values[columns])
         return q, v
 
-    def _drawn(self) -> list[tuple[str, ChannelColumns, Callable[[int, Array], Array]]]:
+    def crank(self, k: int, angle: float) -> float:
+        """Return what the crank's sensor shows at sample k, which `read` has been called for, at a true angle [rad]."""
+        for _, _, reader in self._crank_readers:
+            angle = float(reader(k - self._first, np.array([angle]))[0])
+        return angle
+
+    def _drawn(
+        self, fitted: Sequence[tuple[str, str, ChannelColumns, SensorSection]]
+    ) -> list[tuple[str, ChannelColumns, Callable[[int, Array], Array]]]:
         seeds = [self._seed] if self._first == 0 else [self._seed, self._first]
         return [
             (which, columns, _Reader(name, one, self._time, np.random.default_rng([*seeds, zlib.crc32(name.encode())])))
-            for name, which, columns, one in self._fitted
+            for name, which, columns, one in fitted
         ]
 
 
@@ -78,7 +87,7 @@ class _Reader:
     def __init__(self, name: str, sensor: SensorSection, time: Array, rng: np.random.Generator) -> None:
         self._attitude, self._quantum = name == "attitude", sensor.quantum
         taken = sampling_times(time, sensor.rate)
-        axes = 4 if name.startswith("joint") else 3
+        axes = {"joint_angle": 4, "joint_rate": 4, "crank_angle": 1}.get(name, 3)
         errors = sensor_errors(time[taken], axes, sensor, rng)
         self._errors = [_quaternion_of(pin.exp3(error)) for error in errors] if self._attitude else errors
         self._number = np.full(len(time), -1)

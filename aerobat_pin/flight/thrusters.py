@@ -12,14 +12,26 @@ direction d, and the moment of its place plus its propeller's reaction about d, 
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.errors import ScenarioError
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.errors import ScenarioError, ShapeError
+from aerobat_pin.numerics import (
+    Array,
+    Integers,
+    fields_of,
+    guarded,
+    kernel,
+    merged,
+    new_memory,
+    next_size,
+    rewind,
+    take,
+    take_integers,
+)
 from aerobat_pin.scenario import ThrustersSection
 
 
@@ -64,26 +76,82 @@ class LaggedThrust:
         start: (m,) thrust at the beginning, before the factor [N]; the commands before were as large.
 
     Attributes:
-        thrust: (m,) thrust at the end of the last interval, before the factor [N].
-        mean: (m,) mean thrust over the last interval, with the factor [N].
+        thrust: (m,) thrust at the end of the last interval, before the factor [N]; the next one is written over it.
+        mean: (m,) mean thrust over the last interval, with the factor [N]; likewise.
     """
 
     def __init__(self, thrusters: ThrusterSet, section: ThrustersSection, dt: float, start: Array) -> None:
         """Start in a steady state."""
-        self._map, self._limit, self._factor = thrusters.map, thrusters.limit, section.factor
-        self._kept = float(np.exp(-dt / section.lag)) if section.lag > 0.0 else 0.0
-        self._lagging = section.lag / dt * (1.0 - self._kept)
-        self.thrust = np.clip(start, 0.0, thrusters.limit)
-        self.mean = self._factor * self.thrust
-        self._waiting = deque([self.thrust] * round(section.delay / dt))
+        waiting = round(section.delay / dt)
+        self._memory = new_memory(propellers_in, len(thrusters.limit), waiting)
+        fields = fields_of(propellers_in, self._memory)
+        self.thrust, self.mean = fields.thrust, fields.mean
+        fields.map[:], fields.limit[:], fields.factor[...] = thrusters.map, thrusters.limit, section.factor
+        fields.kept[...] = kept = float(np.exp(-dt / section.lag)) if section.lag > 0.0 else 0.0
+        fields.lagging[...] = section.lag / dt * (1.0 - kept)
+        self.thrust[:] = fields.waiting[:] = np.clip(start, 0.0, thrusters.limit)
+        self.mean[:] = section.factor * self.thrust
 
     def advance(self, command: Array) -> Array:
         """Follow a command (m,) [N] over the next interval; return the mean wrench (6,) on the body, body axes."""
-        command = np.minimum(np.maximum(command, 0.0), self._limit)
-        if self._waiting:
-            self._waiting.append(command)
-            command = self._waiting.popleft()
-        behind = self.thrust - command
-        self.thrust = command + self._kept * behind
-        self.mean = self._factor * (command + self._lagging * behind)
-        return np.asarray(self._map @ self.mean)
+        command, wrench = np.asarray(command, float), np.empty(6)
+        if command.shape != self.thrust.shape:
+            raise ShapeError(f"command has shape {command.shape}: {self.thrust.shape} was expected")
+        follow(self._memory, command, wrench)
+        return wrench
+
+
+class Propellers(NamedTuple):
+    """Memory of m thrusters, see `LaggedThrust`.
+
+    `kept` () is the share of a difference that is there after an interval, `lagging` () its mean over it. `waiting`
+    (n, m) are commands that are on their way, `turn` (1,) which of them is next.
+    """
+
+    map: Array
+    limit: Array
+    factor: Array
+    kept: Array
+    lagging: Array
+    thrust: Array
+    mean: Array
+    waiting: Array
+    turn: Integers
+
+
+@merged
+def propellers_in(memory: Array) -> Propellers:
+    """Lay out the memory. Sizes: number of thrusters, number of commands that wait."""
+    cursor = rewind(memory)
+    m, n = next_size(cursor), next_size(cursor)
+    return Propellers(
+        map=take(cursor, (6, m)),
+        limit=take(cursor, (m,)),
+        factor=take(cursor, ()),
+        kept=take(cursor, ()),
+        lagging=take(cursor, ()),
+        thrust=take(cursor, (m,)),
+        mean=take(cursor, (m,)),
+        waiting=take(cursor, (n, m)),
+        turn=take_integers(cursor, (1,)),
+    )
+
+
+@kernel
+def follow(memory: Array, command: Array, wrench: Array) -> None:
+    """Follow a command (m,) over an interval, and write the mean wrench (6,)."""
+    fields = propellers_in(memory)
+    thrust, waiting, turn = fields.thrust, fields.waiting, fields.turn[0]
+    for i in range(6):
+        wrench[i] = 0.0
+    for j in range(thrust.shape[0]):
+        wanted = min(max(command[j], 0.0), fields.limit[j])
+        if waiting.shape[0] > 0:
+            wanted, waiting[turn, j] = waiting[turn, j], wanted
+        behind = thrust[j] - wanted
+        thrust[j] = wanted + fields.kept[()] * behind
+        fields.mean[j] = fields.factor[()] * (wanted + fields.lagging[()] * behind)
+        for i in range(6):
+            wrench[i] += fields.map[i, j] * fields.mean[j]
+    if waiting.shape[0] > 0:
+        fields.turn[0] = (turn + 1) % waiting.shape[0]

@@ -50,16 +50,16 @@ def test_the_nominal_wrench_is_gravity_less_air() -> None:
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
 def test_a_turned_body_is_turned_back_as_stiffly_as_the_scenario_says(axis: str) -> None:
-    """Moment per angle is J w^2, about that axis alone; nose up is a negative turn about y."""
+    """Moment per angle is J w^2, about that axis alone but for the swing of the reference; nose up turns about -y."""
     pilot = controller(*STEADY, f"control.{axis}=10.0")
     q, v = sample(pilot)
     pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v)
+    level = pilot.wrench(0.0, q, v, 0.0)
     angle, i = 1e-4, ("roll", "pitch", "yaw").index(axis)
-    turned = pilot.wrench(0.0, *sample(pilot, **{axis: angle})) - level
+    turned = pilot.wrench(0.0, *sample(pilot, **{axis: angle}), 0.0) - level
     sign = 1.0 if axis == "pitch" else -1.0
     assert turned[3 + i] == pytest.approx(sign * pilot.nominal.inertia[i] * 100.0 * angle, rel=1e-3)
-    np.testing.assert_allclose(np.delete(turned[3:], i), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.delete(turned[3:], i), 0.0, atol=5e-3 * abs(turned[3 + i]))
 
 
 def test_who_is_left_of_the_course_rolls_to_the_right() -> None:
@@ -67,13 +67,13 @@ def test_who_is_left_of_the_course_rolls_to_the_right() -> None:
     pilot = controller(*STEADY)
     q, v = sample(pilot)
     pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v)
+    level = pilot.wrench(0.0, q, v, 0.0)
     q[1] = 0.01
     roll = 2.8**2 * 0.01 / 9.81
-    moment = (pilot.wrench(0.0, q, v) - level)[3]
+    moment = (pilot.wrench(0.0, q, v, 0.0) - level)[3]
     assert moment == pytest.approx(pilot.nominal.inertia[0] * 144.0 * roll, rel=0.01)
     q, v = sample(pilot, roll=0.2)
-    assert pilot.wrench(0.0, q, v)[2] == pytest.approx(level[2] / np.cos(0.2), rel=1e-6)
+    assert pilot.wrench(0.0, q, v, 0.0)[2] == pytest.approx(level[2] / np.cos(0.2), rel=1e-6)
 
 
 def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
@@ -81,9 +81,9 @@ def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
     pilot = controller(*STEADY)
     q, v = sample(pilot)
     pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v)
+    level = pilot.wrench(0.0, q, v, 0.0)
     q[:3] = [-0.01, 0.0, -0.01]
-    answer = pilot.wrench(0.0, q, v) - level
+    answer = pilot.wrench(0.0, q, v, 0.0) - level
     mass = pilot.nominal.mass
     np.testing.assert_allclose(answer[[0, 2]], [mass * 4.0 * 0.01, mass * 64.0 * 0.01], rtol=1e-9)
 
@@ -93,13 +93,15 @@ def test_a_push_at_the_centre_of_mass_does_not_ask_for_yaw() -> None:
     pilot = controller(*STEADY[:2], "sensors={}", "control.lateral=0.0")
     q, v = sample(pilot)
     pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v)
+    level = pilot.wrench(0.0, q, v, 0.0)
     force, centre = np.array([0.0, 1e-3, 0.02]), pilot.nominal.centre
     assert centre[0] == pytest.approx(-7.5e-3, abs=1e-4)
-    pilot.disturbance = moved(np.append(force, np.zeros(3)), centre)
+    pilot.disturbance[:] = moved(np.append(force, np.zeros(3)), centre)
     np.testing.assert_allclose(pilot.disturbance, [*force, *np.cross(centre, force)], atol=1e-18)
-    answer = pilot.wrench(0.0, q, v) - level
-    assert answer[5] == pytest.approx(0.0, abs=1e-12)
+    answer = pilot.wrench(0.0, q, v, 0.0) - level
+    assert answer[5] == pytest.approx(
+        0.0, abs=0.01 * abs(answer[3])
+    )  # the reference swings: its axes are not quite level
     assert answer[4] == pytest.approx(0.02 * centre[0], rel=1e-6)
     roll = 1e-3 / (pilot.nominal.mass * 9.81)
     assert answer[3] == pytest.approx(pilot.nominal.inertia[0] * 144.0 * roll, rel=1e-3)
@@ -136,7 +138,7 @@ def test_too_weak_thrusters_are_announced_before_the_flight() -> None:
         warnings.simplefilter("always")
         controller("thrusters.factor=0.5")
     lines = [str(one.message) for one in caught if one.category is ControlWarning]
-    assert any("needs 0.779 N of lift" in line and line.endswith("the robot will fall") for line in lines)
+    assert any("needs 0.775 N of lift" in line and line.endswith("the robot will fall") for line in lines)
     assert controller().warnings == []
 
 

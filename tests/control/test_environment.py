@@ -31,7 +31,7 @@ def test_the_shipped_controller_flies_an_episode() -> None:
     pilot.begin(0.0, info["q"], info["v"], info["crank_angle"])
     total, steps, terminated, truncated = 0.0, 0, False, False
     while not (terminated or truncated):
-        thrust = pilot.command(info["time"], info["q"], info["v"])
+        thrust = pilot.command(info["time"], info["q"], info["v"], info["crank_angle"])
         seen, reward, terminated, truncated, info = env.step(2.0 * thrust / pilot.thrusters.limit - 1.0)
         total, steps = total + reward, steps + 1
         assert np.linalg.norm(seen[:3]) < 0.05

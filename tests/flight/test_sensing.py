@@ -24,6 +24,8 @@ POOR = [
     "sensors.gyro.bias=[0.1, 0.2, 0.3]",
     "sensors.joint_angle.noise=0.01",
     "sensors.joint_rate.dropout=0.5",
+    "sensors.crank_angle.noise=0.02",
+    "sensors.crank_angle.delay=0.004",
 ]
 
 
@@ -36,7 +38,11 @@ def test_a_controller_sees_to_the_bit_what_the_log_shows(settings: list[str]) ->
     log = recorded(exact, robot, scenario.sensors, 7)
     sensing = Sensing(robot, scenario.sensors, exact.time, 7)
     q, v = exact.measured["q"].values, exact.measured["v"].values
-    seen = [sensing.read(k, q[k], v[k]) for k in range(len(q))]
+    crank, seen, turned = exact.measured["crank_angle"].values, [], []
+    for k in range(len(q)):
+        seen.append(sensing.read(k, q[k], v[k]))
+        turned.append(sensing.crank(k, crank[k]))
+    np.testing.assert_array_equal(turned, log.measured["crank_angle"].values)
     np.testing.assert_array_equal([one for one, _ in seen], log.measured["q"].values)
     np.testing.assert_array_equal([one for _, one in seen], log.measured["v"].values)
     assert (np.max(np.abs(log.measured["q"].values - q)) > 1e-3) == bool(settings)

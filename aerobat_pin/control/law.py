@@ -1,0 +1,237 @@
+"""The law: from a sample to the commands of the six thrusters. This file is the whole of it, as compiled kernels.
+
+    forces     F = m (w^2 e + 2 z w e') + integral - disturbance              forward, left, up of the course
+    bank       roll_ref = -asin(F_left / (m g)), limited                      the thrusters cannot push sideways
+    nose       down by what they leave of F_forward / (m g), slowly, limited  they hardly push forward
+    moments    M = J (w^2 e_R + 2 z w e_omega) + integral - disturbance + c x its force sideways
+    wrench     (F_forward, 0, F_up / R_zz, M) about the nominal wrench        body axes, at the body's centre of mass
+    lead       (1 + lag s) / (1 + lag s / lead) of the wrench                 against the thrusters' lag
+    steering   the pitching moment against the flaps, as much ahead as the thrusters are late
+    thrusts    bounded least squares with priorities                          see `allocation`
+
+e is reference less measurement. The references swing with the crank, as the nominal flight does: what each flap does
+to the body and takes back is no error, and an answer through a lag of the thrusters would come too late for it, and
+make it larger. e_R is twice the vector part of the quaternion from the body to its reference, which is the rotation
+vector for small errors. c leads from the body's centre of mass, about which moments count, to the robot's: about that
+one, an unknown force sideways that the thrusters leave has no moment. w and z are natural frequency and share of
+critical damping. An integral stands still while its component cannot be realised.
+"""
+
+from __future__ import annotations
+
+from math import asin, cos, sin, sqrt
+from typing import NamedTuple
+
+from aerobat_pin.control.allocation import Limited, limited_in, limited_thrusts
+from aerobat_pin.control.nominal import PITCHING
+from aerobat_pin.numerics import Array, inner, kernel, merged, next_size, rewind, take
+
+UNREALISED = 1.0e-6  # [N, N m]: more than rounding
+
+
+class Law(NamedTuple):
+    """Memory of the law. Forces are forward, left, up; then moments are roll, pitch, yaw. Mass m, J, lag are believed.
+
+    Constants: `start` (3,) [m] and `velocity` (3,) [m/s] of the course, `heading` (2,) its cosine and sine, `level`
+    (4,) the attitude to keep, `nominal` (6,) wrench, `centre` (3,) is c, `weight` () [N], `gains` (6, 3) stiffness,
+    damping, and stiffness of the integral per second; `limits` (2,) sines of the largest bank and pitch; `swing`
+    (2 n, 12) as in `Nominal`, `steering` (2,) as there, but ahead; `compensates` () whether the disturbance counts;
+    `tick` () time between samples [s], `settled` () share by which the nose follows in it; `lead` () and `follow` ()
+    share by which the lead's slow part follows; `limited` the allocation.
+
+    State: `integral` (6,), `slow` (6,) of the lead, `begun` () whether it has begun, `nose_down` () [rad].
+
+    Results: `disturbance` (6,) given from outside, `wanted`, `unrealised` (6,) wrenches, `command` (m,) thrusts.
+    Scratch: `reference` (12,), as the columns of `swing`, and `force` (3,).
+    """
+
+    start: Array
+    velocity: Array
+    heading: Array
+    level: Array
+    nominal: Array
+    centre: Array
+    weight: Array
+    gains: Array
+    limits: Array
+    swing: Array
+    steering: Array
+    compensates: Array
+    tick: Array
+    settled: Array
+    lead: Array
+    follow: Array
+    integral: Array
+    slow: Array
+    begun: Array
+    nose_down: Array
+    disturbance: Array
+    wanted: Array
+    unrealised: Array
+    command: Array
+    reference: Array
+    force: Array
+    limited: Limited
+
+
+@merged
+def law_in(memory: Array) -> Law:
+    """Lay out the law's memory. Sizes: number of thrusters, number of waves in the swing."""
+    cursor = rewind(memory)
+    m, waves = next_size(cursor), next_size(cursor)
+    return Law(
+        start=take(cursor, (3,)),
+        velocity=take(cursor, (3,)),
+        heading=take(cursor, (2,)),
+        level=take(cursor, (4,)),
+        nominal=take(cursor, (6,)),
+        centre=take(cursor, (3,)),
+        weight=take(cursor, ()),
+        gains=take(cursor, (6, 3)),
+        limits=take(cursor, (2,)),
+        swing=take(cursor, (2 * waves, 12)),
+        steering=take(cursor, (2,)),
+        compensates=take(cursor, ()),
+        tick=take(cursor, ()),
+        settled=take(cursor, ()),
+        lead=take(cursor, ()),
+        follow=take(cursor, ()),
+        integral=take(cursor, (6,)),
+        slow=take(cursor, (6,)),
+        begun=take(cursor, ()),
+        nose_down=take(cursor, ()),
+        disturbance=take(cursor, (6,)),
+        wanted=take(cursor, (6,)),
+        unrealised=take(cursor, (6,)),
+        command=take(cursor, (m,)),
+        reference=take(cursor, (12,)),
+        force=take(cursor, (3,)),
+        limited=limited_in(cursor, m),
+    )
+
+
+@kernel
+def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: float, out: Array) -> None:
+    """Write the wrench that is wanted for a sample, before lead and steering; integrals and nose move on.
+
+    Args:
+        memory: see `law_in`; `disturbance` is what acts now, `unrealised` what was left of the last wrench.
+        since: time since the begin of the flight [s].
+        q: (nq,) configuration as the sensors show it; the base counts.
+        v: (nv,) velocity likewise.
+        crank_angle: as its sensor shows it [rad].
+        out: (6,) written, at the body's centre of mass and in body axes [N, N m].
+    """
+    law = law_in(memory)
+    gains, force, nominal, centre = law.gains, law.force, law.nominal, law.centre
+    reference, push = law.reference, law.disturbance
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    R00, R01, R02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+    R10, R11, R12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+    R20, R21, R22 = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+    add_waves(law.swing, crank_angle, reference)
+
+    # Errors of position and velocity, and the disturbance, along world axes; then along the course.
+    ex = law.start[0] + law.velocity[0] * since + reference[0] - q[0]
+    ey = law.start[1] + law.velocity[1] * since + reference[1] - q[1]
+    ez = law.start[2] + law.velocity[2] * since + reference[2] - q[2]
+    dx = law.velocity[0] + reference[3] - (R00 * v[0] + R01 * v[1] + R02 * v[2])
+    dy = law.velocity[1] + reference[4] - (R10 * v[0] + R11 * v[1] + R12 * v[2])
+    dz = law.velocity[2] + reference[5] - (R20 * v[0] + R21 * v[1] + R22 * v[2])
+    acts = law.compensates[()]
+    fx = acts * (R00 * push[0] + R01 * push[1] + R02 * push[2])
+    fy = acts * (R10 * push[0] + R11 * push[1] + R12 * push[2])
+    fz = acts * (R20 * push[0] + R21 * push[1] + R22 * push[2])
+    along, across = law.heading[0], law.heading[1]
+    for i in range(3):
+        if i == 0:
+            error, rate, known = along * ex + across * ey, along * dx + across * dy, along * fx + across * fy
+        elif i == 1:
+            error, rate, known = along * ey - across * ex, along * dy - across * dx, along * fy - across * fx
+        else:
+            error, rate, known = ez, dz, fz
+        add_error(law, i, error)
+        force[i] = gains[i, 0] * error + gains[i, 1] * rate + law.integral[i] - known
+
+    # Pushing to the left takes a roll to the left, which is negative: the right wing is up then.
+    bank = -asin(within(force[1] / law.weight[()], law.limits[0]))
+    asked = within(law.unrealised[0] / law.weight[()], law.limits[1])
+    law.nose_down[()] += law.settled[()] * (asked - law.nose_down[()])
+    ax, ay, az, aw = law.level[0], law.level[1], law.level[2], law.level[3]
+    s, c = sin(0.5 * law.nose_down[()]), cos(0.5 * law.nose_down[()])
+    ax, ay, az, aw = ax * c - az * s, ay * c + aw * s, az * c + ax * s, aw * c - ay * s
+    s, c = sin(0.5 * bank), cos(0.5 * bank)
+    ax, ay, az, aw = ax * c + aw * s, ay * c + az * s, az * c - ay * s, aw * c - ax * s
+    half = 0.5 * sqrt(reference[6] ** 2 + reference[7] ** 2 + reference[8] ** 2)
+    bw, scale = cos(half), 0.5 * sin(half) / half if half > 0.0 else 0.5
+    bx, by, bz = scale * reference[6], scale * reference[7], scale * reference[8]
+    tx = aw * bx + ax * bw + ay * bz - az * by
+    ty = aw * by - ax * bz + ay * bw + az * bx
+    tz = aw * bz + ax * by - ay * bx + az * bw
+    tw = aw * bw - ax * bx - ay * by - az * bz
+    turn = 2.0 if w * tw + x * tx + y * ty + z * tz >= 0.0 else -2.0
+    for i in range(3):
+        if i == 0:
+            error = turn * (w * tx - x * tw - y * tz + z * ty)
+        elif i == 1:
+            error = turn * (w * ty - y * tw - z * tx + x * tz)
+        else:
+            error = turn * (w * tz - z * tw - x * ty + y * tx)
+        add_error(law, 3 + i, error)
+        answer = gains[3 + i, 0] * error + gains[3 + i, 1] * (reference[9 + i] - v[3 + i])
+        out[3 + i] = nominal[3 + i] + answer + law.integral[3 + i] - acts * push[3 + i]
+
+    # The thrusters make no force sideways, so the unknown one turns the robot about its own centre of mass.
+    out[3] -= acts * centre[2] * push[1]
+    out[5] += acts * centre[0] * push[1]
+    out[0] = nominal[0] + force[0]
+    out[1] = 0.0
+    out[2] = (nominal[2] + force[2]) / max(R22, 0.5)
+
+
+@kernel
+def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
+    """Write `wanted`, `command` and `unrealised` for the wrench (6,) that a law wants."""
+    law = law_in(memory)
+    wanted, slow, lead = law.wanted, law.slow, law.lead[()]
+    for i in range(6):
+        if law.begun[()] == 0.0:
+            slow[i] = wrench[i]
+        wanted[i] = lead * wrench[i] - (lead - 1.0) * slow[i]
+        slow[i] += law.follow[()] * (wrench[i] - slow[i])
+    law.begun[()] = 1.0
+    wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
+    limited_thrusts(law.limited, wanted, law.command)
+    for i in range(6):
+        made = 0.0
+        for j in range(law.command.shape[0]):
+            made += law.limited.map[i, j] * law.command[j]
+        law.unrealised[i] = wanted[i] - made
+
+
+@inner
+def add_waves(coefficients: Array, crank_angle: float, out: Array) -> None:
+    """Write the sum of waves of the crank angle, with coefficients (2 n, c) as in `Nominal.swing`: (c,)."""
+    a, b = cos(crank_angle), sin(crank_angle)
+    c, s = a, b
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+    for wave in range(coefficients.shape[0] // 2):
+        for i in range(out.shape[0]):
+            out[i] += c * coefficients[2 * wave, i] + s * coefficients[2 * wave + 1, i]
+        c, s = a * c - b * s, a * s + b * c
+
+
+@inner
+def add_error(law: Law, i: int, error: float) -> None:
+    """Add to an integral, unless that asks for more of what the limits leave already; left is made by rolling."""
+    left = -law.unrealised[3] if i == 1 else law.unrealised[i]
+    rate = law.gains[i, 2] * error
+    if not (abs(left) > UNREALISED and left * rate > 0.0):
+        law.integral[i] += rate * law.tick[()]
+
+
+@inner
+def within(value: float, limit: float) -> float:
+    """Return a value, or the limit that it is beyond."""
+    return min(max(value, -limit), limit)

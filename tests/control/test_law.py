@@ -1,0 +1,93 @@
+"""The law's kernels against a readable twin, and what the nominal flight tells them of the flaps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.control_twins import Law
+
+from aerobat_pin.control.allocation import Allocation
+from aerobat_pin.control.controller import Controller
+from aerobat_pin.control.nominal import OVERTONES, PITCHING, nominal_flight, waves
+from aerobat_pin.errors import ShapeError
+from aerobat_pin.flight.thrusters import LaggedThrust
+from aerobat_pin.robot.load import believed_robot
+from aerobat_pin.scenario.scenario import load_scenario
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("control.feedforward=false", "flight.yaw_deg=30.0", "flight.velocity=[2.6, 1.5, 0.1]"),
+        ("control.pitch_deg=1.0", "control.rate=500.0"),
+        ("control.integral=false", "crank.frequency=0.0", "thrusters.delay=0.004", "flight.velocity=[1.0, 0.0, 0.0]"),
+    ],
+    ids=["turned course", "pitched", "gliding"],
+)
+def test_the_law_is_its_readable_twin(settings: tuple[str, ...]) -> None:
+    """Sixty samples on both sides of all limits: wrench, commands and what is left, with their memory of the past."""
+    pilot, rng = Controller(load_scenario("paper_left_closed_loop", settings)), np.random.default_rng(3)
+    twin, robot, allocation = Law(pilot), believed_robot(pilot.scenario), Allocation(pilot.thrusters)
+    pilot.begin(0.0, robot.q0, np.zeros(robot.model.nv), 0.4)
+    acts = pilot.control.feedforward
+    left = np.zeros(6)
+    for k in range(60):
+        q, v, since = robot.q0.copy(), 0.2 * rng.standard_normal(robot.model.nv), k * pilot.dt
+        q[:3] = np.array(pilot.scenario.flight.velocity) * since + 0.05 * rng.standard_normal(3)
+        q[3:7] = pin.Quaternion(pin.exp3(0.3 * rng.standard_normal(3))).coeffs() * rng.choice([-1.0, 1.0])
+        pilot.disturbance[:] = rng.standard_normal(6) * [0.02, 0.1, 0.2, 5e-3, 5e-3, 5e-3]
+        crank = rng.uniform(0.0, 7.0)
+        pilot._observer = None
+        expected = twin.wrench(since, q, v, crank, acts * pilot.disturbance, left)
+        command = pilot.command(since, q, v, crank)
+        wanted = twin.wanted(expected, crank)
+        np.testing.assert_allclose(pilot.wanted, wanted, rtol=0.0, atol=1e-12 * max(1.0, np.abs(wanted).max()))
+        np.testing.assert_allclose(command, allocation.thrusts(wanted), atol=1e-6)
+        left = allocation.unrealised(wanted, command)
+        np.testing.assert_allclose(pilot.unrealised, left, atol=1e-6)
+
+
+def test_the_swing_is_that_of_the_flaps_and_pitch_is_steered_against() -> None:
+    """The body heaves by 4.7 mm with the crank, and does not pitch with it; overtones do.
+
+    Velocity is the rate of position, and body rate that of the turn.
+    """
+    scenario = load_scenario("hover_closed_loop")
+    nominal = nominal_flight(scenario, believed_robot(scenario))
+    heave, pitch = nominal.swing[:, 2], nominal.swing[:, 7]
+    assert np.hypot(*heave[:2]) == pytest.approx(4.9e-3, abs=0.3e-3)
+    np.testing.assert_allclose(pitch[:2], 0.0, atol=1e-9)
+    assert 1e-3 < np.hypot(*pitch[2:4]) < 5e-3
+    assert np.hypot(*nominal.steering) == pytest.approx(19.8e-3, abs=0.5e-3)
+    for wave in range(OVERTONES):
+        rate = 2.0 * np.pi * 4.75 * (wave + 1)
+        (cosine, sine), (its_cosine, its_sine) = nominal.swing[2 * wave : 2 * wave + 2, [2, 5]].T
+        np.testing.assert_allclose([its_cosine, its_sine], [rate * sine, -rate * cosine], atol=2e-3)
+
+
+def test_the_steering_is_made_in_time() -> None:
+    """Through delay and lag of the believed thrusters, the moment about pitch is the wanted one at the wanted time."""
+    pilot = Controller(load_scenario("hover_closed_loop", ["thrusters.delay=0.003"]))
+    nominal, dt, rate = pilot.nominal, pilot.dt, 2.0 * np.pi * 4.75
+    thrust = LaggedThrust(pilot.thrusters, pilot.scenario.believed_thrusters, dt, pilot.trim)
+    law, made, meant = pilot._law, [], []
+    for k in range(600):
+        crank = rate * k * dt
+        wrench = nominal.wrench.copy()
+        wrench[PITCHING] += law.steering @ [np.cos(crank), np.sin(crank)]
+        made.append(thrust.advance(pilot.allocation.thrusts(wrench))[PITCHING])
+        meant.append(nominal.wrench[PITCHING] + nominal.steering @ waves(np.array([crank + 0.5 * rate * dt]))[0, :2])
+    np.testing.assert_allclose(made[300:], meant[300:], atol=0.02 * np.hypot(*nominal.steering))
+
+
+def test_a_sample_of_another_robot_is_refused() -> None:
+    """Kernels do not look at shapes; what calls them does."""
+    pilot = Controller(load_scenario("hover_closed_loop", ["air.strips=4"]))
+    robot = believed_robot(pilot.scenario)
+    q, v = robot.q0, np.zeros(robot.model.nv)
+    pilot.begin(0.0, q, v, 0.0)
+    with pytest.raises(ShapeError, match="were expected"):
+        pilot.command(0.0, q[:7], v, 0.0)
+    with pytest.raises(ShapeError, match="command has shape"):
+        pilot.thrust.advance(np.zeros(4))
