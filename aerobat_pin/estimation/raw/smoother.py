@@ -13,10 +13,10 @@ import numpy as np
 
 from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.estimation.raw.channels import RawRecord
+from aerobat_pin.estimation.raw.choose_walk import likelier_tuning, simpler_tuning
 from aerobat_pin.estimation.raw.dynamics import LinearDynamics, linear_dynamics
 from aerobat_pin.estimation.raw.jumps import more_jumps
 from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
-from aerobat_pin.estimation.raw.likelihood import likelier_tuning, simpler_tuning
 from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
