@@ -36,7 +36,7 @@ LEARNT_FLIGHTS = (
     ("flight.velocity=[3.0,0.2,0]", "crank.frequency=4.8"),
 )
 OTHER_FLIGHTS = {
-    "as the one": (),
+    "as the first, from another start": (),
     "3.15 m/s, 4.9 Hz": ("flight.velocity=[3.15,0,0]", "crank.frequency=4.9"),
     "2.85 m/s, drifting, pitch 6.5 deg": ("flight.velocity=[2.85,0.1,0]", "flight.pitch_deg=6.5"),
     "roll -4 deg, 5 Hz": ("flight.roll_deg=-4", "crank.frequency=5.0"),
@@ -144,7 +144,8 @@ All flights are `paper`, seed 1 where nothing else is said: 92 g, 4.75 Hz, 3 m/s
 measured. *Calibrated* means six harmonics of the crank, learnt with the same belief from 4 s of free flight. The flights in
 which nothing pushes start with another pitch and another crank angle than the one that was learnt. Noise is that of sensors
 one can buy: 5 mm/s, 3 mrad/s, 20 mrad/s (joints), 0.5 mN m. R2 is that of Fx / Fy / Fz against the noise-free force, worse
-wing; what is made up is the rms of what is found where nothing pushes, worse wing.
+wing. *Made up* is the rms of the force that is estimated while nothing pushes, for the worse wing. *Contacts* is a flight
+with an impulse, a push and a step on the left wing.
 [mismatch.md](mismatch.md) has the same beliefs over five seeds, without calibration.
 
 ## Every observer, with quasi-steady air believed
@@ -158,8 +159,8 @@ filter can.
 
 {exact}
 
-The verdict is that of the [redundancy](observers.md#is-the-model-right), which needs no calibration flight, and misses what
-looks like forces at the sought points (a mass just there), and a little wind. A calibration repairs what repeats with the
+The verdict is that of the [redundancy](observers.md#is-the-model-right), which needs no calibration flight, but does not see
+errors that look like forces at the sought points (a mass just there), or a light wind. A calibration repairs what repeats with the
 crank in flights like those it has seen. At another speed or frequency it fades out, and right parameters are the better cure
 (below).
 
@@ -167,20 +168,20 @@ crank in flights like those it has seen. At another speed or frequency it fades 
 
 {noisy}
 
-Fx has a signal of 9 mN, less than what the noise leaves of it: no belief makes it good.
+The signal of Fx is only 9 mN, less than the error that sensor noise causes: even an exact belief gives a poor R2.
 
 ## How fast forces may change
 
-`kalman` and `smoother` must be told how much a force changes in a second, as no sensor says it. As they come they expect
-forces of the size of the robot's weight: 2.2 weights per root second. Worst of seeds {SEEDS[0]} to {SEEDS[-1]}, exact belief,
+`kalman` and `smoother` need an assumption about how much a force changes in a second, because no sensor measures it. The
+default suits forces as large as the robot's weight: 2.2 weights per root second. Worst of seeds {SEEDS[0]} to {SEEDS[-1]}, exact belief,
 noisy sensors; on `observer_benchmark` the forces are as large as the weight, on `paper` a fifth of it.
 
 {walks}
 
-No one walk is right for both. With 2.2 the goals of `observer_benchmark` are reached (0.98 as it comes, 0.995 over the
-record), where 0.33 misses both and 0.8 the first, and contacts are followed; forces that are small and slow get three times the noise that
-they need to. So `noisy_sensors` and `real_log_demo` state what is known about theirs: `force_walk = 0.3` N per root second,
-a third of the weight. The stated deviations hold with both.
+No one walk is right for both. With 2.2 the goals on `observer_benchmark` are reached (R2 of 0.98 with `kalman`, 0.995 with
+`smoother`); 0.33 misses both, and 0.8 the first. Contacts are followed, too. Small, slow forces get three to four times the
+noise of 0.33. Therefore `noisy_sensors` and `real_log_demo` state how fast their own forces change: `force_walk = 0.3` N per
+root second, a third of the weight. The stated deviations are true with both walks.
 
 ## Flights that differ
 
@@ -191,31 +192,33 @@ several flights of 2 s each, the coefficients of the harmonics can be linear in 
 
 ## Contacts
 
-Time from the onset of a contact to its alarm, the latest of seeds {SEEDS[0]} to {SEEDS[-1]}, with quasi-steady air believed;
-false alarms on both wings in 20 s of free flight, each seed. The soft push rises as 1 - cos: after 5 ms it is 19 mN and has
-given 0.03 mN s.
+Time from the onset of a contact to its alarm, the worst of seeds {SEEDS[0]} to {SEEDS[-1]}, with quasi-steady air believed;
+false alarms on both wings in 20 s of free flight, each seed. The soft push rises as 1 - cos: after 5 ms the force is 19 mN, its impulse
+0.03 mN s.
 
 {contacts}
 
 **The bound.** The last rows hold for every detector, whatever its statistic, window or threshold: they follow from the
 noise of the sensors alone, with everything else known: robot, air, the push's shape and all samples before it. The best
-test is then the matched filter on a Kalman filter's innovations; its answer is as many deviations large as the table's
-push can make it. Shown is when half of such pushes pass a level that noise passes once in 20 s
+test is then the matched filter on a Kalman filter's innovations; its output has standard
+deviation 1, and the push of the table raises its mean as far as any test could. The table shows when half of such pushes
+exceed a level that noise alone exceeds once in 20 s
 ([tests/support/detection_bound.py](../tests/support/detection_bound.py)). After 5 ms the soft push is worth 1.7 deviations
 to a detector that knows where and along which axis it comes, and 0.6 to one that must find out: noisy sensors cannot show
 it so early. A push that is there at once is found in time.
 
 ## Six errors at once
 
-Believed are all masses 5 % and the outer wings 15 % too large, the centre of mass 3 mm and the wing 5 mm too far forward,
-drag 50 % too large, density 15 % too small. `aerobat calibrate` says after one noisy flight of 4 s:
+The belief has all masses 5 % too large, those of the outer wings 15 %; the centre of mass 3 mm and the wing 5 mm too far
+forward; the drag 50 % too large and the density 15 % too small. `aerobat calibrate` says after one noisy flight of 4 s:
 
 ```
 {notes}
 ```
 
-Of density, lift slope, drag and added mass the air feels three products only, so the report calls them not identifiable one
-by one; the flight's forces are right nevertheless. On a flight with another speed (3.6 m/s) and frequency (5.5 Hz), with
+The forces of the air depend on density, lift slope, drag and added mass only through three products. The four values
+therefore cannot be separated, and the report calls the worst known of them not identifiable. The forces of the flight are
+right nevertheless. On a flight with another speed (3.6 m/s) and frequency (5.5 Hz), with
 exact sensors so that the model's error is what is seen:
 
 {held_out}
@@ -230,14 +233,13 @@ The belief is the plain guarded robot, with the lifting line; K = 2000 1/s, exac
 
 {elsewhere_table}
 
-Six harmonics leave 7 mN of Fy because this plant's error has more of them: the seventh to ninth are 4 to 6 mN each, where
-the outer wings turn back. Ten leave 2 mN (`aerobat calibrate --harmonics 10`); six are what comes by itself, as more do not
-pay with noisy sensors. Another such simulator, with other wings, was left with 1/3/1 mN by six.
+Six harmonics leave 7 mN of Fy because this plant's error has more of them: the seventh to ninth are 4 to 6 mN each, where the outer wings reverse. Ten leave 2 mN (`aerobat calibrate --harmonics 10`); six are the default,
+as more do not help with noisy sensors. With another such simulator, with other wings, six harmonics left 1/3/1 mN.
 
-What is left of a force depends on where it pushes the robot. The paper's force drives this one to the side at 0.5 m/s, as
-its thrusters do not mind; where they hold that too, it is found better. The force that swings moves it at 0.1 m/s and by
-degrees, and Fy suffers. So the words *outside our own simulator* are earned for what repeats with the crank, and for
-nothing else: an unknown force that brings the robot to where it never flew freely meets air that no calibration has seen.
+What is left of a force depends on where it pushes the robot. The paper's force pushes this robot sideways at 0.5 m/s,
+because its thrusters do not control that speed; if they do, the estimate is better. The swinging force moves it at 0.1 m/s
+and turns it by some degrees, and R2 of Fy falls. Outside our own simulator we can therefore claim success only for errors
+that repeat with the crank: an unknown force that brings the robot to where it never flew freely meets air that no calibration has seen.
 """
 
 
