@@ -93,13 +93,17 @@ def leg(rail: str) -> str:
     return f'<robot name="leg">{"".join(parts)}</robot>'
 
 
-def hopper(folder: Path) -> None:
-    """Write leg.urdf and hopper.csv: a leg on a rail over a force sensor, with gear friction and a torque scale."""
+def hopper(folder: Path, moves: float = 0.0) -> None:
+    """Write leg.urdf and hopper.csv: a leg on a rail over a force sensor, with gear friction and a torque scale.
+
+    The hip moves along the rail by `moves` [m]; the column `height` has its place.
+    """
     (folder / "leg.urdf").write_text(leg("prismatic"))
     model = pin.buildModelFromXML(leg("prismatic"))
     data, time = model.createData(), np.arange(8000) * 1e-3
     hip, knee = 0.6 + 0.25 * np.sin(2.6 * time), -1.2 + 0.4 * np.sin(2.6 * time + 0.4)
-    q = np.column_stack([0.0 * time, hip, knee])
+    height = moves * np.sin(9.0 * time)
+    q = np.column_stack([height, hip, knee])
     v = np.gradient(q, 1e-3, axis=0)
     a = np.gradient(v, 1e-3, axis=0)
     force = np.column_stack([2.0 * np.sin(1.9 * time), 0 * time, 12.0 + 8.0 * np.sin(3.1 * time)])
@@ -110,7 +114,14 @@ def hopper(folder: Path) -> None:
         tau[k] = (pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k])[1:]
     friction = np.array([0.05, 0.12]) * np.tanh(v[:, 1:] / 0.02) + 0.02 * v[:, 1:]
     shown = (tau + friction) / 0.9 + 0.002 * np.random.default_rng(0).standard_normal(tau.shape)
-    columns = {"time": time, "q_hip": hip, "q_knee": knee, "tau_hip": shown[:, 0], "tau_knee": shown[:, 1]}
+    columns = {
+        "time": time,
+        "height": height,
+        "q_hip": hip,
+        "q_knee": knee,
+        "tau_hip": shown[:, 0],
+        "tau_knee": shown[:, 1],
+    }
     pd.DataFrame({**columns, **{f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}}).to_csv(
         folder / "hopper.csv", index=False
     )
@@ -142,6 +153,37 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
     knee = fitted.forces.fits[1].values
     assert knee["effort times"] == pytest.approx(0.9, abs=0.02)
     assert knee["coulomb"] == pytest.approx(0.12, abs=0.02)
+
+
+def test_a_rail_that_moves_though_the_map_holds_it(tmp_path: Path) -> None:
+    """A note asks; with its place in the map, in m beside angles in degrees and without an effort, Fx is right."""
+    hopper(tmp_path, moves=0.05)
+    table = pd.read_csv(tmp_path / "hopper.csv")
+    table[["q_hip", "q_knee"]] *= 180.0 / np.pi
+    table.to_csv(tmp_path / "degrees.csv", index=False)
+    values = {
+        "robot": {"urdf": "leg.urdf", "root": "fixed", "points": ["contact"], "rows": {"ignore": ["rail"]}},
+        "joints": {
+            "names": ["rail", "hip", "knee"],
+            "position": {"columns": ["height", "q_hip", "q_knee"], "unit": "deg"},
+            "velocity": {"from": "position", "window": 0.02},
+            "effort": {"columns": ["tau_hip", "tau_knee"], "unit": "N m"},
+            "friction": {"fit": [0, 4], "to": "check.wrench", "scale": True},
+        },
+        "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
+    }
+    moving = estimate_recording(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path)
+    joints = values["joints"]
+    joints |= {"names": ["hip", "knee"], "held": {"rail": 0.0}}
+    joints["position"]["columns"] = ["q_hip", "q_knee"]
+    held = estimate_recording(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path)
+    right, wrong = (one.compared["force_level"].scores(one.record.dt)["Fx"].rmse_outside_fit for one in (moving, held))
+    assert right is not None
+    assert wrong is not None
+    assert right < 0.15
+    assert wrong > 2.0 * right
+    assert any(re.search(r"contact at 0\.\d+ m/s.*move in its place \(rail\)", str(one)) for one in held.findings)
+    assert not any(one.check == "held still" for one in moving.findings)
 
 
 def bench(folder: Path) -> np.ndarray:

@@ -25,8 +25,6 @@ from aerobat_pin.estimation.recordings import (
 )
 from aerobat_pin.estimation.recordings.checks.compare import compare
 from aerobat_pin.estimation.recordings.columns import increasing
-from aerobat_pin.estimation.recordings.csv_columns import read_csv_columns
-from aerobat_pin.estimation.recordings.map_tables import LogTable
 from aerobat_pin.estimation.recordings.messages import stamp
 from aerobat_pin.estimation.recordings.resample import line_means, turn_rates
 
@@ -232,20 +230,6 @@ def test_separators_and_decimal_commas_are_found(sign: str, folder: Path) -> Non
     values = table_map(folder / "quadruped.urdf")
     values["log"] = {"time": {"column": "t", "unit": "ms"}}
     assert np.max(foot_errors(estimated(folder / "walk.csv", values), 0.0)) < 0.03
-
-
-def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whole numbers in its first pieces and decimal commas later are right; points and commas in one column are not."""
-    monkeypatch.setattr("aerobat_pin.estimation.recordings.csv_columns.ROWS_AT_ONCE", 100)
-    whole, points = [str(k) for k in range(250)], [f"{k}.5" for k in range(250)]
-    commas = [f"{k},5" for k in range(250, 500)]
-    log = tmp_path / "log.csv"
-    log.write_text("t;x\n" + "".join(f"{k};{x}\n" for k, x in enumerate(whole + commas)))
-    found = read_csv_columns(log, LogTable(), ["x"]).values["x"][:]
-    np.testing.assert_array_equal(found, [*range(250), *(k + 0.5 for k in range(250, 500))])
-    log.write_text("t;x\n" + "".join(f"{k};{x}\n" for k, x in enumerate(points + commas)))
-    with pytest.raises(LogError, match=r"'x' has decimal points and decimal commas \(rows 202 to 301\)"):
-        read_csv_columns(log, LogTable(), ["x"])
 
 
 def test_a_time_that_is_not_found_is_asked_for(folder: Path) -> None:

@@ -143,8 +143,8 @@ class StoredEstimate:
         """Show the observer, the record, and the mean and range of each component."""
         head, (least, most) = self.head, self.extremes
         lines = [
-            f"Estimate of '{head.observer}': {len(self)} intervals from {self.start[0]:g} s to {self._end[-1]:g} s, "
-            f"rows '{head.rows}', rank {head.identifiability.rank} of {len(head.units)}"
+            f"Estimate of '{head.observer}': {len(self)} intervals from {self.start[0]:.12g} s to "
+            f"{self._end[-1]:.12g} s, rows '{head.rows}', rank {head.identifiability.rank} of {len(head.units)}"
         ]
         for row in zip(head.identifiability.components, self.mean, least, most, head.units, strict=True):
             lines.append("  {:<24} {:>9.4g} {:>9.4g} to {:>9.4g} {}".format(*row))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,14 @@ from aerobat_pin.estimation.recordings.columns import Columns
 from aerobat_pin.estimation.recordings.csv_columns import SECONDS, header_of
 from aerobat_pin.estimation.recordings.map_tables import LogTable, TimeSection
 from aerobat_pin.estimation.recordings.read import BAGS, NETCDF, read_columns
+from aerobat_pin.estimation.recordings.suggest_joints import (
+    UNITS_IN_NAMES,
+    joint_columns,
+    listed,
+    named_unit,
+    suggest_joints,
+    topic_of,
+)
 from aerobat_pin.numerics import guarded
 
 TIME = re.compile(
@@ -23,26 +31,12 @@ TIME = re.compile(
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
-    "rate": ("gyro", "omega", "angular", "rate", "w"),
+    "rate": ("gyro", "omega", "angular", "ang_vel", "angvel", "rate", "w"),
     "quaternion": ("q", "quat", "orientation", "attitude"),
     "velocity": ("v", "vel", "velocity", "linear"),
     "position": ("p", "pos", "position", "translation", "mocap", "vicon", "optitrack", "base", "xyz", ""),
     "force": ("f", "force", "wrench"),
 }
-PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
-    "velocity": {"vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
-    "effort": {"tau", "torque", "effort", "efforts", "current", "cur", "i", "moment"},
-    "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
-}
-UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
-    "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
-    "length": {"mm": "mm", "cm": "cm", "m": "m"},
-    "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
-    "rate": {"dps": "deg/s", "deg": "deg/s", "rad": "rad/s", "rads": "rad/s", "rpm": "rpm"},
-    "torque": {"a": "A", "ma": "mA", "nm": "N m"},
-    "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
-}
-LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 
 
 @guarded()
@@ -55,14 +49,14 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
         f"#   aerobat estimate {log} --map map.toml",
         "",
     ]
-    lines += _robot(columns, urdf, "position" in groups or bool(_topic(columns, "Pose", "Odometry", "Transform")))
+    lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
     lines += ["", "[log]"]
     if not columns.kinds and not str(log).endswith(NETCDF):
         lines += _time(log, columns)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
     lines += (
         list(_suggest_base(columns, groups))
-        + list(_suggest_joints(columns, urdf))
+        + list(suggest_joints(columns, urdf))
         + list(_suggest_check(columns, groups))
     )
     lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
@@ -90,13 +84,17 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
             key = match["stem"].lower(), (match["tail"] or "").lower()
             found.setdefault(key, {})[match["axis"].lower()] = name
     taken: set[str] = set()
+    forces = 0
     for (stem, tail), axes in sorted(
         found.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
     ):
         for kind, words in GROUP_WORDS.items():
             needed = "xyzw" if kind == "quaternion" else "xyz"
             last = stem.rstrip("_ .").rpartition("_")[2].rpartition(".")[2]
-            exact = last in words or (len(last) > 2 and any(len(word) > 2 and word in stem for word in words))
+            first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
+            exact = {first, last} & set(words) or (
+                len(last) > 2 and any(len(word) > 2 and word in stem for word in words)
+            )
             if (
                 kind not in taken
                 and set(needed) <= set(axes)
@@ -105,6 +103,10 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
             ):
                 taken.add(kind)
                 yield kind, tuple(axes[axis] for axis in needed)
+                break
+            if kind == "force" and set(needed) <= set(axes) and exact:
+                forces += 1
+                yield f"force {forces + 1}", tuple(axes[axis] for axis in needed)
                 break
 
 
@@ -123,9 +125,7 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
             "Then leave this out",
         ]
     model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if free else []))
-    moved = {model.getJointId(name) for name in _joint_columns(columns, model.names.tolist()[1:])} or {
-        model.njoints - 1
-    }
+    moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
     leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
     bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
     ends = [[frame.name for frame in bodies if frame.parentJoint == joint][-1] for joint in leaves]
@@ -134,7 +134,7 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
         "[robot]",
         f'urdf = "{urdf}"',
         f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
-        f"points = {_listed(ends)}  # where may something push? Its frames: {known}",
+        f"points = {listed(ends)}  # where may something push? Its frames: {known}",
     ]
 
 
@@ -154,7 +154,7 @@ def _time(log: Path, columns: Columns) -> list[str]:
 
 
 def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
-    pose, imu = _topic(columns, "Pose", "Odometry", "Transform"), _topic(columns, "Imu")
+    pose, imu = topic_of(columns, "Pose", "Odometry", "Transform"), topic_of(columns, "Imu")
     if pose:
         yield "[base]"
         yield f'topic = "{pose}"  # the pose of the base link, or of markers on it?'
@@ -163,24 +163,24 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         yield ""
     elif "position" in groups:
         yield "[base]"
-        unit = _named_unit("length", groups["position"]) or "m"
-        yield f'position = {{columns = {_listed(groups["position"])}, unit = "{unit}"}}'
+        unit = named_unit("length", groups["position"]) or "m"
+        yield f'position = {{columns = {listed(groups["position"])}, unit = "{unit}"}}'
         if "quaternion" in groups:
-            yield f'quaternion = {{columns = {_listed(groups["quaternion"])}, order = "xyzw", sense = "body_to_world"}}'
+            yield f'quaternion = {{columns = {listed(groups["quaternion"])}, order = "xyzw", sense = "body_to_world"}}'
         else:
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:
             yield (
-                f'velocity = {{columns = {_listed(groups["velocity"])}, unit = "m/s", axes = "world"}} '
+                f'velocity = {{columns = {listed(groups["velocity"])}, unit = "m/s", axes = "world"}} '
                 ' # or axes = "body"?'
             )
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:
             size = float(np.nanstd(np.stack([columns.sample(name) for name in groups["rate"]])))
-            unit = _named_unit("rate", groups["rate"]) or ("deg/s" if size > 8.0 else "rad/s")
+            unit = named_unit("rate", groups["rate"]) or ("deg/s" if size > 8.0 else "rad/s")
             yield (
-                f'rate = {{columns = {_listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
+                f'rate = {{columns = {listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
                 f"scatter is {size:.3g}"
             )
         else:
@@ -188,70 +188,8 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         yield ""
 
 
-def _suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
-    topic = _topic(columns, "JointState")
-    if topic:
-        yield "[joints]"
-        yield (
-            f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
-            f'{{unit = "A", torque_per_unit = {{...}}}}'
-        )
-        yield ""
-        return
-    if urdf is None or columns.kinds:
-        return
-    names = pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
-    found = _joint_columns(columns, names)
-    there = [name for name in names if "position" in found.get(name, {})]
-    yield "[joints]"
-    if not there:
-        yield f"# names = {_listed(names)}"
-        yield '# position = {columns = [...], unit = "rad"}  # which columns are the angles of these joints?'
-        yield '# effort = {columns = [...], unit = "N m"}  # and which their torques?'
-        yield "# held = {joint = 0.0}  # which stand still?"
-        yield ""
-        return
-    whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
-    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    angle = _named_unit("angle", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
-    yield f"names = {_listed(there)}"
-    yield f'position = {{columns = {_listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
-    if len(whole["velocity"]) == len(there):
-        yield f'velocity = {{columns = {_listed(whole["velocity"])}, unit = "{angle}/s"}}'
-    else:
-        yield 'velocity = {from = "position", window = 0.02}'
-    if len(whole["effort"]) == len(there):
-        unit = _named_unit("torque", whole["effort"])
-        if unit in ("A", "mA"):
-            yield f"# how many N m for each {unit} (torque constant times gear ratio, with its sign)? Or joint by joint"
-            columns_of = _listed(whole["effort"])
-            yield f'effort = {{columns = {columns_of}, unit = "{unit}", torque_per_unit = {{"*" = 1.0}}}}'
-        else:
-            yield f'effort = {{columns = {_listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
-    if len(there) < len(names):
-        rest = ", ".join(name for name in names if name not in there)
-        yield f'held = {{"*" = 0.0}}  # do they stand still? {rest}'
-    yield ""
-
-
-def _joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> position, velocity, effort -> column, as far as the columns' names say."""
-    found: dict[str, dict[str, str]] = {}
-    for joint in names:
-        short = joint.lower().removesuffix("_joint")
-        here = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
-        for name in columns.values:
-            if here.search(name.lower()):
-                words = set(re.split(r"[^a-z0-9]+", here.sub(" ", name.lower())))
-                part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
-                part = "position" if part is None and words <= {""} else part
-                if part is not None:
-                    found.setdefault(joint, {}).setdefault(part, name)
-    return found
-
-
 def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
-    wrench, imu = _topic(columns, "Wrench"), _topic(columns, "Imu")
+    wrench, imu = topic_of(columns, "Wrench"), topic_of(columns, "Imu")
     if wrench or imu or "acceleration" in groups or "force" in groups:
         yield "[check]"
     if imu:
@@ -260,9 +198,9 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
         size = float(
             np.nanmedian(np.linalg.norm(np.stack([columns.sample(name) for name in groups["acceleration"]]), axis=0))
         )
-        unit = _named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
+        unit = named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
         yield (
-            f'specific_force = {{columns = {_listed(groups["acceleration"])}, unit = "{unit}"}}  # its '
+            f'specific_force = {{columns = {listed(groups["acceleration"])}, unit = "{unit}"}}  # its '
             f"median is {size:.3g}"
         )
     if wrench:
@@ -272,23 +210,12 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
         )
     elif "force" in groups:
         yield (
-            f'wrench = {{columns = {_listed(groups["force"])}, unit = "N", sign = 1}}  # force on the '
+            f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # force on the '
             "robot (1) or on the sensor (-1)?"
         )
+        others = [name for kind, own in groups.items() if kind.startswith("force ") for name in own]
+        if others:
+            yield f"# And {', '.join(others)}? A sensor can also be a known input, 3 or 6 columns at its frame:"
+            yield '# [known.NAME] with columns = [...], frame = "...", axes = "frame"; then its force is not sought'
     if wrench or imu or "acceleration" in groups or "force" in groups:
         yield ""
-
-
-def _named_unit(kind: str, names: Sequence[str]) -> str | None:
-    """Return the unit that the last words of columns' names say, if they all say the same."""
-    found = {UNITS_IN_NAMES[kind].get(re.split(r"[^a-z0-9]+", name.lower().rstrip(")] "))[-1]) for name in names}
-    return found.pop() if len(found) == 1 else None
-
-
-def _topic(columns: Columns, *kinds: str) -> str | None:
-    """Return the first topic of one of these types."""
-    return next((topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds)), None)
-
-
-def _listed(names: object) -> str:
-    return "[" + ", ".join(f'"{name}"' for name in names) + "]"  # type: ignore[attr-defined]

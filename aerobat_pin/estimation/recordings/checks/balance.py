@@ -115,6 +115,8 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding
     for k in off:
         what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large"
         reason = "its sign" if factors[k] < 0.0 else "its unit (A, N m): torque_per_unit"
+        if 0.0 < factors[k] < 1.0:
+            reason += "; or friction, of which a joint that carries little shows nothing else: joints.friction"
         yield LogFinding(
             "effort sign" if factors[k] < 0.0 else "effort unit", "warning", f"{what}: {reason}", float(factors[k]), "1"
         )

@@ -159,8 +159,12 @@ def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Itera
         frames: the points.
         speeds: (k,) rms speed of each [m/s], weighted by the square of its force.
     """
-    held = [*record.map.joints.held, *(["the base"] if record.map.base.held else [])]
+    model, held = record.robot.model, ["the base"] if record.map.base.held else []
     fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
+    carrying = {
+        joint for frame, _ in fast for joint in model.supports[model.frames[model.getFrameId(frame)].parentJoint]
+    }
+    held += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
     if held and fast:
         words = ", ".join(f"{frame} at {speed:.2g} m/s" for frame, speed in fast)
         text = (

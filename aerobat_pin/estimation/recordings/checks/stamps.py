@@ -80,10 +80,16 @@ def _clocks(columns: Columns) -> Iterator[LogFinding]:
 
 
 def _repeats(channel: LogChannel, first: int, last: int) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
-    """Yield stamps [s] of samples `first` + 1 to `last` (exclusive), and whether they repeat the one before."""
+    """Yield stamps [s] of samples `first` + 1 to `last` (exclusive), and whether they repeat the one before.
+
+    A force of exactly zero is no repeat: a sensor that nothing touches may show it for long.
+    """
+    of_force = channel.key == "check.wrench" or channel.key.startswith("known.")
     for begin in range(first, last - 1, EXTENT):
         rows = slice(begin, min(begin + EXTENT + 1, last))
-        yield channel.time[rows][1:], np.all(np.diff(channel.values[rows], axis=0) == 0.0, axis=1)
+        values = channel.values[rows]
+        same = np.all(np.diff(values, axis=0) == 0.0, axis=1)
+        yield channel.time[rows][1:], same & np.any(values[1:] != 0.0, axis=1) if of_force else same
 
 
 def _stuck(record: Record, key: str, channel: LogChannel) -> Iterator[LogFinding]:

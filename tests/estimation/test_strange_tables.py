@@ -1,0 +1,64 @@
+"""Tables as other programs write them: numbered columns, decimals of both kinds, a force sensor that shows nothing."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.walking_log import table, table_map, urdf, walk
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.recordings import estimate_recording, parse_map, suggested_map
+from aerobat_pin.estimation.recordings.csv_columns import read_csv_columns
+from aerobat_pin.estimation.recordings.map_tables import LogTable
+
+
+def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole numbers in its first pieces and decimal commas later are right; points and commas in one column are not."""
+    monkeypatch.setattr("aerobat_pin.estimation.recordings.csv_columns.ROWS_AT_ONCE", 100)
+    whole, points = [str(k) for k in range(250)], [f"{k}.5" for k in range(250)]
+    commas = [f"{k},5" for k in range(250, 500)]
+    log = tmp_path / "log.csv"
+    log.write_text("t;x\n" + "".join(f"{k};{x}\n" for k, x in enumerate(whole + commas)))
+    found = read_csv_columns(log, LogTable(), ["x"]).values["x"][:]
+    np.testing.assert_array_equal(found, [*range(250), *(k + 0.5 for k in range(250, 500))])
+    log.write_text("t;x\n" + "".join(f"{k};{x}\n" for k, x in enumerate(points + commas)))
+    with pytest.raises(LogError, match=r"'x' has decimal points and decimal commas \(rows 202 to 301\)"):
+        read_csv_columns(log, LogTable(), ["x"])
+
+
+def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) -> None:
+    """And four numbered columns of a quaternion are not; a second force sensor is asked about."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    frame = table(walk())
+    numbers = {f"quat{k}": frame[f"q{axis}"] for k, axis in enumerate("wxyz")}
+    for k, joint in enumerate(walk().joints):
+        numbers |= {f"q{k + 1}": frame[f"{joint}_pos"], f"dq_{k + 1}": frame[f"{joint}_vel"]}
+        numbers[f"tau_J{k + 1}"] = frame[f"{joint}_tau"]
+    for axis in "xyz":
+        numbers |= {f"left_foot_force_{axis}": frame[f"fl_f{axis}"], f"base_pos_{axis}": frame[f"p{axis}"]}
+        numbers |= {f"right_foot_force_{axis}": frame[f"fl_f{axis}"], f"base_ang_vel_{axis}": frame[f"gyro_{axis}"]}
+    pd.DataFrame({"t": frame.t, **numbers}).to_csv(tmp_path / "numbered.csv", index=False)
+    text = suggested_map(tmp_path / "numbered.csv", tmp_path / "quadruped.urdf")
+    suggested = tomllib.loads(text)
+    assert suggested["joints"]["names"] == list(walk().joints)
+    for part, name in (("position", "q{}"), ("velocity", "dq_{}"), ("effort", "tau_J{}")):
+        assert suggested["joints"][part]["columns"] == [name.format(k) for k in range(1, 13)]
+    assert suggested["base"]["rate"]["columns"] == [f"base_ang_vel_{axis}" for axis in "xyz"]
+    assert suggested["check"]["wrench"]["columns"] == [f"left_foot_force_{axis}" for axis in "xyz"]
+    assert "# And right_foot_force_x, right_foot_force_y, right_foot_force_z?" in text
+    assert "# the columns have numbers, not names" in text
+
+
+def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> None:
+    """Half of its samples repeat a force of exactly zero, and no check calls the channel held."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    frame = table(walk(1.4))
+    frame.loc[frame.t < 0.8, ["fl_fx", "fl_fy", "fl_fz"]] = 0.0
+    frame.to_csv(tmp_path / "walk.csv", index=False)
+    chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
+    found = estimate_recording(tmp_path / "walk.csv", chosen, tmp_path)
+    assert not any(one.check == "held channel" for one in found.findings)
