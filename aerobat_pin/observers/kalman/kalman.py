@@ -50,7 +50,9 @@ class KalmanObserver(Observer):
 
     Known forces and the mass can be wrong by unknown, slowly changing factors. The filter estimates these factors
     together with the forces. If the rows cannot distinguish a factor from a force, the standard deviations are large.
-    Other errors of the model are white noise on every row, as large as what no force explains (see `redundancy`).
+    Other errors of the model are white noise on every row, as large as what no force explains (see `redundancy`), and
+    the sum of torques and other known forces has the white noise that the record shows, in each row up to a fiftieth of
+    the robot's weight (moments over 50 mm).
     Patterns of forces that leave no trace in the rows are held at zero, with infinite standard deviations. C^T v is
     taken at the filter's own velocity, not at the measured one: on a tumbling robot the noise of the measured velocity
     passes it with a gain of about 3.

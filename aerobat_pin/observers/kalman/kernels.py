@@ -13,9 +13,10 @@ it. Nothing is solved for V then: with X the covariance of the equation's right 
 
     S = L L^T,    U = L^-1 [-B diag(s), X_pz],    P <- [diag(s^2), 0; 0, X_z] - U^T U,    [y; z] <- [0; z] + U^T L^-1 e
 
-Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, three things are taken
-from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is stated;
-the noise of u is what its sixth differences show; and the rows get white noise as large as what no force explains.
+Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, three things are
+taken from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is
+stated; u has the noise that its own sixth differences show; and every row gets white noise as large as what no force
+explains.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ import numpy as np
 from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, kernel, mirror
 from aerobat_pin.observers.kalman.learning import (
     DIFFERENCES,
+    MEMORY_TIME,
+    MISFIT_LAG,
     MISFIT_TIME,
     drop_unseen,
     drop_unseen_forces,
@@ -246,12 +249,12 @@ def filter_interval(
     if not predict_momentum(before, after, u, dt, filter_, step):
         return False
     if not filter_.walk_gain[0] > 0.0:
-        seen, f = filter_.intervals[0] - DIFFERENCES, filter_
-        learn_noise(after[2], seen + 2.0, dt, f.noise, f.differences, f.roots, f.sensed)
-        learn_noise(u, seen + 1.0, dt, f.known_noise, f.known_differences, f.known_roots, f.known_sensed)
-        redundant = observer.sizes.believed - c + observer.blind[0]
-        leak = leak_of_noise(before, after, dt, observer, filter_) if redundant > 0 else 0.0
-        learn_misfit(rest[:nv], redundant, dt, leak, filter_)
+        f, seen, recent = filter_, filter_.intervals[0] - DIFFERENCES, 1.0 - np.exp(-dt / MEMORY_TIME)
+        learn_noise(after[2], seen + 2.0, recent, f.noise, f.differences, f.roots, f.sensed)
+        learn_noise(u, seen + 1.0, recent, f.known_noise, f.known_differences, f.known_roots, f.known_sensed)
+        redundant, share = observer.sizes.believed - c + observer.blind[0], 1.0 - np.exp(-dt / MISFIT_LAG)
+        leak = leak_of_noise(before, after, dt, share, observer, filter_) if redundant > 0 else 0.0
+        learn_misfit(rest[:nv], redundant, share, recent, leak, filter_)
     predict_covariance(before, after, dt, observer, filter_, step)
     for a in range(n - nv):
         x[nv + a] *= step.decay[a]

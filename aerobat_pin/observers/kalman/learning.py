@@ -25,7 +25,7 @@ LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps t
 
 @merged
 def learn_noise(
-    values: Array, known: float, dt: float, stated: Array, differences: Array, roots: Array, sensed: Array
+    values: Array, known: float, recent: float, stated: Array, differences: Array, roots: Array, sensed: Array
 ) -> None:
     """Update the noise `sensed` of quantities (n,): the smaller of what is stated and what the record shows.
 
@@ -35,13 +35,13 @@ def learn_noise(
     Args:
         values: (n,) the next values.
         known: number of sixth differences with them.
-        dt: length of the interval [s].
+        recent: share of `MEMORY_TIME` that an interval forgets.
         stated: (n,) standard deviations of the noise as stated.
         differences: (6, n) changes, as in `Filter`.
         roots: (n,) changes.
         sensed: (n,) changes.
     """
-    share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (max(known, 1.0) + STATED_COUNT))
+    share = max(recent, 1.0 / (max(known, 1.0) + STATED_COUNT))
     for i in range(values.shape[0]):
         latest = values[i]
         for order in range(DIFFERENCES):
@@ -55,30 +55,34 @@ def learn_noise(
 
 
 @merged
-def learn_misfit(rest: Array, redundant: int, dt: float, leak: float, filter_: Filter) -> None:
+def learn_misfit(rest: Array, redundant: int, share: float, recent: float, leak: float, filter_: Filter) -> None:
     """Update the running mean square of what no force explains from one interval's rows `rest` (nv,).
 
-    What noise of the sensors leaves, `leak` [N^2] of `leak_of_noise`, and one deviation of its mean are no misfit.
+    What noise of the sensors leaves, `leak` [N^2] of `leak_of_noise`, and one deviation of its mean are no misfit. An
+    interval forgets `share` of a low-pass and `recent` of the mean.
     """
-    slow, share = filter_.slow, 1.0 - np.exp(-dt / MISFIT_LAG)
+    slow = filter_.slow
     size = -leak * (1.0 + np.sqrt(CORRELATION * MISFIT_LAG / (MEMORY_TIME * max(redundant, 1))))
     for i in range(rest.shape[0]):
         slow[0, i] += share * (rest[i] - slow[0, i])
         slow[1, i] += share * (slow[0, i] - slow[1, i])
         size += slow[1, i] * slow[1, i]
     size /= max(redundant, 1)
-    share = max(1.0 - np.exp(-dt / MEMORY_TIME), 1.0 / (filter_.intervals[0] + 1.0))
-    filter_.disbelief[0] += share * (size - filter_.disbelief[0])
+    recent = max(recent, 1.0 / (filter_.intervals[0] + 1.0))
+    filter_.disbelief[0] += recent * (size - filter_.disbelief[0])
 
 
 @merged
-def leak_of_noise(before: Array, after: Array, dt: float, observer: ObserverMemory, filter_: Filter) -> float:
+def leak_of_noise(
+    before: Array, after: Array, dt: float, share: float, observer: ObserverMemory, filter_: Filter
+) -> float:
     """Return the mean square [N^2] that sensor noise leaves in the rows that no force explains, behind both low-passes.
 
     Noise n of a sample enters the rows of the interval before it as a n, a = N (M - D dt/2) / dt, and those of the next
     one as -b n, b = N (M + D dt/2) / dt, with N the projection of weighted rows onto what no force explains. White n of
     covariance diag(s^2) leaves |a s|^2 sum(h^2) - 2 (a s).(b s) sum(h h') + |b s|^2 sum(h^2), h the response of the
-    low-passes and h' the same one interval later.
+    low-passes, of which an interval forgets `share`, and h' the same one interval later. What noise of the known forces
+    leaves is less than half of the least misfit, and counts as misfit.
     """
     c, nv, made, ended, A = filter_.walk.shape[0], before.shape[1], filter_.made, filter_.ended, observer.equations
     span, columns, along, unit = filter_.span, filter_.columns, filter_.along, power_unit(observer, observer.velocity)
@@ -107,7 +111,6 @@ def leak_of_noise(before: Array, after: Array, dt: float, observer: ObserverMemo
             apart += (a - b) * (a - b)
             together += a * b
             ended[k, s] = made[nv + k, s]
-    share = 1.0 - np.exp(-dt / MISFIT_LAG)
     kept = 1.0 - (1.0 - share) ** 2
     power = share**4 / kept**3  # sum(h^2) is (2 - kept) power, sum(h^2) - sum(h h') is share^2 power
     return float(power * ((2.0 - kept) * apart + 2.0 * share * share * together))
