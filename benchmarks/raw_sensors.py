@@ -23,7 +23,7 @@ from aerobat_pin.estimation import r_squared
 from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.estimation.raw.nominal import first_guess
 from aerobat_pin.estimation.raw.prior import first_prior
-from aerobat_pin.estimation.raw.smoother import part_of
+from aerobat_pin.estimation.raw.windows import part_of
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, Scenario

@@ -28,8 +28,8 @@ from aerobat_pin.estimation.raw.dynamics import linear_dynamics
 from aerobat_pin.estimation.raw.linear import LinearRecord
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import Prior, first_prior
-from aerobat_pin.estimation.raw.smoother import _stretches
 from aerobat_pin.estimation.raw.tuning import Tuning
+from aerobat_pin.estimation.raw.windows import stretches
 from aerobat_pin.flight import FlightLog, simulate
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.robot import Aerobat, believed_robot
@@ -138,7 +138,7 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     state[:12] = x[0, :12]
 
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
-        made = linear_dynamics(smoother.robot, FRAMES, smoother.layout, motion, held, known, force)
+        made = linear_dynamics(smoother.robot, smoother.series, FRAMES, smoother.layout, motion, held, known, force)
         rows = made.acceleration
         return made.push + np.einsum(
             "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
@@ -213,7 +213,7 @@ def test_long_records_are_smoothed_in_parts_that_overlap_and_leave_no_gap() -> N
     """Whatever the length, a part has at most 5.6 s; the parts' kept knots follow each other."""
     for seconds in (3.0, 5.4, 5.7, 20.0):
         time = np.arange(0.0, seconds + 5e-4, 1e-3)
-        parts = list(_stretches(time))
+        parts = list(stretches(time))
         assert all(time[part.stop] - time[part.start] < 5.7 for part in parts)
         assert (parts[0].first, parts[-1].last) == (0, len(time) - 1)
         for one, other in itertools.pairwise(parts):

@@ -50,12 +50,15 @@ def half_step_motion(
 
     Args:
         series: of the linkage.
-        at_q, at_v: (4,) places of the joints.
+        at_q: (4,) places of the joints in a configuration.
+        at_v: (4,) their places in a velocity.
         ends: (2, 7) placements of the body at both ends.
         twist: (2, 6) of the body.
         crank: (3,) angle, rate and acceleration at the start.
         span: length of the interval [s].
-        q, v, a: (s, nq), (s, nv), (s, nv) written.
+        q: (s, nq) written: configuration.
+        v: (s, nv) written: velocity.
+        a: (s, nv) written: acceleration.
     """
     joints, last = np.empty((3, 2)), q.shape[0] - 1
     same = 0.0
@@ -120,7 +123,8 @@ def linearise(
         slopes: (m, 4, 4) of `wing_angles`.
         ad_half: (m, 6, 6) from the pose error at the start to that at the middle.
         rotation: (m, 3, 3) body to world.
-        Dq, Dv: (m, nv, nv) derivatives of the inverse dynamics.
+        Dq: (m, nv, nv) derivative of the inverse dynamics by the configuration.
+        Dv: (m, nv, nv) derivative by the velocity.
         by_twist: (m, nv, 6) derivative of the air by the twist.
         M: (m, nv, nv) inertia, added mass included.
         rigid: (m, nv) inverse dynamics of the robot without air.
@@ -128,8 +132,11 @@ def linearise(
         air: (m, nv) force of the air.
         J: (m, b, nv) Jacobians of the points, world axes.
         force: (m, b) forces of the last iteration, world axes.
-        pose, twist, A: (m, 6, n) written, zero before: see `LinearDynamics`.
-        kick, push: (m, 6) written.
+        pose: (m, 6, n) written, zero before: see `LinearDynamics`, also for those below.
+        twist: (m, 6, n) written, zero before.
+        kick: (m, 6) written.
+        A: (m, 6, n) written: rows of the acceleration.
+        push: (m, 6) written.
         torque: (m, 4, n) written.
         torque_at: (m, 4) written.
     """
@@ -240,7 +247,8 @@ def transitions(
         crank: (m + 1, 3) nominal angle, rate and acceleration of the crank.
         ad: (m, 6, 6) from the pose error at the start to that at the end.
         defect: (m, 6) by how much the nominal motion's pose misses what its twist gives.
-        A, push: (m, 6, n), (m, 6) of `linearise`.
+        A: (m, 6, n) of `linearise`.
+        push: (m, 6) of `linearise`.
         F: (m, moving, n) written, zero before.
         shift: (m, moving) written.
     """

@@ -14,7 +14,7 @@ import numpy as np
 
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.linear import Smoothed
-from aerobat_pin.estimation.raw.tuning import TICK, Tuning
+from aerobat_pin.estimation.raw.tuning import TICK, Flags, Tuning
 from aerobat_pin.numerics import Array
 
 LEAST = np.log([1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3)  # of the weight
@@ -26,7 +26,7 @@ LONGEST_STEP = 1.5  # of a logarithm in one round
 
 
 def likelier_tuning(
-    tuning: Tuning, free: Array, smoothed: Smoothed, dt: Array, layout: Layout, weight: float
+    tuning: Tuning, free: Flags, smoothed: Smoothed, dt: Array, layout: Layout, weight: float
 ) -> tuple[Tuning, float]:
     """Return a tuning under which the samples are likelier, and about how much the log-likelihood gains by it.
 
@@ -69,7 +69,7 @@ def likelier_tuning(
     return Tuning.from_logs(following), float(np.concatenate(slopes) @ (following - logs))
 
 
-def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Array, weight: float) -> Tuning:
+def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags, weight: float) -> Tuning:
     """Return the tuning with forces that walk without a slope, along each axis where the samples are likelier so.
 
     Walk and slope each have a likelihood with a top of its own, and a climb from a slope does not come to the walk's.
