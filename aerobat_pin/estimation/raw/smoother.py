@@ -46,6 +46,7 @@ class JointEstimate:
         motion_deviation: (m + 1, 15) standard deviations of pose (body axes), twist and crank.
         force: (m, points, 3) slowly changing forces in world axes, of each interval [N].
         force_covariance: (m, 3 points, 3 points) their covariance.
+        jumps: times [s] at which the forces jump.
         bias: (6,) of gyro and accelerometer at the end.
         mount: (6,) error of the accelerometer's place [m] and turn [rad], and their covariance; None if not sought.
         factors: name (`mass`, `air`) -> factor and its standard deviation.
@@ -60,6 +61,7 @@ class JointEstimate:
     motion_deviation: Array
     force: Array
     force_covariance: Array
+    jumps: tuple[float, ...]
     bias: Array
     mount: tuple[Array, Array] | None
     factors: dict[str, tuple[float, float]]
@@ -241,6 +243,7 @@ class JointSmoother:
             motion_deviation=np.concatenate([part.deviation for part in parts]),
             force=np.concatenate([part.force for part in parts]),
             force_covariance=np.concatenate([part.covariance for part in parts]),
+            jumps=tuple(time for part in parts for time in part.jumps),
             bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
             mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.covariances[-1][at, at]),
             factors=factors,
@@ -262,6 +265,7 @@ class Kept:
     deviation: Array
     force: Array
     covariance: Array
+    jumps: list[float]
     innovation: Array
     settled: bool
 
@@ -289,6 +293,7 @@ class Solved:
             smoothed.deviations[a:final, :MOTION].copy(),
             layout.forces(smoothed.states[a:b]),
             layout.by_mode @ smoothed.blocks[a:b] @ layout.by_mode.T,
+            self.linear.nominal.time[a + 1 : b + 1][self.linear.jumps[a:b] > 0.0].tolist(),
             self.innovation()[a:b].copy(),
             self.settled,
         )
