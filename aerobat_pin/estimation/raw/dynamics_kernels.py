@@ -8,7 +8,7 @@ from aerobat_pin.linkage import joints_at
 from aerobat_pin.numerics import Array, Integers, inner, kernel
 
 CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
-BODY = 6  # rows of the base; as many states each have pose and twist error, which come first
+BODY_STATES = 6  # rows of the base; as many states each have pose and twist error, which come first
 
 
 @kernel
@@ -142,8 +142,8 @@ def linearise(
     """
     m, nv, n, b = len(dt), M.shape[1], A.shape[2], J.shape[1]
     walk, white, mass_at, air_at, phi = at
-    Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY)), np.zeros((nv, BODY))
-    G, found = np.zeros((BODY, BODY)), np.zeros((BODY, n + 1))
+    Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY_STATES)), np.zeros((nv, BODY_STATES))
+    G, found = np.zeros((BODY_STATES, BODY_STATES)), np.zeros((BODY_STATES, n + 1))
     body_force = np.zeros(3)
     for k in range(m):
         half, rate, bend = 0.5 * dt[k], crank[k, 0], crank[k, 1]
@@ -157,7 +157,7 @@ def linearise(
                 for c in range(b):
                     total -= J[k, c, i] * by_mode[c, j]
                 Z[i, walk + j] = total
-            for j in range(BODY):
+            for j in range(BODY_STATES):
                 Zq[i, j] = Dq[k, i, j]
                 Zv[i, j] = Dv[k, i, j] - by_twist[k, i, j]
         for point in range(b // 3):
@@ -191,34 +191,34 @@ def linearise(
                 Z[i, mass_at] = rigid[k, i]
             if air_at >= 0:
                 Z[i, air_at] = -air[k, i]
-            for j in range(BODY):
+            for j in range(BODY_STATES):
                 total = 0.0
-                for c in range(BODY):
+                for c in range(BODY_STATES):
                     total += Zq[i, c] * ad_half[k, c, j]
                 Z[i, j] += total
-                Z[i, BODY + j] += Zq[i, j] * half + Zv[i, j]
-        for i in range(BODY):
-            for j in range(BODY):
+                Z[i, BODY_STATES + j] += Zq[i, j] * half + Zv[i, j]
+        for i in range(BODY_STATES):
+            for j in range(BODY_STATES):
                 G[i, j] = M[k, i, j] + half * Zv[i, j]
             found[i, 0] = -r[k, i]
             for j in range(n):
                 found[i, 1 + j] = -Z[i, j]
         eliminate(G, found)
-        for i in range(BODY):
+        for i in range(BODY_STATES):
             push[k, i], kick[k, i] = found[i, 0], half * found[i, 0]
             for j in range(n):
                 A[k, i, j] = found[i, 1 + j]
                 twist[k, i, j] = half * found[i, 1 + j]
-            twist[k, i, BODY + i] += 1.0
-            pose[k, i, BODY + i] = half
-            for j in range(BODY):
+            twist[k, i, BODY_STATES + i] += 1.0
+            pose[k, i, BODY_STATES + i] = half
+            for j in range(BODY_STATES):
                 pose[k, i, j] = ad_half[k, i, j]
         for i in range(joints.shape[0]):
             row = joints[i]
             torque_at[k, i] = r[k, row]
             for j in range(n):
                 torque[k, i, j] = Z[row, j]
-            for c in range(BODY):
+            for c in range(BODY_STATES):
                 through = M[k, row, c] + half * Zv[row, c]
                 torque_at[k, i] += through * push[k, c]
                 for j in range(n):
@@ -255,16 +255,16 @@ def transitions(
     walk, phi, n = at[0], at[4], A.shape[2]
     for k in range(dt.shape[0]):
         h = dt[k]
-        for i in range(BODY):
+        for i in range(BODY_STATES):
             shift[k, i] = defect[k, i] + 0.5 * h * h * push[k, i]
-            shift[k, BODY + i] = h * push[k, i]
+            shift[k, BODY_STATES + i] = h * push[k, i]
             for j in range(n):
                 F[k, i, j] = 0.5 * h * h * A[k, i, j]
-                F[k, BODY + i, j] = h * A[k, i, j]
-            for j in range(BODY):
+                F[k, BODY_STATES + i, j] = h * A[k, i, j]
+            for j in range(BODY_STATES):
                 F[k, i, j] += ad[k, i, j]
-            F[k, i, BODY + i] += h
-            F[k, BODY + i, BODY + i] += 1.0
+            F[k, i, BODY_STATES + i] += h
+            F[k, BODY_STATES + i, BODY_STATES + i] += 1.0
         for i in range(3):
             F[k, phi + i, phi + i] = 1.0
         F[k, phi, phi + 1] = F[k, phi + 1, phi + 2] = h

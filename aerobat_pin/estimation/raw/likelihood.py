@@ -22,7 +22,7 @@ MOST = np.log([50.0] * 3 + [1e4] * 3 + [1.0] * 3)
 ALIKE_LIMITS = np.log([0.2, 5.0])
 JERK_LIMITS = np.log([1.0, 1e6])
 TURNS = (0.004, 0.008, 0.016)  # [s]: a walk of so many times the bend is tried
-LONGEST_STEP = 1.5  # of a logarithm in one round
+LONGEST_CLIMB = 1.5  # of a logarithm in one round
 
 
 def likelier_tuning(
@@ -64,7 +64,7 @@ def likelier_tuning(
     logs = tuning.to_logs()
     least = np.concatenate([LEAST + np.log(weight), [ALIKE_LIMITS[0]] * 3, JERK_LIMITS[:1]])
     most = np.concatenate([MOST + np.log(weight), [ALIKE_LIMITS[1]] * 3, JERK_LIMITS[1:]])
-    wanted = np.clip(logs + np.clip(0.5 * steps, -LONGEST_STEP, LONGEST_STEP), least, most)
+    wanted = np.clip(logs + np.clip(0.5 * steps, -LONGEST_CLIMB, LONGEST_CLIMB), least, most)
     following = np.where(free, wanted, logs)
     return Tuning.from_logs(following), float(np.concatenate(slopes) @ (following - logs))
 

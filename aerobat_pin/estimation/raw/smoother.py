@@ -32,7 +32,7 @@ from aerobat_pin.scenario import AirSection, RawSection
 SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends
 NEARLY = 20.0  # times this: the tuning is chosen
 CORRECTIONS = 2  # times that a clock offset is applied, for a better one, where one is found
-FIRST_ROUNDS, ROUNDS = 12, 4  # of walks and jumps: in the first search, and after it about each new motion
+FIRST_ROUNDS, MORE_ROUNDS = 12, 4  # of walks and jumps: in the first search, and after it about each new motion
 LEAST_GAIN_OF_ROUND = 1.0  # of the log-likelihood: smaller gains end the rounds
 STALE = 0.1  # [m/s]: rms change of the twist after which the air's derivative is flown anew
 
@@ -154,7 +154,7 @@ class JointSmoother:
         free = free_logs(self.settings)
         if tuning is not None:
             free[:] = False
-        rounds = [FIRST_ROUNDS, ROUNDS] if np.any(free) else [ROUNDS]
+        rounds = [FIRST_ROUNDS, MORE_ROUNDS] if np.any(free) else [MORE_ROUNDS]
         force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
         jumps: Array = np.zeros(len(force))
         by_twist: Array | None = None
