@@ -2,20 +2,25 @@
 
 PYTHONPATH=tests python benchmarks/raw_sensors.py [--seeds 1 2 3 4 5] [--only NAME ...] [--write docs/raw_sensors.md]
 
-Each row is the worse wing and the worst of the seeds, against the true force without its noise. About ten minutes. With
-`--only`, the other rows of a page that is written stay as they are.
+Each row is the worse wing and the worst of the seeds, against the true force without its noise. A quarter of an hour.
+With `--only`, the other rows of a page that is written stay as they are.
 """
 
 from __future__ import annotations
 
 import argparse
+import resource
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pinocchio as pin
+from raw_page import COST, HEAD, MOUNT, OWN, TEXT
 from support.own_model import own_model_errors
 
 from aerobat_pin import load_scenario, simulate
@@ -23,8 +28,8 @@ from aerobat_pin.estimation import r_squared
 from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.estimation.raw.nominal import first_guess
 from aerobat_pin.estimation.raw.prior import first_prior
-from aerobat_pin.estimation.raw.smoother import part_of
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.estimation.raw.windows import part_of
+from aerobat_pin.flight import FlightLog, read_csv, write_csv
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, Scenario
 
@@ -55,14 +60,19 @@ class Case:
     settings: tuple[str, ...] = ()
     raw: RawSection = field(default_factory=RawSection)
     late: str = ""
+    table: bool = False
 
 
+STEP_OF_ONE = ("unknown_force.1.step=0.0",)  # of the two equal forces, one has no step
 CASES = (
     Case("paper, all"),
     Case("paper, all, no accelerometer", accelerometer=False),
     Case("paper, motor", torque="motor_only"),
     Case("paper, motor, no accelerometer", torque="motor_only", accelerometer=False),
     Case("paper, no torque", torque="none"),
+    Case("paper, from a table, no accelerometer", accelerometer=False, table=True),
+    Case("paper, step on one wing, all", settings=STEP_OF_ONE),
+    Case("paper, step on one wing, motor, no accelerometer", "raw_sensors", "motor_only", False, STEP_OF_ONE),
     Case("guard, all", "observer_benchmark", settings=(*GUARD, *GUARD_HOLD)),
     Case("guard, all, no accelerometer", "observer_benchmark", accelerometer=False, settings=(*GUARD, *GUARD_HOLD)),
     Case("guard, motor", "observer_benchmark", "motor_only", settings=(*GUARD, *GUARD_HOLD)),
@@ -87,63 +97,9 @@ CASES = (
 )
 
 
+FREE_FLIGHTS = 24  # that show whether the deviations of place and turn are true
 OWN_FLIGHTS = ("paper", "observer_benchmark", "tumble")
 CAUSAL = ("paper, all", "paper, all, no accelerometer", "benchmark, all")  # rows that the causal filter has too
-TEXT = """# Forces from raw sensors
-
-Written by `benchmarks/raw_sensors.py`. A laboratory has motion capture, an inertial unit, a crank encoder and
-torques, and no velocities. The joint smoother finds motion and forces together from their samples; how to use it is
-in [recorded.md](recorded.md).
-
-State: pose error on SE(3), twist error, bias of gyro and accelerometer, angle, rate and acceleration of the crank,
-and for each point a force that walks and one that is white, if asked for also factors of mass and air. The joints
-follow the linkage. The dynamics are linear about a nominal motion (Pinocchio's derivatives of inverse dynamics at the
-middle of each interval, the air flown along the motion and along shifted ones, the added mass as inertia); every
-sample is an update at its own time; a backward pass smooths; and all is repeated about the result until it stays.
-Walk and white noise of the forces, per world axis, and the crank's jerk are chosen by the likelihood of the samples,
-and printed; stated, they stay.
-
-Sensors: poses at 100 Hz (1 mm, 3 mrad), gyro (3 mrad/s, bias 2 mrad/s), accelerometer (0.05 m/s2, bias 0.05 m/s2),
-encoder (4096 counts) and four joint torques (0.5 mN m) at 1 kHz. "paper" is the scenario `raw_sensors`; "benchmark"
-is `observer_benchmark`, "guard" the same forces on the 92 g robot at 4.75 Hz. Worse wing and worst of the seeds,
-against the true force without its noise; "motor" knows the torque at the crank alone; without torque the row is that
-of the sum.
-
-## What is found
-
-NEES is the error squared over the stated covariance, per component (1 if the deviations are true; range over the
-seeds); the next column is the largest stated deviation over rms error of any component. The cost is CPU time on one
-core for 2 s of flight, choice of the walk included. The figures of the causal filter leave out its first 0.1 s."""
-HEAD = """
-| flight | R2 of Fx/Fy/Fz | rms error [mN] | NEES | deviation/error | cost |
-|---|---|---|---|---|---|"""
-OWN = """
-## Are the deviations true?
-
-Truths and samples drawn from the smoother's own linear model (first second of each flight, slow forces of both wings):
-
-| flight | NEES | inside 1.96 deviations |
-|---|---|---|"""
-MOUNT = """
-## The accelerometer's place and turn
-
-"Off" means 5 mm along x and half a degree about every axis from what is stated; "calibrated", that `aerobat calibrate`
-has found it from 2 s of a flight without unknown forces that starts with 6 rad/s of roll and yaw. The deviations are
-those that it states.
-
-| paper, all | R2 of Fx/Fy/Fz | error of place x/y/z [mm] | deviation | error of turn roll/pitch/yaw [deg] | deviation |
-|---|---|---|---|---|---|"""
-COST = """## What it costs, and what it does not see
-
-* With given walks, 2 s of flight take {given:.1f} s of CPU. Records beyond 5 s are smoothed in overlapping parts, so
-  memory stays bounded. The filter for streams (`aerobat_pin.estimation.raw.JointFilter`) takes a set of samples at a
-  time; most of its time is Python's, for air and dynamics of one interval.
-* Poses may come to that filter up to 50 ms late: it carries them along its own motion since their stamp. Other sensors'
-  samples must come before the next update.
-* Fx on the paper's flight has a signal of 9 mN; without an accelerometer its error is more than half of that.
-* An accelerometer off its stated place or turn is hardly seen in the innovations, and costs Fx: calibrate.
-* The air's derivative by the body's twist is that of a lasting shift; on flights far beyond stall more linearisations
-  are needed, and a warning tells if they did not settle."""
 
 
 def scenario_of(case: Case, seed: int) -> Scenario:
@@ -156,6 +112,13 @@ def scenario_of(case: Case, seed: int) -> Scenario:
         late = getattr(sensors, case.late).model_copy(update={"delay": 1.0e-3})
         sensors = sensors.model_copy(update={case.late: late})
     return scenario.model_copy(update={"sensors": sensors})
+
+
+def through_a_table(log: FlightLog) -> FlightLog:
+    """Return the samples of a log as they are read from a table: without notes on noise and place, without a truth."""
+    with TemporaryDirectory() as folder:
+        write_csv(log, Path(folder, "hall.csv"))
+        return read_csv(Path(folder, "hall.csv"))
 
 
 def true_forces(log: FlightLog) -> np.ndarray:
@@ -184,7 +147,8 @@ def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]],
     """Return the figures of smoother (and filter) on one flight, the estimate, and the seconds they took."""
     scenario = scenario_of(case, seed)
     log, robot = simulate(scenario), believed_robot(scenario)
-    record = raw_record(log, robot, case.torque, case.raw)  # type: ignore[arg-type]
+    samples_of = through_a_table(log) if case.table else log
+    record = raw_record(samples_of, robot, case.torque, case.raw)  # type: ignore[arg-type]
     start = time.process_time()
     smoother = JointSmoother(robot, scenario.believed_air, FRAMES, case.raw)
     found = smoother.run(record)
@@ -252,7 +216,7 @@ def mount_rows(seeds: list[int]) -> Iterator[str]:
         return
     found: dict[str, list[list[float]]] = {"exact": [], "off": [], "off, calibrated": []}
     misses = []
-    for seed in seeds:
+    for seed in range(1, FREE_FLIGHTS + 1):
         records = []
         for forces in ((), ("unknown_force=[]", "flight.angular_velocity=[6,0,6]")):
             scenario = load_scenario("raw_sensors", [f"simulation.seed={seed}", *place, *forces])
@@ -263,16 +227,18 @@ def mount_rows(seeds: list[int]) -> Iterator[str]:
         (log, exact, wrong), (_, _, free) = records
         air, truth = scenario.believed_air, true_forces(log)
         mount, _ = find_mount([free], robot, air, frames, settings)
-        smoother = JointSmoother(robot, air, frames, settings)
-        for label, record in zip(found, (exact, wrong, mounted(wrong, mount)), strict=True):
-            made = smoother.run(record)
-            found[label].append(figures(made.force, made.force_covariance, truth, total=False))
         true = exact.channels["accelerometer"]
         turn = np.degrees(pin.log3(true.turn.T @ mount.turn))
         spread = np.sqrt(np.diag(mount.covariance))
         misses.append([*(1e3 * (mount.place - true.place)), *(1e3 * spread[:3]), *turn, *np.degrees(spread[3:])])
-    worst = np.max(np.abs(misses), axis=0)
-    cells = ["/".join(f"{value:.2f}" for value in worst[3 * i : 3 * i + 3]) for i in range(4)]
+        if seed not in seeds:
+            continue
+        smoother = JointSmoother(robot, air, frames, settings)
+        for label, record in zip(found, (exact, wrong, mounted(wrong, mount)), strict=True):
+            made = smoother.run(record)
+            found[label].append(figures(made.force, made.force_covariance, truth, total=False))
+    typical = np.sqrt(np.mean(np.square(misses), axis=0))
+    cells = ["/".join(f"{value:.3f}" for value in typical[3 * i : 3 * i + 3]) for i in range(4)]
     for label, rows in found.items():
         r2 = "/".join(f"{value:.4f}" for value in np.min(rows, axis=0)[:3])
         yield f"| {label} | {r2} | {' | '.join(cells if label == 'off, calibrated' else [''] * 4)} |"
@@ -289,6 +255,24 @@ def kept_rows(page: Path | None) -> dict[str, list[str]]:
     return kept
 
 
+def memory_beyond(seconds: int) -> float:
+    """Return the memory [MB] that a process of its own needs at most to smooth so long a flight, beyond its log's."""
+    made = subprocess.run(
+        [sys.executable, __file__, "--memory", str(seconds)], capture_output=True, text=True, check=True
+    )
+    return float(made.stdout)
+
+
+def measure_memory(seconds: int) -> float:
+    """Return what `memory_beyond` asks for, in this process."""
+    scenario = load_scenario("raw_sensors", [f"simulation.duration={seconds}"])
+    log, robot, settings = simulate(scenario), believed_robot(scenario), GIVEN.model_copy(update={"offset_error": 0.0})
+    record = raw_record(log, robot, "measured", settings)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    JointSmoother(robot, scenario.believed_air, FRAMES, settings).run(record)
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0
+
+
 def given_walks(seed: int) -> float:
     """Return the seconds of CPU that 2 s of the paper's flight take with given walks, without looking for offsets."""
     case = Case("given", raw=GIVEN)
@@ -302,7 +286,11 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=10)
     parser.add_argument("--only", nargs="+", default=[*(case.name for case in CASES), "own model", "mount"])
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--memory", type=int, help="print the memory [MB] that so many seconds of flight need")
     chosen = parser.parse_args()
+    if chosen.memory is not None:
+        print(measure_memory(chosen.memory))
+        return
     kept, lines = kept_rows(chosen.write), [f"{TEXT}\n{HEAD}"]
 
     def add(rows: Iterator[str], names: list[str]) -> None:
@@ -319,10 +307,10 @@ def main() -> None:
     lines.append(OWN)
     own = [f"{name}, {kind}" for name in OWN_FLIGHTS for kind in ("smoother", "filter")]
     add(own_model_rows(chosen.draws if "own model" in chosen.only else 0), [] if "own model" in chosen.only else own)
-    lines.append(MOUNT)
+    lines.append(MOUNT.format(flights=FREE_FLIGHTS))
     labels = ["exact", "off", "off, calibrated"]
     add(mount_rows(chosen.seeds if "mount" in chosen.only else []), [] if "mount" in chosen.only else labels)
-    lines.append("\n" + COST.format(given=given_walks(1)))
+    lines.append("\n" + COST.format(given=given_walks(1), short=memory_beyond(10), long=memory_beyond(60)))
     print(lines[-1])
     if chosen.write is not None:
         chosen.write.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -77,3 +77,37 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
     for k in range(m + 1):
         at = slice(k * n + MOVING, k * n + MOVING + 2)
         np.testing.assert_allclose(found[k], spread[at, at], atol=1e-10)
+
+
+def test_the_adjoint_gives_the_derivative_of_the_likelihood_by_each_variance() -> None:
+    """(sum l^2 - sum N) / 2 over the knots, against a difference quotient of the log-likelihood."""
+    rng = np.random.default_rng(5)
+    n, m, each = MOVING + 5, 6, 4
+    fresh = np.array([MOVING + 2, MOVING + 4], dtype=np.intp)
+    F = np.zeros((m, MOVING, n))
+    F[:, :, :MOVING] = np.eye(MOVING)
+    F += 0.1 * rng.standard_normal(F.shape)
+    shift, noise = 0.1 * rng.standard_normal((m, MOVING)), rng.uniform(0.1, 1.0, (m, n))
+    h, R = rng.standard_normal(((m + 1) * each, n)), rng.uniform(0.2, 1.0, (m + 1) * each)
+    e, start = rng.standard_normal((m + 1) * each), (each * np.arange(m + 2)).astype(np.intp)
+    gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
+    states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
+
+    def likelihood(added: np.ndarray) -> float:
+        x, P = np.zeros(n), np.eye(n)
+        return filter_record(x, P, F, shift, added, fresh, start, h, e, R, gains, innovations, states, covariances)
+
+    likelihood(noise)
+    block, pulls, none = np.array([MOVING, MOVING + 2], dtype=np.intp), np.empty((m + 1, n)), np.empty((0, n))
+    informations, inside = np.empty_like(pulls), np.empty((m + 1, 2, 2))
+    smooth_record(
+        F, fresh, start, h, gains, innovations, states, covariances, block,
+        pulls, informations, inside, none, np.empty((0, 2, 2)),
+    )  # fmt: skip
+    for state in (0, MOVING - 1, MOVING, MOVING + 2, n - 1):
+        step = np.zeros(n)
+        step[state] = 1e-5
+        slope = (likelihood(noise + step) - likelihood(noise - step)) / 2e-5
+        found = 0.5 * np.sum(pulls[1:, state] ** 2 - informations[1:, state])
+        np.testing.assert_allclose(found, slope, rtol=1e-5)
+    np.testing.assert_allclose(inside[:, 0, 0], informations[:, MOVING])

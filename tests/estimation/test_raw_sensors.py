@@ -28,8 +28,9 @@ from aerobat_pin.estimation.raw.dynamics import linear_dynamics
 from aerobat_pin.estimation.raw.linear import LinearRecord
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import Prior, first_prior
-from aerobat_pin.estimation.raw.smoother import _stretches
+from aerobat_pin.estimation.raw.results import notes_of
 from aerobat_pin.estimation.raw.tuning import Tuning
+from aerobat_pin.estimation.raw.windows import part_of, stretches
 from aerobat_pin.flight import FlightLog, simulate
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.robot import Aerobat, believed_robot
@@ -94,9 +95,24 @@ def test_deviations_cover_the_errors() -> None:
     _, _, found = smoothed("measured")
     error = (found.force - truth(log)).reshape(len(found.force), -1)
     nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.force_covariance), error) / error.shape[1]
+    assert np.linalg.eigvalsh(found.force_covariance).min() > 0.0
     stated = np.sqrt(np.einsum("kii->ki", found.force_covariance)).mean(axis=0)
     assert 0.2 < np.mean(nees) < 1.5
     assert np.all(stated < 2.0 * np.sqrt(np.mean(error**2, axis=0)))
+
+
+def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_common() -> None:
+    """Of each force: 10 mN of noise, 0.15 N at 1 s, both wings alike along z and mirrored along y."""
+    log, robot = flight()
+    settings = RawSection(offset_error=0.0)
+    record = raw_record(log, robot, "measured", settings)
+    smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, settings)
+    found = smoother.run(record)
+    assert found.jumps == pytest.approx([1.001])
+    assert np.linalg.norm(found.tuning.white) == pytest.approx(0.01, rel=0.15)
+    assert found.tuning.alike[1] < 0.4
+    assert found.tuning.alike[2] > 2.5
+    assert any("jump at 1.001 s" in note for note in notes_of(found))
 
 
 def test_without_an_accelerometer_and_with_the_motor_alone() -> None:
@@ -138,7 +154,7 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     state[:12] = x[0, :12]
 
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
-        made = linear_dynamics(smoother.robot, FRAMES, smoother.layout, motion, held, known, force)
+        made = linear_dynamics(smoother.robot, smoother.series, FRAMES, smoother.layout, motion, held, known, force)
         rows = made.acceleration
         return made.push + np.einsum(
             "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
@@ -213,13 +229,25 @@ def test_long_records_are_smoothed_in_parts_that_overlap_and_leave_no_gap() -> N
     """Whatever the length, a part has at most 5.6 s; the parts' kept knots follow each other."""
     for seconds in (3.0, 5.4, 5.7, 20.0):
         time = np.arange(0.0, seconds + 5e-4, 1e-3)
-        parts = list(_stretches(time))
+        parts = list(stretches(time))
         assert all(time[part.stop] - time[part.start] < 5.7 for part in parts)
         assert (parts[0].first, parts[-1].last) == (0, len(time) - 1)
         for one, other in itertools.pairwise(parts):
             assert one.last == other.first
             assert one.next == other.start < other.first
         assert (len(parts) > 1) == (seconds > 5.6)
+
+
+def test_a_window_keeps_nothing_of_its_covariances() -> None:
+    """Else the memory of a long record would grow by some 100 MB for each window."""
+    smoother, record, found = smoothed("measured")
+    part = part_of(record, 0, 200)
+    prior = first_prior(smoother.layout, found.nominal, smoother.weight, GIVEN)
+    solved = smoother.solve(part, found.nominal.part(0, 200), prior, found.tuning, {})
+    kept = solved.kept(next(stretches(part.time)))
+    for values in (kept.deviation, kept.force, kept.covariance, kept.innovation):
+        whole = values if values.base is None else values.base
+        assert whole.nbytes < 40 * 8 * len(part.time)
 
 
 def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight() -> None:

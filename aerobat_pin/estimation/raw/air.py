@@ -11,6 +11,7 @@ from aerobat_pin.estimation.motion import Motion
 from aerobat_pin.estimation.raw.dynamics_kernels import half_step_motion
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.flight import wind_of
+from aerobat_pin.linkage import joint_series
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import AirSection
@@ -46,6 +47,7 @@ class AirAboutNominal:
         self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
         self._at_q, self._at_v = (np.array(places, dtype=np.intp) for places in (robot.idx_q, robot.idx_v))
+        self._series = joint_series(robot.linkage)
         self.in_air, self._longest = self.along.in_air, np.inf
         self._states = np.zeros((1 + len(SHIFTS), self.along.air.state_size))
 
@@ -84,7 +86,9 @@ class AirAboutNominal:
         angle, rate, _ = nominal.crank[-1]
         turn = joint_table(solve(angle + np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), rate))
         body = moved.q[-1, :7], nominal.twist[-1] - np.append(nominal.rotation[-1].T @ moved.wind[-1, 0], np.zeros(3))
-        self._longest = float(np.min(self.along.longest_step(self.along.airspeed(self.in_air.flapping_twists(*body, turn)))))
+        self._longest = float(
+            np.min(self.along.longest_step(self.along.airspeed(self.in_air.flapping_twists(*body, turn))))
+        )
 
     def go_on(self, nominal: NominalMotion) -> AirForces:
         """Return the air of one more interval, from where `begin` or `go_on` has ended.
@@ -114,7 +118,7 @@ class AirAboutNominal:
         robot, places = self.robot, 2 * count + 1
         q, v, a = (np.empty((places, size)) for size in (robot.model.nq, robot.model.nv, robot.model.nv))
         half_step_motion(
-            robot.linkage.series, self._at_q, self._at_v, nominal.placements(), nominal.twist, nominal.crank[0], span,
+            self._series, self._at_q, self._at_v, nominal.placements(), nominal.twist, nominal.crank[0], span,
             q, v, a,
         )  # fmt: skip
         return q, v, a, self.wind.field(nominal.time[0] + np.arange(places) / (2.0 * count) * span)

@@ -14,7 +14,7 @@ import numpy as np
 
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.linear import Smoothed
-from aerobat_pin.estimation.raw.tuning import TICK, Tuning
+from aerobat_pin.estimation.raw.tuning import TICK, Flags, Tuning
 from aerobat_pin.numerics import Array
 
 LEAST = np.log([1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3)  # of the weight
@@ -22,11 +22,11 @@ MOST = np.log([50.0] * 3 + [1e4] * 3 + [1.0] * 3)
 ALIKE_LIMITS = np.log([0.2, 5.0])
 JERK_LIMITS = np.log([1.0, 1e6])
 TURNS = (0.004, 0.008, 0.016)  # [s]: a walk of so many times the bend is tried
-LONGEST_STEP = 1.5  # of a logarithm in one round
+LONGEST_CLIMB = 1.5  # of a logarithm in one round
 
 
 def likelier_tuning(
-    tuning: Tuning, free: Array, smoothed: Smoothed, dt: Array, layout: Layout, weight: float
+    tuning: Tuning, free: Flags, smoothed: Smoothed, dt: Array, layout: Layout, weight: float
 ) -> tuple[Tuning, float]:
     """Return a tuning under which the samples are likelier, and about how much the log-likelihood gains by it.
 
@@ -64,12 +64,12 @@ def likelier_tuning(
     logs = tuning.to_logs()
     least = np.concatenate([LEAST + np.log(weight), [ALIKE_LIMITS[0]] * 3, JERK_LIMITS[:1]])
     most = np.concatenate([MOST + np.log(weight), [ALIKE_LIMITS[1]] * 3, JERK_LIMITS[1:]])
-    wanted = np.clip(logs + np.clip(0.5 * steps, -LONGEST_STEP, LONGEST_STEP), least, most)
+    wanted = np.clip(logs + np.clip(0.5 * steps, -LONGEST_CLIMB, LONGEST_CLIMB), least, most)
     following = np.where(free, wanted, logs)
     return Tuning.from_logs(following), float(np.concatenate(slopes) @ (following - logs))
 
 
-def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Array, weight: float) -> Tuning:
+def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags, weight: float) -> Tuning:
     """Return the tuning with forces that walk without a slope, along each axis where the samples are likelier so.
 
     Walk and slope each have a likelihood with a top of its own, and a climb from a slope does not come to the walk's.

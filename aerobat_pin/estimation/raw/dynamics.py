@@ -22,10 +22,8 @@ from aerobat_pin.estimation.raw.air import AirForces
 from aerobat_pin.estimation.raw.dynamics_kernels import linearise, transitions, wing_angles
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
-from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
-
 
 
 @dataclass(frozen=True)
@@ -59,6 +57,7 @@ class LinearDynamics:
 
 def linear_dynamics(
     robot: Aerobat,
+    series: Array,
     frames: tuple[str, ...],
     layout: Layout,
     nominal: NominalMotion,
@@ -71,6 +70,7 @@ def linear_dynamics(
 
     Args:
         robot: the believed robot.
+        series: of its linkage, see `joint_series`.
         frames: frames at whose origins the forces act.
         layout: places of the states.
         nominal: the motion.
@@ -88,7 +88,7 @@ def linear_dynamics(
     angle, turning, speeding = nominal.crank[:-1].T
     crank = np.stack([angle + half * turning + 0.5 * half**2 * speeding, turning + half * speeding, speeding])
     joints = np.empty((m, 4, len(at_v)))
-    wing_angles(robot.linkage.series, crank[0], joints)
+    wing_angles(series, crank[0], joints)
     q, v, a = np.empty((m, robot.model.nq)), np.empty((m, nv)), np.empty((m, nv))
     v[:, :BASE_SIZE], a[:, :BASE_SIZE] = twist, rate
     q[:, list(robot.idx_q)] = joints[:, 0]
@@ -125,7 +125,8 @@ def linear_dynamics(
     push, kick = np.empty((m, BASE_SIZE)), np.empty((m, BASE_SIZE))
     torque, torque_at = np.empty((m, len(at_v), n)), np.empty((m, len(at_v)))
     linearise(
-        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), joints, ad_half, rotation,
+        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), joints,
+        ad_half, rotation,
         Dq, Dv, air.by_twist, M + air.added_mass, ID, ID - air.force - known, air.force, J, force.reshape(m, -1),
         pose, turned, kick, A, push, torque, torque_at,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from aerobat_pin.linkage import joints_at
 from aerobat_pin.numerics import Array, Integers, inner, kernel
 
 CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
-BODY = 6  # rows of the base; as many states each have pose and twist error, which come first
+BODY_STATES = 6  # rows of the base; as many states each have pose and twist error, which come first
 
 
 @kernel
@@ -50,12 +50,15 @@ def half_step_motion(
 
     Args:
         series: of the linkage.
-        at_q, at_v: (4,) places of the joints.
+        at_q: (4,) places of the joints in a configuration.
+        at_v: (4,) their places in a velocity.
         ends: (2, 7) placements of the body at both ends.
         twist: (2, 6) of the body.
         crank: (3,) angle, rate and acceleration at the start.
         span: length of the interval [s].
-        q, v, a: (s, nq), (s, nv), (s, nv) written.
+        q: (s, nq) written: configuration.
+        v: (s, nv) written: velocity.
+        a: (s, nv) written: acceleration.
     """
     joints, last = np.empty((3, 2)), q.shape[0] - 1
     same = 0.0
@@ -120,7 +123,8 @@ def linearise(
         slopes: (m, 4, 4) of `wing_angles`.
         ad_half: (m, 6, 6) from the pose error at the start to that at the middle.
         rotation: (m, 3, 3) body to world.
-        Dq, Dv: (m, nv, nv) derivatives of the inverse dynamics.
+        Dq: (m, nv, nv) derivative of the inverse dynamics by the configuration.
+        Dv: (m, nv, nv) derivative by the velocity.
         by_twist: (m, nv, 6) derivative of the air by the twist.
         M: (m, nv, nv) inertia, added mass included.
         rigid: (m, nv) inverse dynamics of the robot without air.
@@ -128,15 +132,18 @@ def linearise(
         air: (m, nv) force of the air.
         J: (m, b, nv) Jacobians of the points, world axes.
         force: (m, b) forces of the last iteration, world axes.
-        pose, twist, A: (m, 6, n) written, zero before: see `LinearDynamics`.
-        kick, push: (m, 6) written.
+        pose: (m, 6, n) written, zero before: see `LinearDynamics`, also for those below.
+        twist: (m, 6, n) written, zero before.
+        kick: (m, 6) written.
+        A: (m, 6, n) written: rows of the acceleration.
+        push: (m, 6) written.
         torque: (m, 4, n) written.
         torque_at: (m, 4) written.
     """
     m, nv, n, b = len(dt), M.shape[1], A.shape[2], J.shape[1]
     walk, white, mass_at, air_at, phi = at
-    Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY)), np.zeros((nv, BODY))
-    G, found = np.zeros((BODY, BODY)), np.zeros((BODY, n + 1))
+    Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY_STATES)), np.zeros((nv, BODY_STATES))
+    G, found = np.zeros((BODY_STATES, BODY_STATES)), np.zeros((BODY_STATES, n + 1))
     body_force = np.zeros(3)
     for k in range(m):
         half, rate, bend = 0.5 * dt[k], crank[k, 0], crank[k, 1]
@@ -150,7 +157,7 @@ def linearise(
                 for c in range(b):
                     total -= J[k, c, i] * by_mode[c, j]
                 Z[i, walk + j] = total
-            for j in range(BODY):
+            for j in range(BODY_STATES):
                 Zq[i, j] = Dq[k, i, j]
                 Zv[i, j] = Dv[k, i, j] - by_twist[k, i, j]
         for point in range(b // 3):
@@ -184,34 +191,34 @@ def linearise(
                 Z[i, mass_at] = rigid[k, i]
             if air_at >= 0:
                 Z[i, air_at] = -air[k, i]
-            for j in range(BODY):
+            for j in range(BODY_STATES):
                 total = 0.0
-                for c in range(BODY):
+                for c in range(BODY_STATES):
                     total += Zq[i, c] * ad_half[k, c, j]
                 Z[i, j] += total
-                Z[i, BODY + j] += Zq[i, j] * half + Zv[i, j]
-        for i in range(BODY):
-            for j in range(BODY):
+                Z[i, BODY_STATES + j] += Zq[i, j] * half + Zv[i, j]
+        for i in range(BODY_STATES):
+            for j in range(BODY_STATES):
                 G[i, j] = M[k, i, j] + half * Zv[i, j]
             found[i, 0] = -r[k, i]
             for j in range(n):
                 found[i, 1 + j] = -Z[i, j]
         eliminate(G, found)
-        for i in range(BODY):
+        for i in range(BODY_STATES):
             push[k, i], kick[k, i] = found[i, 0], half * found[i, 0]
             for j in range(n):
                 A[k, i, j] = found[i, 1 + j]
                 twist[k, i, j] = half * found[i, 1 + j]
-            twist[k, i, BODY + i] += 1.0
-            pose[k, i, BODY + i] = half
-            for j in range(BODY):
+            twist[k, i, BODY_STATES + i] += 1.0
+            pose[k, i, BODY_STATES + i] = half
+            for j in range(BODY_STATES):
                 pose[k, i, j] = ad_half[k, i, j]
         for i in range(joints.shape[0]):
             row = joints[i]
             torque_at[k, i] = r[k, row]
             for j in range(n):
                 torque[k, i, j] = Z[row, j]
-            for c in range(BODY):
+            for c in range(BODY_STATES):
                 through = M[k, row, c] + half * Zv[row, c]
                 torque_at[k, i] += through * push[k, c]
                 for j in range(n):
@@ -240,23 +247,24 @@ def transitions(
         crank: (m + 1, 3) nominal angle, rate and acceleration of the crank.
         ad: (m, 6, 6) from the pose error at the start to that at the end.
         defect: (m, 6) by how much the nominal motion's pose misses what its twist gives.
-        A, push: (m, 6, n), (m, 6) of `linearise`.
+        A: (m, 6, n) of `linearise`.
+        push: (m, 6) of `linearise`.
         F: (m, moving, n) written, zero before.
         shift: (m, moving) written.
     """
     walk, phi, n = at[0], at[4], A.shape[2]
     for k in range(dt.shape[0]):
         h = dt[k]
-        for i in range(BODY):
+        for i in range(BODY_STATES):
             shift[k, i] = defect[k, i] + 0.5 * h * h * push[k, i]
-            shift[k, BODY + i] = h * push[k, i]
+            shift[k, BODY_STATES + i] = h * push[k, i]
             for j in range(n):
                 F[k, i, j] = 0.5 * h * h * A[k, i, j]
-                F[k, BODY + i, j] = h * A[k, i, j]
-            for j in range(BODY):
+                F[k, BODY_STATES + i, j] = h * A[k, i, j]
+            for j in range(BODY_STATES):
                 F[k, i, j] += ad[k, i, j]
-            F[k, i, BODY + i] += h
-            F[k, BODY + i, BODY + i] += 1.0
+            F[k, i, BODY_STATES + i] += h
+            F[k, BODY_STATES + i, BODY_STATES + i] += 1.0
         for i in range(3):
             F[k, phi + i, phi + i] = 1.0
         F[k, phi, phi + 1] = F[k, phi + 1, phi + 2] = h

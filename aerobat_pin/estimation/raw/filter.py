@@ -238,7 +238,7 @@ class JointFilter:
     def _take(
         self, motion: NominalMotion, d: LinearDynamics, taken: dict[str, tuple[float, Array]], knot: int
     ) -> tuple[float, int]:
-        """Take the samples that belong to a knot; return the sum of innovations squared over variance, and their number.
+        """Take the samples of a knot; return the sum of innovations squared over variance, and their number.
 
         Where they are far from what was expected, and the forces may have jumped, they have.
         """
@@ -264,9 +264,12 @@ class JointFilter:
         """Take samples anew with a jump of the slow states that make them likelier, one after the other.
 
         Args:
-            x, P: state and covariance before the samples.
+            x: (n,) state before the samples.
+            P: (n, n) its covariance, changes.
             score: log-likelihood of the samples without a jump.
-            h, e, R: the samples, see `take_samples`.
+            h: (k, n) rows of the samples.
+            e: (k,) samples less their prediction.
+            R: (k,) variances.
         """
         gains, innovations = np.empty_like(h), np.empty((len(e), 2))
         variance, states = (JUMP * self.smoother.weight) ** 2, set(range(*self.layout.walk.indices(len(x))))

@@ -60,7 +60,7 @@ class Layout:
     @cached_property
     def moving(self) -> int:
         """Number of states whose change depends on other states."""
-        return self.walk.stop
+        return int(self.walk.stop)
 
     @cached_property
     def slope(self) -> slice:
@@ -112,4 +112,4 @@ class Layout:
     def size(self) -> int:
         """Number of states."""
         more = int(self.mass) + int(self.air) + MOUNT_SIZE * int(self.mount)
-        return self.accelerometer_bias.stop + more + len(self.offsets)
+        return int(self.accelerometer_bias.stop) + more + len(self.offsets)

@@ -75,7 +75,7 @@ class LinearRecord:
         return score, Filtered(x, P, gains, innovations, states, covariances)
 
     def smooth(self, tuning: Tuning, prior: Prior, *, scores: bool = False, deviations: bool = False) -> Smoothed:
-        """Smooth the record; scores, and deviations with them, take most of the time, and are empty if not asked for."""
+        """Smooth the record; scores and deviations take most of the time, and are empty if not asked for."""
         score, (_, _, gains, innovations, states, covariances) = self.filter(tuning, prior, keep=True)
         filtered = states.copy()
         n, layout = self.layout.size, self.layout

@@ -2,9 +2,9 @@
 
     x+ = F x + s + noise,   sample: e = h x + white noise of variance R
 
-Only the first rows of F differ from the identity, and only those are given; forces that are drawn anew in every interval have zero rows.
-Each sample is one number. With the filter's P h = g and S = h P h + R, the way back carries an adjoint l and its
-covariance N:
+Only the first rows of F differ from the identity, and only those are given; forces that are drawn anew in every
+interval have zero rows. Each sample is one number. With the filter's P h = g and S = h P h + R, the way back carries an
+adjoint l and its covariance N:
 
     over a sample:     l <- l - h (g l / S + e / S),   N <- C^T N C + h h^T / S,   C = I - g h^T / S
     over an interval:  l <- F^T l,                     N <- F^T N F

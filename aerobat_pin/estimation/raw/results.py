@@ -190,8 +190,10 @@ def generalised(robot: Aerobat, frames: tuple[str, ...], inputs: KnownInputs, fo
 
 
 def notes_of(found: JointEstimate) -> list[str]:
-    """Return what a reader of the estimate should know: tuning, factors, clock offsets, sensors that err otherwise."""
+    """Return what a reader of the estimate should know: tuning, jumps, factors."""
     lines = [f"{'chosen by likelihood' if found.chosen else 'stated'}: {found.tuning}"]
+    if found.jumps:
+        lines.append(f"the forces jump at {', '.join(f'{time:.4g}' for time in found.jumps)} s")
     lines += [f"factor of the {name} {value:.3f} +- {spread:.3f}" for name, (value, spread) in found.factors.items()]
     return lines
 

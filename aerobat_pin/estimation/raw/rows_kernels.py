@@ -52,8 +52,14 @@ def accelerometer_rows(
         of: (k,) interval of each sample.
         turn: (3, 3) sensor to body.
         place: (3,) of the sensor in the body.
-        twist, rate, up: (m, 6), (m, 6), (m, 3) at the middle of each interval, see `felt_accelerations`.
-        A, push, pose_rows, twist_rows, kick: as in `LinearDynamics`.
+        twist: (m, 6) at the middle of each interval.
+        rate: (m, 6) its change.
+        up: (m, 3) R^T g.
+        A: (m, 6, n) rows of the acceleration, as in `LinearDynamics`, also those below.
+        push: (m, 6) its constant part.
+        pose_rows: (m, 6, n) rows of the pose error.
+        twist_rows: (m, 6, n) rows of the twist error.
+        kick: (m, 6) its constant part.
         h: (k, 3, n) written, zero before.
         constant: (k, 3) written.
         by_place: (k, 3, 3) written: change with the place.

@@ -6,7 +6,7 @@ filter knew before the overlap, and each window gives up its end, where later sa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,18 +22,17 @@ from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.estimation.raw.prior import Prior, first_prior, prior_at
 from aerobat_pin.estimation.raw.rows import sample_rows
-from aerobat_pin.estimation.raw.tuning import Tuning, first_tuning, free_logs
+from aerobat_pin.estimation.raw.tuning import Flags, Tuning, first_tuning, free_logs
+from aerobat_pin.estimation.raw.windows import RecordPart, part_of, stretches
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
-LONGEST_STRETCH = 5.0  # [s]: records that are longer are smoothed in parts
-LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, and at its start for warming up
 SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends
 NEARLY = 20.0  # times this: the tuning is chosen
 CORRECTIONS = 2  # times that a clock offset is applied, for a better one, where one is found
-FIRST_ROUNDS, ROUNDS = 12, 4  # of walks and jumps: in the first search, and after it about each new motion
+FIRST_ROUNDS, MORE_ROUNDS = 12, 4  # of walks and jumps: in the first search, and after it about each new motion
 LEAST_GAIN_OF_ROUND = 1.0  # of the log-likelihood: smaller gains end the rounds
 STALE = 0.1  # [m/s]: rms change of the twist after which the air's derivative is flown anew
 
@@ -47,6 +46,7 @@ class JointEstimate:
         motion_deviation: (m + 1, 15) standard deviations of pose (body axes), twist and crank.
         force: (m, points, 3) slowly changing forces in world axes, of each interval [N].
         force_covariance: (m, 3 points, 3 points) their covariance.
+        jumps: times [s] at which the forces jump.
         bias: (6,) of gyro and accelerometer at the end.
         mount: (6,) error of the accelerometer's place [m] and turn [rad], and their covariance; None if not sought.
         factors: name (`mass`, `air`) -> factor and its standard deviation.
@@ -61,6 +61,7 @@ class JointEstimate:
     motion_deviation: Array
     force: Array
     force_covariance: Array
+    jumps: tuple[float, ...]
     bias: Array
     mount: tuple[Array, Array] | None
     factors: dict[str, tuple[float, float]]
@@ -88,7 +89,9 @@ class JointSmoother:
         self, robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection, *, mount: bool = False
     ) -> None:
         """Set up the air."""
-        self.robot = robot = replace(robot, linkage=SeriesSculpture(robot.linkage))
+        linkage = SeriesSculpture(robot.linkage)
+        self.robot = robot = replace(robot, linkage=linkage)
+        self.series = linkage.series
         self.frames, self.settings, self._data = frames, settings, robot.model.createData()
         self.air, self.weight = (
             AirAboutNominal(robot, air),
@@ -101,8 +104,9 @@ class JointSmoother:
         """Smooth a record."""
         guess = first_guess(record)
         prior = first_prior(self.layout, guess, self.weight, self.settings)
-        tuning, shifts, parts, offsets = None, dict[str, float](), [], tuple[ClockOffset, ...]()
-        for window in _stretches(record.time):
+        tuning, shifts, offsets = None, dict[str, float](), tuple[ClockOffset, ...]()
+        parts = list[Kept]()
+        for window in stretches(record.time):
             here, motion = part_of(record, window.start, window.stop), guess.part(window.start, window.stop)
             solved = self.solve(here, motion, prior, tuning, shifts)
             if tuning is None and self.settings.offset_error > 0.0:
@@ -110,20 +114,23 @@ class JointSmoother:
                 if self.settings.apply_offsets and (shifts := {one.sensor: one.seconds for one in offsets if one.sure}):
                     solved = self.solve(here, solved.motion, prior, None, shifts)
             tuning = solved.tuning
-            parts.append((window, solved))
+            parts.append(solved.kept(window))
+            if window.start == 0:
+                nis, iterations = solved.nis(), solved.iterations
             if window.next is not None:
                 k = window.next - window.start
                 smoothed = solved.smoothed
                 prior = prior_at(solved.linear.nominal, k, smoothed.filtered[k], smoothed.covariances[k])
             if progress is not None:
                 progress(window.stop / (len(record.time) - 1))
-        return self._joined(parts, offsets)
+        return self._joined(parts, solved, nis, iterations, offsets)
 
     def dynamics(
         self, motion: NominalMotion, air: AirForces, known: Array, force: Array, layout: Layout | None = None
     ) -> LinearDynamics:
         """Linearise the dynamics about a motion."""
-        return linear_dynamics(self.robot, self.frames, layout or self.layout, motion, air, known, force, self._data)
+        layout = layout or self.layout
+        return linear_dynamics(self.robot, self.series, self.frames, layout, motion, air, known, force, self._data)
 
     def linear(
         self,
@@ -144,8 +151,10 @@ class JointSmoother:
     ) -> Solved:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
-        free = free_logs(self.settings) & (tuning is None)
-        rounds = [FIRST_ROUNDS, ROUNDS] if np.any(free) else [ROUNDS]
+        free = free_logs(self.settings)
+        if tuning is not None:
+            free[:] = False
+        rounds = [FIRST_ROUNDS, MORE_ROUNDS] if np.any(free) else [MORE_ROUNDS]
         force: Array = np.zeros((len(record.time) - 1, len(self.frames), 3))
         jumps: Array = np.zeros(len(force))
         by_twist: Array | None = None
@@ -173,7 +182,7 @@ class JointSmoother:
         return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
 
     def _likelier(
-        self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Array, rounds: int
+        self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Flags, rounds: int
     ) -> tuple[Tuning, LinearRecord]:
         """Return a tuning under which the samples are likelier, and the record with the jumps that they ask for.
 
@@ -192,7 +201,7 @@ class JointSmoother:
             linear = replace(linear, jumps=jumps)
         return tuning, linear
 
-    def _simpler(self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Array) -> Tuning:
+    def _simpler(self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Flags) -> Tuning:
         """Return the tuning, with forces that only walk where the samples are likelier so."""
 
         def score(candidate: Tuning) -> float:
@@ -218,20 +227,11 @@ class JointSmoother:
             found = corrected(found, linear(solved, shifts), solved.prior, solved.tuning, error)
         return found
 
-    def _joined(self, parts: list[tuple[RecordPart, Solved]], offsets: tuple[ClockOffset, ...]) -> JointEstimate:
-        """Join the windows' kept parts."""
+    def _joined(
+        self, parts: list[Kept], end: Solved, nis: dict[str, float], iterations: int, offsets: tuple[ClockOffset, ...]
+    ) -> JointEstimate:
+        """Join the windows' kept parts; biases and factors are those at the end."""
         layout = self.layout
-        motions, spreads, forces, blocks, counts = [], [], [], [], []
-        for window, solved in parts:
-            a, b = window.first - window.start, window.last - window.start
-            final = b if window.next is not None else b + 1
-            motions.append(solved.motion.part(a, final - 1))
-            spreads.append(solved.smoothed.deviations[a:final, :MOTION])
-            forces.append(layout.forces(solved.smoothed.states[a:b]))
-            blocks.append(layout.by_mode @ solved.smoothed.blocks[a:b] @ layout.by_mode.T)
-            counts.append(solved.innovation()[a:b])
-        _, first = parts[0]
-        _, end = parts[-1]
         x, spread = end.smoothed.states[-1], end.smoothed.deviations[-1]
         factors = {
             name: (1.0 + float(x[at]), float(spread[at]))
@@ -239,21 +239,35 @@ class JointSmoother:
             if at is not None
         }
         return JointEstimate(
-            nominal=NominalMotion.joined(motions),
-            motion_deviation=np.concatenate(spreads),
-            force=np.concatenate(forces),
-            force_covariance=np.concatenate(blocks),
+            nominal=NominalMotion.joined([part.motion for part in parts]),
+            motion_deviation=np.concatenate([part.deviation for part in parts]),
+            force=np.concatenate([part.force for part in parts]),
+            force_covariance=np.concatenate([part.covariance for part in parts]),
+            jumps=tuple(time for part in parts for time in part.jumps),
             bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
             mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.covariances[-1][at, at]),
             factors=factors,
-            tuning=first.tuning,
+            tuning=end.tuning,
             chosen=bool(np.any(free_logs(self.settings))),
             offsets=offsets,
-            nis=first.nis(),
-            innovation=np.concatenate(counts),
-            iterations=first.iterations,
-            settled=all(solved.settled for _, solved in parts),
+            nis=nis,
+            innovation=np.concatenate([part.innovation for part in parts]),
+            iterations=iterations,
+            settled=all(part.settled for part in parts),
         )
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is kept of a window; see `JointEstimate`."""
+
+    motion: NominalMotion
+    deviation: Array
+    force: Array
+    covariance: Array
+    jumps: list[float]
+    innovation: Array
+    settled: bool
 
 
 @dataclass(frozen=True)
@@ -269,6 +283,21 @@ class Solved:
     iterations: int
     settled: bool
 
+    def kept(self, window: RecordPart) -> Kept:
+        """Return what is kept of the window, as copies: all else is ten times as large."""
+        layout, smoothed = self.linear.layout, self.smoothed
+        a, b = window.first - window.start, window.last - window.start
+        final = b if window.next is not None else b + 1
+        return Kept(
+            self.motion.part(a, final - 1),
+            smoothed.deviations[a:final, :MOTION].copy(),
+            layout.forces(smoothed.states[a:b]),
+            layout.by_mode @ smoothed.blocks[a:b] @ layout.by_mode.T,
+            self.linear.nominal.time[a + 1 : b + 1][self.linear.jumps[a:b] > 0.0].tolist(),
+            self.innovation()[a:b].copy(),
+            self.settled,
+        )
+
     def nis(self) -> dict[str, float]:
         """Return the mean of innovation squared over variance, by sensor."""
         rows = self.linear.rows
@@ -280,45 +309,6 @@ class Solved:
         ratio = self.smoothed.innovations[:, 0] ** 2 / self.smoothed.innovations[:, 1]
         total = np.concatenate([[0.0], np.cumsum(ratio)])[self.linear.rows.start]
         return np.stack([np.diff(total)[:-1], np.diff(self.linear.rows.start)[:-1]], axis=1)
-
-
-@dataclass(frozen=True)
-class RecordPart:
-    """Knots `start` to `stop` of a part; those from `first` to `last` are kept; the next window starts at `next`."""
-
-    start: int
-    stop: int
-    first: int
-    last: int
-    next: int | None
-
-
-def _stretches(time: Array) -> Iterator[RecordPart]:
-    """Yield the windows of a record with knots at `time` (m + 1,)."""
-    start = first = 0
-    end = len(time) - 1
-    while True:
-        stop = int(np.searchsorted(time, time[start] + LONGEST_STRETCH))
-        if stop >= end or time[end] - time[stop] < LATE_PART:
-            yield RecordPart(start, end, first, end, None)
-            return
-        last = int(np.searchsorted(time, time[stop] - LATE_PART))
-        following = int(np.searchsorted(time, time[last] - EARLY_PART))
-        yield RecordPart(start, stop, first, last, following)
-        start, first = following, last
-
-
-def part_of(record: RawRecord, start: int, stop: int) -> RawRecord:
-    """Return the knots `start` to `stop` of a record; samples at the first knot stay out if it is not the record's."""
-    if start == 0 and stop == len(record.time) - 1:
-        return record
-    low = -np.inf if start == 0 else record.time[start] + 1e-9
-    high = np.inf if stop == len(record.time) - 1 else record.time[stop] + 1e-9
-    channels = {}
-    for name, channel in record.channels.items():
-        use = (channel.time > low) & (channel.time <= high)
-        channels[name] = replace(channel, time=channel.time[use], values=channel.values[use])
-    return replace(record, time=record.time[start : stop + 1], channels=channels, known=record.known[start:stop])
 
 
 def _change_of_twist(twist: Array) -> float:

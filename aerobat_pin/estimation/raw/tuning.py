@@ -10,6 +10,7 @@ import numpy as np
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import RawSection
 
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
 TICK = 1.0e-3  # [s]: the white force is stated as a mean over so long
 FIRST_WALK, FIRST_BEND, FIRST_WHITE, FIRST_JERK = 0.1, 50.0, 0.02, 10.0  # of the weight (three), rad/s^2.5
 
@@ -52,7 +53,13 @@ class Tuning:
 
     def stated(self) -> dict[str, Any]:
         """Return the tuning as entries of the table `observers.raw`."""
-        return {"walk": tuple(self.walk.tolist()), "bend": tuple(self.bend.tolist()), "white": tuple(self.white.tolist()), "alike": tuple(self.alike.tolist()), "crank_jerk": self.jerk}
+        return {
+            "walk": tuple(self.walk.tolist()),
+            "bend": tuple(self.bend.tolist()),
+            "white": tuple(self.white.tolist()),
+            "alike": tuple(self.alike.tolist()),
+            "crank_jerk": self.jerk,
+        }
 
     def __str__(self) -> str:
         """Return the tuning in words."""
@@ -60,7 +67,10 @@ class Tuning:
             " ".join(f"{value:.3g}" for value in 1e3 * values) for values in (self.walk, self.bend, self.white)
         )
         alike = " ".join(f"{value:.2g}" for value in self.alike)
-        return f"walk {walk} mN/sqrt(s), bend {bend} mN/s^1.5, white {white} mN, alike {alike}, crank's jerk {self.jerk:.3g} rad/s^2.5"
+        return (
+            f"walk {walk} mN/sqrt(s), bend {bend} mN/s^1.5, white {white} mN, common over differing changes {alike}, "
+            f"crank's jerk {self.jerk:.3g} rad/s^2.5"
+        )
 
 
 def first_tuning(settings: RawSection, weight: float) -> Tuning:
@@ -72,10 +82,10 @@ def first_tuning(settings: RawSection, weight: float) -> Tuning:
     return Tuning(walk, bend, white, alike, FIRST_JERK if settings.crank_jerk is None else settings.crank_jerk)
 
 
-def free_logs(settings: RawSection) -> Array:
+def free_logs(settings: RawSection) -> Flags:
     """Return which of the logarithms (13,) are left out of the settings, to be chosen by likelihood."""
-    left_out = [settings.walk is None] * 3 + [settings.bend is None] * 3 + [settings.white is None] * 3 + [settings.alike is None] * 3 + [settings.crank_jerk is None]
-    return np.array(left_out)
+    each = (settings.walk, settings.bend, settings.white, settings.alike)
+    return np.array([value is None for value in each for _ in range(3)] + [settings.crank_jerk is None])
 
 
 def white_variance(tuning: Tuning, dt: Array) -> Array:
