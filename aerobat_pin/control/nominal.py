@@ -34,7 +34,7 @@ FLAP_SAMPLES = 240  # in a flap
 PASSES = 4
 OVERTONES = 6  # up to this multiple of the crank angle, the swing is kept
 PITCHING = 4  # row of a wrench
-STEP = 1e-4  # [N m]
+PITCH_STEP = 1e-4  # [N m]
 STEERED = 0.75  # of what a thruster can change until it meets a limit; the rest is the law's
 
 
@@ -110,7 +110,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
             inertias[k] = pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE]
         wrench = np.mean(needed - air, axis=0)
         lasting = (needed - air)[:, PITCHING] - np.mean(inertias[:, PITCHING, PITCHING]) * accelerations[:-1, PITCHING]
-        steering = _fitted(lasting, beat)[:2]  # what holds the pitch still
+        steering = _of_waves(lasting, beat)[:2]  # what holds the pitch still
         steering *= min(1.0, most_steering(scenario, robot, wrench) / max(float(np.hypot(*steering)), 1e-12))
         if left:
             miss = needed - air - wrench
@@ -126,7 +126,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         centre=centre,
         mass=robot.mass,
         quaternion=quaternion,
-        swing=_fitted(swing[:-1], beat),
+        swing=_of_waves(swing[:-1], beat),
         steering=steering,
     )
 
@@ -137,7 +137,7 @@ def most_steering(scenario: Scenario, robot: Aerobat, wrench: Array) -> float:
     thrusters = thrusters_of(robot.morphology)
     allocation = Allocation(thrusters, believed.factor)
     thrust = allocation.thrusts(wrench)
-    each = np.abs(allocation.thrusts(wrench + STEP * np.eye(BASE_SIZE)[PITCHING]) - thrust) / STEP
+    each = np.abs(allocation.thrusts(wrench + PITCH_STEP * np.eye(BASE_SIZE)[PITCHING]) - thrust) / PITCH_STEP
     ahead = abs(1.0 + 2j * np.pi * scenario.crank.frequency * believed.lag)
     return float(np.min(STEERED * np.minimum(thrust, thrusters.limit - thrust) / np.maximum(each * ahead, 1e-12)))
 
@@ -197,7 +197,7 @@ def _about_the_course(placements: Array, twists: Array, level: Array, velocity: 
     return rows
 
 
-def _fitted(rows: Array, beat: Array) -> Array:
+def _of_waves(rows: Array, beat: Array) -> Array:
     """Return the waves' coefficients (2 OVERTONES, ...) in rows (FLAP_SAMPLES, ...) of a whole flap."""
     return np.asarray(2.0 / FLAP_SAMPLES * beat.T @ rows)
 
