@@ -19,11 +19,11 @@ import numpy as np
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance, observer_gains
 from aerobat_pin.control.law import law_in, law_wrench, write_commands
-from aerobat_pin.control.nominal import control_of, nominal_flight
+from aerobat_pin.control.nominal import PITCHING, control_of, nominal_flight, waves
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
 from aerobat_pin.numerics import Array, fields_of, guarded, new_memory
-from aerobat_pin.robot import Aerobat, believed_robot
+from aerobat_pin.robot import BASE_SIZE, Aerobat, believed_robot
 from aerobat_pin.scenario import ControlSection, Scenario
 
 SHORT = np.array([2e-3, np.inf, 5e-3, 5e-4, 5e-4, 5e-4])  # [N, N m]: what the nominal wrench may lack, without a word
@@ -67,7 +67,7 @@ class Controller:
         wanted: (6,) wrench that the last commands were to make, lead included.
         unrealised: (6,) what the thrusters' limits leave of it.
         disturbance: (6,) unknown wrench that was seen last; like the two above, the next command writes it anew.
-        trim: (m,) thrusts of the nominal flight [N].
+        trim: (m,) thrusts of the nominal flight at its start [N].
         loop_times: (n,) what each step of the loop took [s], see `aerobat_pin.flight.Pilot`.
 
     Issues a `ControlWarning` if the real thrusters cannot make the nominal wrench.
@@ -89,7 +89,8 @@ class Controller:
         self.nominal = nominal = nominal_flight(scenario, robot)
         self.morphology, self.thrusters = robot.morphology, thrusters_of(robot.morphology)
         self.allocation = Allocation(self.thrusters, scenario.believed_thrusters.factor)
-        self.trim = self.allocation.thrusts(nominal.wrench)
+        steered = nominal.steering @ waves(np.radians([scenario.crank.start_deg]))[0, : len(nominal.steering)]
+        self.trim = self.allocation.thrusts(nominal.wrench + steered * np.eye(BASE_SIZE)[PITCHING])
         self._step, self.warnings = step, shortfall(scenario, nominal.wrench, self.thrusters)
         for line in self.warnings:
             warnings.warn(ControlWarning(line), stacklevel=2)
@@ -112,7 +113,7 @@ class Controller:
         """Name the scenario, what acts, and the thrusts of the nominal flight."""
         parts = ["PD", *(["integral"] if self.control.integral else [])]
         parts += [type(self._observer).__name__] if self._observer is not None and self.control.feedforward else []
-        thrusts = ", ".join(f"{1e3 * thrust:.0f}" for thrust in self.trim)
+        thrusts = ", ".join(f"{1e3 * thrust:.0f}" for thrust in self.allocation.thrusts(self.nominal.wrench))
         return f"Controller({self.scenario.name!r}: {' + '.join(parts)}; nominal thrusts {thrusts} mN)"
 
     def _fill(self) -> None:

@@ -5,12 +5,11 @@ the rate of the flaps, as it is known in advance. So the thrusters make a consta
 and the body moves about its course and comes back to where it was after each flap. The rows of the base of inverse
 dynamics and air say all three, w, s and the motion:
 
-    (M a + C v + g - u_air)_base = w + s        over a flap, with a velocity and a position without drift,
-                                                and without pitching as fast as the crank turns
+    (M a + C v + g - u_air)_base = w + s        over a flap, with a velocity and a position without drift
 
 Beginning with a body that keeps still, `PASSES` corrections of its acceleration by M_bb^-1 of what the left side misses
-of w + s find them; each is some five times smaller than the one before. s is a sine of the crank angle; its overtones
-are left to the body, as thrusters with a lag cannot follow them.
+of w + s find them; each is some five times smaller than the one before. s is a sine of the crank angle, as large as it
+must be, and as thrusters with a lag can make it within `STEERED` of their room; overtones are left to the body.
 
 Gravity is in w: the body's centre of mass, about which thrusters count, is not the robot's, and so the wrench has a
 moment. An observer counts gravity as known and does not see it; nominal flight and observer share one belief.
@@ -23,8 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import AirStream
+from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import ControlSection, Scenario
@@ -33,6 +34,8 @@ FLAP_SAMPLES = 240  # in a flap
 PASSES = 4
 OVERTONES = 6  # up to this multiple of the crank angle, the swing is kept
 PITCHING = 4  # row of a wrench
+PITCH_STEP = 1e-4  # [N m]
+STEERED = 0.75  # of what a thruster can change until it meets a limit; the rest is the law's
 
 
 @dataclass(frozen=True)
@@ -98,20 +101,21 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         a = robot.velocity(accelerations, closed.theta_s_ddot, closed.theta_e_ddot)
         needed, air = np.zeros((FLAP_SAMPLES, BASE_SIZE)), _blown(stream, time, q, v, angle[0], rate)
         inertia, centre = np.zeros(3), np.zeros(3)
-        inverse = np.zeros((FLAP_SAMPLES, BASE_SIZE, BASE_SIZE))
+        inertias = np.zeros((FLAP_SAMPLES, BASE_SIZE, BASE_SIZE))
         for k in range(FLAP_SAMPLES):
             needed[k] = pin.rnea(model, data, q[k], v[k], a[k])[:BASE_SIZE]
             pin.ccrba(model, data, q[k], v[k])
             inertia += np.diag(attitude.T @ data.Ig.inertia @ attitude) / FLAP_SAMPLES
             centre += data.oMi[1].actInv(data.com[0]) / FLAP_SAMPLES
-            inverse[k] = np.linalg.inv(pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE])
+            inertias[k] = pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE]
         wrench = np.mean(needed - air, axis=0)
-        steering = _fitted((needed - air)[:, PITCHING], beat)[:2]
+        lasting = (needed - air)[:, PITCHING] - np.mean(inertias[:, PITCHING, PITCHING]) * accelerations[:-1, PITCHING]
+        steering = _of_waves(lasting, beat)[:2]  # what holds the pitch still
+        steering *= min(1.0, most_steering(scenario, robot, wrench) / max(float(np.hypot(*steering)), 1e-12))
         if left:
             miss = needed - air - wrench
             miss[:, PITCHING] -= beat[:, :2] @ steering
-            accelerations[:-1] -= np.einsum("kij,kj->ki", inverse, miss)
-            accelerations[:-1, PITCHING] -= beat[:, :2] @ _fitted(accelerations[:-1, PITCHING], beat)[:2]
+            accelerations[:-1] -= np.linalg.solve(inertias, miss[:, :, None])[:, :, 0]
             accelerations[-1] = accelerations[0]
             twists, placements = _without_drift(accelerations, twist, placement, np.array(flight.velocity), time)
     swing = _about_the_course(placements, twists, quaternion, np.array(flight.velocity), time)
@@ -122,9 +126,20 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         centre=centre,
         mass=robot.mass,
         quaternion=quaternion,
-        swing=_fitted(swing[:-1], beat),
+        swing=_of_waves(swing[:-1], beat),
         steering=steering,
     )
+
+
+def most_steering(scenario: Scenario, robot: Aerobat, wrench: Array) -> float:
+    """Return the largest amplitude [N m] of a pitching moment with the crank that leaves thrusters room for the law."""
+    believed = scenario.believed_thrusters
+    thrusters = thrusters_of(robot.morphology)
+    allocation = Allocation(thrusters, believed.factor)
+    thrust = allocation.thrusts(wrench)
+    each = np.abs(allocation.thrusts(wrench + PITCH_STEP * np.eye(BASE_SIZE)[PITCHING]) - thrust) / PITCH_STEP
+    ahead = abs(1.0 + 2j * np.pi * scenario.crank.frequency * believed.lag)
+    return float(np.min(STEERED * np.minimum(thrust, thrusters.limit - thrust) / np.maximum(each * ahead, 1e-12)))
 
 
 def waves(angle: Array) -> Array:
@@ -182,7 +197,7 @@ def _about_the_course(placements: Array, twists: Array, level: Array, velocity: 
     return rows
 
 
-def _fitted(rows: Array, beat: Array) -> Array:
+def _of_waves(rows: Array, beat: Array) -> Array:
     """Return the waves' coefficients (2 OVERTONES, ...) in rows (FLAP_SAMPLES, ...) of a whole flap."""
     return np.asarray(2.0 / FLAP_SAMPLES * beat.T @ rows)
 
