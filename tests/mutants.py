@@ -36,6 +36,7 @@ class Mutant(NamedTuple):
 
 RESIDUAL, OBSERVERS = "observers/kernels/residual.py", "tests/observers/test_observers.py"
 RECORDINGS = "tests/estimation/test_recordings.py tests/estimation/test_recorded_benches.py"
+CALIBRATIONS = "tests/estimation/test_map_calibration.py"
 KERNELS, TWINS = "flight/plant/kernels.py", "tests/flight/test_plant_kernels.py::test_one_instant_of_the_plant"
 MUTANTS = (
     Mutant("moment lever dropped", "observers/applications.py", "MOMENT_ARM, 1.0)", "1.0, 1.0)",
@@ -91,6 +92,10 @@ MUTANTS = (
            "-known.delay if known.powers", "known.delay if known.powers", RECORDINGS),
     Mutant("a load cell's sign dropped", "estimation/recordings/known_forces.py",
            "values = section.sign * (", "values = (", RECORDINGS),
+    Mutant("a learnt mass dropped", "estimation/recordings/map_calibration.py",
+           "robot=record.robot.heavier(self.values.mass))", "robot=record.robot)", CALIBRATIONS),
+    Mutant("one number for two dimensions", "flight/netcdf.py",
+           "next(numbers)", "len(scales)", "tests/flight/test_netcdf_library.py"),
 )  # fmt: skip
 
 

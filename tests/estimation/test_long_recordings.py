@@ -42,7 +42,7 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{place}checks.kinematics.MOST_SAMPLES", 500)
     for name in ("MANY", "MOST_SAMPLES"):
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
-    for module in ("stored_estimate", "checks.result"):
+    for module in ("stored_estimate", "run_observers"):
         monkeypatch.setattr(f"{place}{module}.ROWS_READ", 500)
     monkeypatch.setattr(f"{place}sensor_scores.MOST_LAGGED", 500)
 

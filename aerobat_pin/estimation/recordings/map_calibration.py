@@ -32,6 +32,7 @@ from aerobat_pin.estimation.recordings.robots import RecordedRobot
 from aerobat_pin.estimation.recordings.run_observers import observers_of, rms_in, run_observers
 from aerobat_pin.estimation.recordings.sensor_scores import compared
 from aerobat_pin.numerics import guarded
+from aerobat_pin.observers import FRICTION_COEFFICIENTS
 
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
 MASS_NAME = "mass"  # what --identify takes of the recordings of any robot
@@ -157,7 +158,7 @@ def calibrate_recording(
     forces = replace(forces, values=values)
     findings += [*effort_findings(record, forces), *fit_findings(forces)]
     bar = _error_bar(record, forces, plain, (fit[1], end) if fit[1] < end else (0.0, end))
-    unseen = [] if values.friction is None else values.friction.unseen
+    unseen = _unseen_friction(values, inertia=friction is not None and friction.law.endswith("inertia"))
     notes = [
         f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {log.name}",
         *record.notes,
@@ -177,6 +178,17 @@ def calibrate_recording(
         log=log.name,
         notes=tuple(notes),
     )
+
+
+def _unseen_friction(values: FittedValues, *, inertia: bool) -> list[str]:
+    """Return which coefficients that were sought the recording does not show, such as `coulomb of knee`."""
+    if values.friction is None or values.friction.deviation is None:
+        return []
+    return [
+        f"{FRICTION_COEFFICIENTS[k]} of {values.joints[joint]}"
+        for joint, k in np.argwhere(np.isinf(values.friction.deviation))
+        if inertia or FRICTION_COEFFICIENTS[k] != "inertia"
+    ]
 
 
 def efforts_of(chosen: Map, joints: Sequence[str]) -> dict[str, float]:

@@ -80,7 +80,7 @@ def read_map_calibration(path: Path) -> MapCalibration:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate LOG --map MAP` wrote was expected{why}")
     try:
         return _calibration_in(data)
-    except (KeyError, ValueError, TypeError, AttributeError, IndexError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
 
