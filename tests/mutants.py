@@ -91,6 +91,10 @@ MUTANTS = (
            "-known.delay if known.powers", "known.delay if known.powers", RECORDINGS),
     Mutant("a load cell's sign dropped", "estimation/recordings/known_forces.py",
            "values = section.sign * (", "values = (", RECORDINGS),
+    Mutant("steering late instead of ahead", "control/controller.py", "(1.0 - 1j * self._crank_rate * believed.lag)",
+           "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),
+    Mutant("swing not in the reference", "control/law.py", "    add_waves(law.swing, crank_angle, reference)\n", "",
+           "tests/control/test_law.py"),
 )  # fmt: skip
 
 
