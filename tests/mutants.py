@@ -96,6 +96,10 @@ MUTANTS = (
            "robot=record.robot.heavier(self.values.mass))", "robot=record.robot)", CALIBRATIONS),
     Mutant("one number for two dimensions", "flight/netcdf.py",
            "next(numbers)", "len(scales)", "tests/flight/test_netcdf_library.py"),
+    Mutant("steering late instead of ahead", "control/controller.py", "(1.0 - 1j * self._crank_rate * believed.lag)",
+           "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),
+    Mutant("swing not in the reference", "control/law.py", "    add_waves(law.swing, crank_angle, reference)\n", "",
+           "tests/control/test_law.py"),
 )  # fmt: skip
 
 
