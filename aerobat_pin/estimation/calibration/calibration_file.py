@@ -68,9 +68,10 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         coords |= {"mount": list(PLACE_AXES), "mount_other": list(PLACE_AXES)}
     if calibration.detection is not None:
         normal = calibration.detection
-        variables["normal"] = (("component", "limit"), np.column_stack([normal.bias, normal.threshold]))
+        limits = {"bias": normal.bias, "threshold": normal.threshold, "deviation": normal.deviation}
+        variables["normal"] = (("component", "limit"), np.column_stack(list(limits.values())))
         variables["frame"] = (("point",), _texts(normal.frames))
-        coords["limit"] = ["bias", "threshold"]
+        coords["limit"] = list(limits)
     attributes = {
         "kind": KIND,
         "morphology": belief.morphology,
@@ -164,8 +165,7 @@ def _calibration(data: xr.Dataset) -> Calibration:
         friction = JointFriction(coulomb, viscous, inertia, offset, float(noted["friction_rate"]), deviation)
     detection = None
     if "normal" in data:
-        bias, threshold = np.asarray(data["normal"].values, float).T
-        detection = Detection(_read_texts(data, "frame"), bias, threshold)
+        detection = Detection(_read_texts(data, "frame"), *np.asarray(data["normal"].values, float).T)
     mount = None
     if "accelerometer_place" in data:
         place, turn, covariance = (
