@@ -83,7 +83,8 @@ def learn_detection(frames: Sequence[str], flights: Sequence[tuple[pin.Model, Kn
     forces, deviations = np.concatenate(parts, axis=1)
     seen, bias = np.isfinite(deviations), np.mean(forces, axis=0)
     excursions = np.abs(forces - bias) / deviations
-    allowed = np.minimum(ABOVE_USUAL * np.sqrt(np.mean(excursions**2, axis=0)), ABOVE_LARGEST * np.max(excursions, axis=0))
+    size, largest = np.sqrt(np.mean(excursions**2, axis=0)), np.max(excursions, axis=0)
+    allowed = np.minimum(ABOVE_USUAL * size, ABOVE_LARGEST * largest)
     mean = np.mean(np.square(deviations, where=seen, out=np.zeros_like(deviations)), axis=0)
     usual = np.sqrt(np.where(mean > 0.0, mean / np.maximum(np.mean(seen, axis=0), 1e-9), 1.0))
     least = LEAST_THRESHOLD * moving_weight(flights[0][0])

@@ -13,9 +13,8 @@ it. Nothing is solved for V then: with X the covariance of the equation's right 
 
     S = L L^T,    U = L^-1 [-B diag(s), X_pz],    P <- [diag(s^2), 0; 0, X_z] - U^T U,    [y; z] <- [0; z] + U^T L^-1 e
 
-Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, the record itself
-shows s (at most what is stated) and the noise of u, by sixth differences, and the rows get white noise as large as what
-no force explains (see `learning`).
+Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, the noise of v and u
+and the errors of the model are taken from the record itself (see `learning`).
 """
 
 from __future__ import annotations
