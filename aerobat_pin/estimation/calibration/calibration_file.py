@@ -123,10 +123,12 @@ def _check_forged(data: xr.Dataset) -> None:
         if np.any(data["change"].values <= -1.0):
             raise ValueError("change of -1 or less: of a factor, more than -1 was expected")
     if "normal" in data:
-        counts["normal"] = (3 * len(np.atleast_1d(data["frame"].values)), 2)
+        counts["normal"] = (3 * len(np.atleast_1d(data["frame"].values)), 3)
     for key, shape in counts.items():
         if key in data and data[key].shape != shape:
             raise ValueError(f"{key} has shape {data[key].shape}: {shape} was expected")
+    if "normal" in data and not np.all(data["normal"].values[:, 2] > 0.0):
+        raise ValueError("normal: deviations above 0 were expected")
     for name, values in data.data_vars.items():
         if values.dtype.kind == "f" and name != "friction_deviation":
             if not np.all(np.abs(values.values) <= LARGEST_NUMBER_LEARNT):
