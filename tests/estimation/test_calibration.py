@@ -258,7 +258,7 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
         (lambda data: data.assign(change=data["change"] * 0.0 - 2.0), "change of -1 or less"),
         (lambda data: data.assign(range=data["range"] * np.nan), "range holds a number that is not finite"),
         (lambda data: data.isel(term=slice(0, 4)), r"coefficients has shape \(1, 4, 10\)"),
-        (lambda data: data.isel(point=[0]), r"normal has shape \(6, 2\)"),
+        (lambda data: data.isel(point=[0]), r"normal has shape \(6, 3\)"),
         (lambda data: data.drop_vars("range"), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(air="{}}"), "a part is missing or damaged"),
         (lambda data: data.assign_coords(parameter=["luck"]), "parameters luck"),

@@ -68,9 +68,10 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         coords |= {"mount": list(PLACE_AXES), "mount_other": list(PLACE_AXES)}
     if calibration.detection is not None:
         normal = calibration.detection
-        variables["normal"] = (("component", "limit"), np.column_stack([normal.bias, normal.threshold]))
+        limits = {"bias": normal.bias, "threshold": normal.threshold, "deviation": normal.deviation}
+        variables["normal"] = (("component", "limit"), np.column_stack(list(limits.values())))
         variables["frame"] = (("point",), _texts(normal.frames))
-        coords["limit"] = ["bias", "threshold"]
+        coords["limit"] = list(limits)
     attributes = {
         "kind": KIND,
         "morphology": belief.morphology,
@@ -122,10 +123,12 @@ def _check_forged(data: xr.Dataset) -> None:
         if np.any(data["change"].values <= -1.0):
             raise ValueError("change of -1 or less: of a factor, more than -1 was expected")
     if "normal" in data:
-        counts["normal"] = (3 * len(np.atleast_1d(data["frame"].values)), 2)
+        counts["normal"] = (3 * len(np.atleast_1d(data["frame"].values)), 3)
     for key, shape in counts.items():
         if key in data and data[key].shape != shape:
             raise ValueError(f"{key} has shape {data[key].shape}: {shape} was expected")
+    if "normal" in data and not np.all(data["normal"].values[:, 2] > 0.0):
+        raise ValueError("normal: deviations above 0 were expected")
     for name, values in data.data_vars.items():
         if values.dtype.kind == "f" and name != "friction_deviation":
             if not np.all(np.abs(values.values) <= LARGEST_NUMBER_LEARNT):
@@ -164,8 +167,7 @@ def _calibration(data: xr.Dataset) -> Calibration:
         friction = JointFriction(coulomb, viscous, inertia, offset, float(noted["friction_rate"]), deviation)
     detection = None
     if "normal" in data:
-        bias, threshold = np.asarray(data["normal"].values, float).T
-        detection = Detection(_read_texts(data, "frame"), bias, threshold)
+        detection = Detection(_read_texts(data, "frame"), *np.asarray(data["normal"].values, float).T)
     mount = None
     if "accelerometer_place" in data:
         place, turn, covariance = (

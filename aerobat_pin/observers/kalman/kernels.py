@@ -13,10 +13,8 @@ it. Nothing is solved for V then: with X the covariance of the equation's right 
 
     S = L L^T,    U = L^-1 [-B diag(s), X_pz],    P <- [diag(s^2), 0; 0, X_z] - U^T U,    [y; z] <- [0; z] + U^T L^-1 e
 
-Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, three things are
-taken from the record itself (see `learning`): s is what the sixth differences of the velocities show, at most what is
-stated; u has the noise that its own sixth differences show; and every row gets white noise as large as what no force
-explains.
+Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, the noise of v and u
+and the errors of the model are taken from the record itself (see `learning`).
 """
 
 from __future__ import annotations
@@ -122,8 +120,7 @@ def predict_covariance(
             row[i] = size * (M[i] - 0.5 * dt * slope[i])
     if by_gain:
         set_walk_by_gain(before, after, filter_, rows)
-    grown = dt * (dt if by_gain else 1.0) + dt * filter_.head_start[0]
-    filter_.head_start[0] = 0.0
+    grown, filter_.head_start[0] = dt * (dt if by_gain else 1.0) + dt * filter_.head_start[0], 0.0
     for a in range(nz):
         decay = step.decay[a]
         if decay != 1.0:
