@@ -72,8 +72,9 @@ def likelier_tuning(
 def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags, weight: float) -> Tuning:
     """Return the tuning with forces that walk without a slope, along each axis where the samples are likelier so.
 
-    Walk and slope each have a likelihood with a top of its own, and a climb from a slope does not come to the walk's. The
-    smallest walk that is likelier is taken: about a walk that is too large, the motion is linearised in the wrong place.
+    Walk and slope each have a likelihood with a top of its own, and a climb from a slope does not come to the walk's.
+    The smallest walk that is likelier is taken: about one that is too large, the motion is linearised in the wrong
+    place.
     """
     best = score(tuning)
     least = LEAST[3:6] + np.log(weight)
