@@ -21,7 +21,7 @@ LEAST = np.log([1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3)  # of the weight
 MOST = np.log([50.0] * 3 + [1e4] * 3 + [1.0] * 3)
 ALIKE_LIMITS = np.log([0.2, 5.0])
 JERK_LIMITS = np.log([1.0, 1e6])
-TURNS = (0.004, 0.008, 0.016)  # [s]: a walk of so many times the bend is tried
+TURNS = (0.004, 0.005, 0.006, 0.007, 0.008, 0.011, 0.016)  # [s]: walks of so many times the bend, smallest first
 LONGEST_CLIMB = 1.5  # of a logarithm in one round
 
 
@@ -73,6 +73,8 @@ def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags
     """Return the tuning with forces that walk without a slope, along each axis where the samples are likelier so.
 
     Walk and slope each have a likelihood with a top of its own, and a climb from a slope does not come to the walk's.
+    The smallest walk that is likelier is taken: about one that is too large, the motion is linearised in the wrong
+    place.
     """
     best = score(tuning)
     least = LEAST[3:6] + np.log(weight)
