@@ -11,21 +11,23 @@ and for each point a force that walks, its slope that walks too, and a force tha
 mass and air. What the forces have in common and how they differ walk by sizes of their own. The joints follow the
 linkage. The dynamics are linear about a nominal motion (Pinocchio's derivatives of inverse dynamics at the
 middle of each interval, the air flown along the motion and along shifted ones, the added mass as inertia); every
-sample is an update at its own time; a backward pass smooths; and all is repeated about the result until it stays.
+sample is an update at its own time; a backward pass smooths; and the whole is repeated
+about the result until it no longer changes.
 Walks and white noise of the forces, per world axis, and the crank's jerk are chosen by the likelihood of the samples,
-and printed; stated, they stay. A force may jump where that makes the samples likelier by a factor of e^10 or more.
+and printed; values that you state are kept. A force may jump where that makes the samples likelier by a factor of e^10 or more.
 
 Sensors: poses at 100 Hz (1 mm, 3 mrad), gyro (3 mrad/s, bias 2 mrad/s), accelerometer (0.05 m/s2, bias 0.05 m/s2),
 encoder (4096 counts) and four joint torques (0.5 mN m) at 1 kHz. "paper" is the scenario `raw_sensors`; "benchmark"
 is `observer_benchmark`, "guard" the same forces on the 92 g robot at 4.75 Hz. Worse wing and worst of the seeds,
-against the true force without its noise; "motor" knows the torque at the crank alone; without torque the row is that
-of the sum. "From a table" is read from a CSV as [recorded.md](recorded.md) describes it. All flights but those with the
+against the true force without its noise; "motor": only the torque at the crank is known. In
+the row "no torque", the force is the sum of both wings. "From a table" is read from a CSV as [recorded.md](recorded.md) describes it. All flights but those with the
 step on one wing have equal forces on both wings, mirrored in "paper", which the likelihood finds.
 
 ## What is found
 
 NEES is the error squared over the stated covariance, per component (1 if the deviations are true; range over the
-seeds); the next column is the largest stated deviation over rms error of any component. The cost is CPU time on one
+seeds); the next column is the ratio of the stated deviation to the rms error, for the component where it
+is largest. The cost is CPU time on one
 core for 2 s of flight, choice of the walk included. The figures of the causal filter leave out its first 0.1 s."""
 HEAD = """
 | flight | R2 of Fx/Fy/Fz | rms error [mN] | NEES | deviation/error | cost |
@@ -57,6 +59,7 @@ COST = """## What it costs, and what it does not see
 * Fx on the paper's flight has a signal of 9 mN; without an accelerometer its error is half of that.
 * If motor torque and poses alone must tell forces of the two wings apart that differ, the deviations are too small: the
   rows with the step on one wing.
-* An accelerometer off its stated place or turn is hardly seen in the innovations, and costs Fx: calibrate.
+* An accelerometer off its stated place or turn is hardly seen in the innovations, and makes Fx worse:
+  calibrate it.
 * The air's derivative by the body's twist is that of a lasting shift; on flights far beyond stall more linearisations
   are needed, and a warning tells if they did not settle."""
