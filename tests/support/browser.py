@@ -48,11 +48,13 @@ def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
     requests: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.on("request", lambda request: requests.append(request.url))
-    page.goto(address)
-    yield page
-    assert problems == []
-    assert [url for url in requests if not url.startswith(("file:", "data:", *allowed))] == []
-    page.close()
+    try:
+        page.goto(address)
+        yield page
+        assert problems == []
+        assert [url for url in requests if not url.startswith(("file:", "data:", *allowed))] == []
+    finally:
+        page.close()  # a page of a failed test would play on and keep a core busy
 
 
 def ready(page: Any) -> None:

@@ -68,6 +68,7 @@ def test_a_phone_that_is_turned_keeps_everything_in_its_place(paper_folder: Path
     """To portrait and to landscape without loading the page again: no panel covers another one, the robot is seen."""
     with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
         ready(page)
+        page.evaluate("animator.pause()")  # the camera is placed for the moment of turning
         for width, height in (SIZES[2], SIZES[1]):
             resized(page, width, height)
             page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-PRIMITIVES = ("triangles", "polylist", "polygons")
+POLYGONS = ("triangles", "polylist", "polygons")
 PLAIN = (0.7, 0.7, 0.7, 1.0)  # colour of a file that names none: red, green, blue, opacity
 
 
@@ -33,7 +33,7 @@ def _can_be_merged(root: ElementTree.Element) -> bool:
     """Return whether all geometries of a file have one material each, and the same kinds of values at their corners."""
     kinds = set()
     for geometry in root.iterfind(".//{*}geometry"):
-        pieces = [piece for name in PRIMITIVES for piece in geometry.iterfind(f".//{{*}}{name}")]
+        pieces = [piece for name in POLYGONS for piece in geometry.iterfind(f".//{{*}}{name}")]
         if len({piece.get("material") for piece in pieces}) > 1:
             return False
         kinds |= {
@@ -47,7 +47,7 @@ def _most_used_colour(root: ElementTree.Element) -> tuple[float, ...]:
     """Return the diffuse colour (4,) of the material with the most triangles."""
     effects = {effect.get("id"): effect for effect in root.iterfind(".//{*}effect")}
     counts: dict[str, int] = {}
-    for name in PRIMITIVES:
+    for name in POLYGONS:
         for piece in root.iterfind(f".//{{*}}{name}"):
             symbol = piece.get("material", "")
             counts[symbol] = counts.get(symbol, 0) + int(piece.get("count", "0"))
