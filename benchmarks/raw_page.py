@@ -6,29 +6,29 @@ Written by `benchmarks/raw_sensors.py`. A laboratory has motion capture, an iner
 torques, and no velocities. The joint smoother finds motion and forces together from their samples; how to use it is
 in [recorded.md](recorded.md).
 
-State: pose error on SE(3), twist error, bias of gyro and accelerometer, angle, rate and acceleration of the crank,
-and for each point a force that walks, its slope that walks too, and a force that is white; if asked for also factors of
+State: pose error on SE(3), twist error, bias of gyro and accelerometer, angle, rate and acceleration of the crank, and
+for each point a force that walks, its slope that walks too, and a force that is white; if asked for also factors of
 mass and air. What the forces have in common and how they differ walk by sizes of their own. The joints follow the
-linkage. The dynamics are linear about a nominal motion (Pinocchio's derivatives of inverse dynamics at the
-middle of each interval, the air flown along the motion and along shifted ones, the added mass as inertia); every
-sample is an update at its own time; a backward pass smooths; and the whole is repeated
-about the result until it no longer changes.
+linkage. The dynamics are linear about a nominal motion (Pinocchio's derivatives of inverse dynamics at the middle of
+each interval, the air flown along the motion and along shifted ones, the added mass as inertia); every sample is an
+update at its own time; a backward pass smooths; and the whole is repeated about the result until it no longer changes.
 Walks and white noise of the forces, per world axis, and the crank's jerk are chosen by the likelihood of the samples,
-and printed; values that you state are kept. A force may jump where that makes the samples likelier by a factor of e^10 or more.
+and printed; values that you state are kept. A force may jump where that makes the samples likelier by a factor of e^10
+or more.
 
 Sensors: poses at 100 Hz (1 mm, 3 mrad), gyro (3 mrad/s, bias 2 mrad/s), accelerometer (0.05 m/s2, bias 0.05 m/s2),
-encoder (4096 counts) and four joint torques (0.5 mN m) at 1 kHz. "paper" is the scenario `raw_sensors`; "benchmark"
-is `observer_benchmark`, "guard" the same forces on the 92 g robot at 4.75 Hz. Worse wing and worst of the seeds,
-against the true force without its noise; "motor": only the torque at the crank is known. In
-the row "no torque", the force is the sum of both wings. "From a table" is read from a CSV as [recorded.md](recorded.md) describes it. All flights but those with the
-step on one wing have equal forces on both wings, mirrored in "paper", which the likelihood finds.
+encoder (4096 counts) and four joint torques (0.5 mN m) at 1 kHz. "paper" is the scenario `raw_sensors`; "benchmark" is
+`observer_benchmark`, "guard" the same forces on the 92 g robot at 4.75 Hz. Worse wing and worst of the seeds, against
+the true force without its noise; "motor": only the torque at the crank is known. In the row "no torque", the force is
+the sum of both wings. "From a table" is read from a CSV as [recorded.md](recorded.md) describes it. All flights but
+those with the step on one wing have equal forces on both wings, mirrored in "paper", which the likelihood finds.
 
 ## What is found
 
 NEES is the error squared over the stated covariance, per component (1 if the deviations are true; range over the
-seeds); the next column is the ratio of the stated deviation to the rms error, for the component where it
-is largest. The cost is CPU time on one
-core for 2 s of flight, choice of the walk included. The figures of the causal filter leave out its first 0.1 s."""
+seeds); the next column is the ratio of the stated deviation to the rms error, for the component where it is largest.
+The cost is CPU time on one core for 2 s of flight, choice of the walk included. The figures of the causal filter leave
+out its first 0.1 s."""
 HEAD = """
 | flight | R2 of Fx/Fy/Fz | rms error [mN] | NEES | deviation/error | cost |
 |---|---|---|---|---|---|"""
