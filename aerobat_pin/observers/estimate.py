@@ -183,7 +183,8 @@ class Estimate:
     def __repr__(self) -> str:
         """Show the observer, the record, and the mean and range of each component."""
         lines = (
-            f"  {label:<24} {mean:>9} {least:>9} to {most:>9} {unit}" for label, mean, least, most, unit in self._rows()
+            f"  {label:<24} mean {mean:>9}, {least:>9} to {most:>9} {unit}"
+            for label, mean, least, most, unit in self._rows()
         )
         return "\n".join([self._title(), *lines, f"  {self.redundancy.describe()}"])
 

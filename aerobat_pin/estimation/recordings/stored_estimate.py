@@ -147,7 +147,7 @@ class StoredEstimate:
             f"{self._end[-1]:.12g} s, rows '{head.rows}', rank {head.identifiability.rank} of {len(head.units)}"
         ]
         for row in zip(head.identifiability.components, self.mean, least, most, head.units, strict=True):
-            lines.append("  {:<24} {:>9.4g} {:>9.4g} to {:>9.4g} {}".format(*row))
+            lines.append("  {:<24} mean {:>9.4g}, {:>9.4g} to {:>9.4g} {}".format(*row))
         return "\n".join([*lines, f"  {self.redundancy.describe()}"])
 
     def _average(self, values: list[float]) -> float:
