@@ -61,7 +61,7 @@ def comparison(path: Path) -> None:
     condition, part = CONDITIONS[4], slice(900, 1200)
     time, truth = flown(1, 1.0).inputs.time[:-1], flown(1, 1.0).clean[:, 0, 2]
     with plt.rc_context(style.RC):
-        figure, axes = plt.subplots(3, 2, figsize=(9.0, 7.2), sharex=True, sharey=True)
+        figure, axes = plt.subplots(3, 2, figsize=(9.0, 7.2), sharex=True, sharey=True, layout="constrained")
         for axis, name in zip(axes.flat, OBSERVERS, strict=True):
             found = estimated(name, 1, condition)
             axis.plot(time[part], truth[part], color=style.TRUTH, linewidth=1.6, label="true, noise-free")
@@ -75,12 +75,11 @@ def comparison(path: Path) -> None:
             score = 1.0 - np.mean((found.force[:, 0, 2] - truth) ** 2) / np.var(truth)
             axis.set_title(f"{name}: R2 {score:.3f}")
             axis.set_ylim(-0.6, 0.6)
-        axes[0, 0].legend(loc="lower left")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         for axis in axes[:, 0]:
             axis.set_ylabel("Fz, left wing [N]")
-        figure.tight_layout()
         figure.savefig(path, dpi=110)
         plt.close(figure)
 
