@@ -7,28 +7,35 @@ import numpy as np
 from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
 
 MOVING = 15
+STATES = MOVING + 5
+FRESH = np.array([MOVING + 2, MOVING + 4], dtype=np.intp)
+
+
+def random_record(rng: np.random.Generator, m: int, each: int) -> tuple[np.ndarray, ...]:
+    """Return a random model of m intervals with samples at every knot: F, shift, noise, start, h, R, e."""
+    F = np.zeros((m, MOVING, STATES))
+    F[:, :, :MOVING] = np.eye(MOVING)
+    F += 0.1 * rng.standard_normal(F.shape)
+    shift, noise = 0.1 * rng.standard_normal((m, MOVING)), rng.uniform(0.1, 1.0, (m, STATES))
+    h, R = rng.standard_normal(((m + 1) * each, STATES)), rng.uniform(0.2, 1.0, (m + 1) * each)
+    start = (each * np.arange(m + 2)).astype(np.intp)
+    return F, shift, noise, start, h, R, rng.standard_normal((m + 1) * each)
 
 
 def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> None:
     """States, covariances and likelihood of a random model are those of the joint Gaussian of all states."""
     rng = np.random.default_rng(4)
-    n, m, each = MOVING + 5, 4, 3
-    fresh = np.array([MOVING + 2, MOVING + 4], dtype=np.intp)
-    F = np.zeros((m, MOVING, n))
-    F[:, :, :MOVING] = np.eye(MOVING)
-    F += 0.1 * rng.standard_normal(F.shape)
-    shift, noise = 0.1 * rng.standard_normal((m, MOVING)), rng.uniform(0.1, 1.0, (m, n))
-    h, R = rng.standard_normal(((m + 1) * each, n)), rng.uniform(0.2, 1.0, (m + 1) * each)
-    e, x0 = rng.standard_normal((m + 1) * each), 0.3 * rng.standard_normal(n)
-    root = rng.standard_normal((n, n))
-    P0, start = root @ root.T / n + np.eye(n), (each * np.arange(m + 2)).astype(np.intp)
+    n, m, each = STATES, 4, 3
+    F, shift, noise, start, h, R, e = random_record(rng, m, each)
+    x0, root = 0.3 * rng.standard_normal(n), rng.standard_normal((n, n))
+    P0 = root @ root.T / n + np.eye(n)
 
     # The joint Gaussian: mean and covariance of all states stacked, then conditioned on the samples.
     steps, moves = [], []
     for k in range(m):
         step = np.eye(n)
         step[:MOVING] = F[k]
-        step[fresh[0] : fresh[1]] = 0.0
+        step[FRESH[0] : FRESH[1]] = 0.0
         steps.append(step)
         moves.append(np.pad(shift[k], (0, n - MOVING)))
     mean, blocks = [x0], {(0, 0): P0}
@@ -56,7 +63,7 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
     gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
     states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
     score = filter_record(
-        x0.copy(), P0.copy(), F, shift, noise, fresh, start, h, e, R, gains, innovations, states, covariances
+        x0.copy(), P0.copy(), F, shift, noise, FRESH, start, h, e, R, gains, innovations, states, covariances
     )
     np.testing.assert_allclose(score, conditioned(len(e))[2], rtol=1e-10)
     for k in range(m + 1):
@@ -68,7 +75,7 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
     deviations, found = np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
     pulls, informations, inside = np.empty((m + 1, n)), np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
     smooth_record(
-        F, fresh, start, h, gains, innovations, states, covariances, block,
+        F, FRESH, start, h, gains, innovations, states, covariances, block,
         pulls, informations, inside, deviations, found,
     )  # fmt: skip
     best, spread, _ = conditioned(len(e))
@@ -82,26 +89,20 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
 def test_the_adjoint_gives_the_derivative_of_the_likelihood_by_each_variance() -> None:
     """(sum l^2 - sum N) / 2 over the knots, against a difference quotient of the log-likelihood."""
     rng = np.random.default_rng(5)
-    n, m, each = MOVING + 5, 6, 4
-    fresh = np.array([MOVING + 2, MOVING + 4], dtype=np.intp)
-    F = np.zeros((m, MOVING, n))
-    F[:, :, :MOVING] = np.eye(MOVING)
-    F += 0.1 * rng.standard_normal(F.shape)
-    shift, noise = 0.1 * rng.standard_normal((m, MOVING)), rng.uniform(0.1, 1.0, (m, n))
-    h, R = rng.standard_normal(((m + 1) * each, n)), rng.uniform(0.2, 1.0, (m + 1) * each)
-    e, start = rng.standard_normal((m + 1) * each), (each * np.arange(m + 2)).astype(np.intp)
+    n, m, each = STATES, 6, 4
+    F, shift, noise, start, h, R, e = random_record(rng, m, each)
     gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
     states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
 
     def likelihood(added: np.ndarray) -> float:
         x, P = np.zeros(n), np.eye(n)
-        return filter_record(x, P, F, shift, added, fresh, start, h, e, R, gains, innovations, states, covariances)
+        return filter_record(x, P, F, shift, added, FRESH, start, h, e, R, gains, innovations, states, covariances)
 
     likelihood(noise)
     block, pulls, none = np.array([MOVING, MOVING + 2], dtype=np.intp), np.empty((m + 1, n)), np.empty((0, n))
     informations, inside = np.empty_like(pulls), np.empty((m + 1, 2, 2))
     smooth_record(
-        F, fresh, start, h, gains, innovations, states, covariances, block,
+        F, FRESH, start, h, gains, innovations, states, covariances, block,
         pulls, informations, inside, none, np.empty((0, 2, 2)),
     )  # fmt: skip
     for state in (0, MOVING - 1, MOVING, MOVING + 2, n - 1):
