@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from aerobat_pin.estimation.believed_air_kernels import advance_air_stage
-from aerobat_pin.numerics import Array, Integers, array_at, copy_values, kernel, merged, next_size, rewind, take
+from aerobat_pin.numerics import Array, array_at, copy_values, kernel, layout_of, merged, next_size, rewind
 
 BASE, PLACE = 6, 7  # rows of the base in v and in q
 
@@ -13,40 +13,31 @@ BASE, PLACE = 6, 7  # rows of the base in v and in q
 class Stream(NamedTuple):
     """Memory of a stream; the robot in air has a memory of its own, at the address `air`.
 
-    `q` (nq,), `v` (nv,), `wind` (2, 3) are those of the sample before; `last_wind` (2, 3) that of the newest one, which
-    the caller writes where it changes. `dt` () is the time between samples [s], `acceleration` (nv,) and `means`
-    (2, nv) belong to the interval, `velocity` (nv,) and `here` (2, 3) to an instant in it.
+    `q`, `v`, `wind` are those of the sample before; `last_wind` is the newest one, which the caller writes where it
+    changes. `dt` is the time between samples [s], `acceleration` and `means` belong to the interval, `velocity` and
+    `here` to an instant in it.
     """
 
     air: int
-    dt: Array
-    q: Array
-    v: Array
-    wind: Array
-    last_wind: Array
-    acceleration: Array
-    means: Array
-    velocity: Array
-    here: Array
+    dt: Annotated[Array, ""]
+    q: Annotated[Array, "nq"]
+    v: Annotated[Array, "nv"]
+    wind: Annotated[Array, "2, 3"]
+    last_wind: Annotated[Array, "2, 3"]
+    acceleration: Annotated[Array, "nv"]
+    means: Annotated[Array, "2, nv"]
+    velocity: Annotated[Array, "nv"]
+    here: Annotated[Array, "2, 3"]
+
+
+stream_fields = layout_of(Stream, "air", "nq", "nv")
 
 
 @merged
 def stream_in(memory: Array) -> Stream:
     """Lay out a stream's memory. Sizes: address of the memory of the robot in air, nq, nv."""
-    cursor: Integers = rewind(memory)
-    air, nq, nv = next_size(cursor), next_size(cursor), next_size(cursor)
-    return Stream(
-        air=air,
-        dt=take(cursor, ()),
-        q=take(cursor, (nq,)),
-        v=take(cursor, (nv,)),
-        wind=take(cursor, (2, 3)),
-        last_wind=take(cursor, (2, 3)),
-        acceleration=take(cursor, (nv,)),
-        means=take(cursor, (2, nv)),
-        velocity=take(cursor, (nv,)),
-        here=take(cursor, (2, 3)),
-    )
+    cursor = rewind(memory)
+    return stream_fields(cursor, next_size(cursor), next_size(cursor), next_size(cursor))
 
 
 @kernel

@@ -25,7 +25,7 @@ from aerobat_pin.numerics.lie_runge_kutta import (
     step,
 )
 from aerobat_pin.numerics.matrix_products import add_product, add_row_product, factorise, mirror
-from aerobat_pin.numerics.memory import fields_of, new_memory, next_size, rewind, take, take_integers
+from aerobat_pin.numerics.memory import fields_of, layout_of, new_memory, next_size, rewind, take, take_integers
 from aerobat_pin.numerics.pinocchio_views import (
     DOUBLE,
     addresses,
@@ -67,6 +67,7 @@ __all__ = [
     "integers_at",
     "is_compiled",
     "kernel",
+    "layout_of",
     "lie_step",
     "lock",
     "merged",

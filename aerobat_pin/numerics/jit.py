@@ -92,9 +92,9 @@ def _compiled(function: Function, **more: Any) -> Function:
     }
     try:
         compiled = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # numba found no writable folder for its cache
+    except RuntimeError:  # numba found no writable folder for its cache, or no file in which the function stands
         return cast(Function, numba.njit(**options)(function))
-    with suppress(AttributeError):  # in case another numba version keeps its files elsewhere
+    with suppress(AttributeError, RuntimeError):  # in case another numba version keeps its files elsewhere
         # numba checks only the kernel's own file for changes, but the kernels that it calls are compiled into it.
         compiled._cache = KernelCache(function, sources_stamp())
         compiled.compile = compiled._cache.by_one_process()(compiled.compile)

@@ -3,17 +3,19 @@
 Every array that is passed to a compiled call costs time. A kernel therefore gets a single flat array and finds its
 fields by address. A layout is a kernel that defines the fields. It first reads the sizes at the start of the array, and
 then takes one field after the other from a cursor, an address that advances by the size of each field. Making such
-views costs nothing, and because shapes are not part of a type, other sizes need no new compilation.
+views costs nothing, and because shapes are not part of a type, other sizes need no new compilation. `layout_of` writes
+the part that takes the fields, from a table of their names and shapes.
 
     class Filter(NamedTuple):
-        gain: Array
-        state: Array
+        gain: Annotated[Array, "n"]
+        state: Annotated[Array, "2, n"]
+
+    filter_fields = layout_of(Filter, "n")
 
     @merged
     def filter_in(memory: Array) -> Filter:
         cursor = rewind(memory)
-        n = next_size(cursor)
-        return Filter(gain=take(cursor, (n,)), state=take(cursor, (2, n)))
+        return filter_fields(cursor, next_size(cursor))
 
     memory = new_memory(filter_in, 3)  # runs the layout once to find the total size
     fields_of(filter_in, memory).gain[:] = 1000.0
@@ -25,12 +27,12 @@ import ctypes
 from collections.abc import Callable
 from math import prod
 from types import FunctionType
-from typing import Any, TypeVar, cast
+from typing import Annotated, Any, TypeVar, cast, get_origin, get_type_hints
 
 import numpy as np
 
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.numerics.jit import Integers, inner
+from aerobat_pin.numerics.jit import Integers, inner, merged
 from aerobat_pin.numerics.pinocchio_views import DOUBLE, array_at, integers_at
 
 Fields = TypeVar("Fields")
@@ -66,6 +68,27 @@ def take_integers(cursor: Integers, shape: tuple[int, ...]) -> Any:
     view = integers_at(cursor[0], shape)
     cursor[0] += DOUBLE * view.size  # an integer takes as many bytes as a double
     return view
+
+
+def layout_of(fields: type[Fields], *sizes: str) -> Callable[..., Fields]:
+    """Return the kernel that lays out a table, given a cursor and the sizes.
+
+    Args:
+        fields: the table, a named tuple. The annotation of an array holds its shape in terms of the sizes. Any other
+            field is the size of the same name or, if there is none, a whole number that is read from the memory.
+        sizes: names of the sizes.
+    """
+    values = []
+    for name, hint in get_type_hints(fields, include_extras=True).items():
+        if get_origin(hint) is Annotated:
+            taking = "take_integers" if hint.__origin__ == Integers else "take"
+            shape = hint.__metadata__[0]
+            values.append(f"{taking}(cursor, ({shape},))" if shape else f"{taking}(cursor, ())")
+        else:
+            values.append(name if name in sizes else "next_size(cursor)")
+    scope = {"take": take, "take_integers": take_integers, "next_size": next_size, "fields": fields}
+    exec(f"def lay_out(cursor, {', '.join(sizes)}):\n    return fields({', '.join(values)})", scope)
+    return cast(Callable[..., Fields], merged(cast(Any, scope["lay_out"])))
 
 
 def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:

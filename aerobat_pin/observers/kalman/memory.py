@@ -2,82 +2,84 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, take, take_integers
+from aerobat_pin.numerics import Array, Integers, layout_of, merged, next_size, rewind
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_fields, observer_sizes
 
 
 class Step(NamedTuple):
-    """Data of one interval that the smoother needs later; shapes are in `step_fields`, symbols in `kernels`.
+    """Data of one interval that the smoother needs later; symbols as in `kernels`.
 
-    Arrays are padded with zeros and widths rounded up because products of whole processor vectors are faster.
+    There are nv velocities, c components in a number of blocks, and nz coefficients. Arrays are padded with zeros and
+    widths rounded up to eight doubles, because products of whole processor vectors are faster. `rows` are S,
+    [-B diag(s), X_pz], [1, 0], e; after the update, times L^-1: L^T, U, [L^-1, 0], L^-1 e, with S = L L^T.
     """
 
-    shear: Array  # dt G, padded with zero columns
-    onward: Array  # A^T: what an error of the velocity at the start is at the end, as a momentum, see `kernels`
-    decay: Array  # a, decay factor of each coefficient
-    e: Array  # the innovation
-    rows: Array  # S, [-B diag(s), X_pz], [1, 0], e; after the update times L^-1: L^T, U, [L^-1, 0], L^-1 e (S = L L^T)
-    basis: Array  # weight of each block of c coefficients in the forces
-    z: Array  # coefficients of the forces in x after the update
-    Z: Array  # rows of P for these coefficients after the update
-    blind: Array  # number of patterns of forces that left no trace
-    unseen: Array  # projector onto these patterns; valid if `blind` is not zero
+    shear: Annotated[Array, "nz, nv + nz"]  # dt G, padded with zero columns
+    onward: Annotated[Array, "nv, nv"]  # A^T: the momentum at the end that an error of the velocity at the start makes
+    decay: Annotated[Array, "nz"]  # a, decay factor of each coefficient
+    e: Annotated[Array, "nv"]  # the innovation
+    rows: Annotated[Array, "nv, (nv + 2 * (nv + nz) + 8) // 8 * 8"]  # see below
+    basis: Annotated[Array, "blocks"]  # weight of each block of c coefficients in the forces
+    z: Annotated[Array, "blocks * c"]  # coefficients of the forces in x after the update
+    Z: Annotated[Array, "blocks * c, nv + nz"]  # rows of P for these coefficients after the update
+    blind: Annotated[Array, "1"]  # number of patterns of forces that left no trace
+    unseen: Annotated[Array, "c, c"]  # projector onto these patterns; valid if `blind` is not zero
 
 
 class Filter(NamedTuple):
-    """Data that a Kalman filter keeps between calls; shapes are in `kalman_in`."""
+    """Data that a Kalman filter keeps between calls; ne and nh as in `kalman_in`, the other sizes as in `Step`."""
 
     mass_in_doubt: int  # whether the last coefficient is an error of the mass
     power_known: int  # whether the joints' total power is known although their torques are not
-    walk_gain: Array  # factor of the random walk if the gain sets it, 0 if the walk is given
-    head_start: Array  # extra time of random walk added in the first interval [s]
-    pulsation: Array  # pulsation of the harmonics [rad/s], 0 for none
-    misfit: Array  # the setting `misfit` of `KalmanObserver` [sqrt(s)]
-    elapsed: Array  # time since the start [s]
-    intervals: Array  # number of intervals since the start
-    doubtful: Array  # standard deviation of the forces at the start, and the least misfit of the model [N]
-    disbelief: Array  # running mean square of what no force explains, per redundant row [N^2]
-    noise: Array  # standard deviations of the sensor noise as stated
-    sensed: Array  # the same as the record shows it, at most as stated
-    roots: Array  # running mean of the roots of the sixth differences of the velocities
-    differences: Array  # velocity, first, ..., fifth difference at the latest sample
-    known_noise: Array  # noise of the known generalised force, largest standard deviations of an interval mean
-    known_sensed: Array  # the same as the record shows it
-    known_roots: Array  # as `roots`
-    known_differences: Array  # as `differences`
-    slow: Array  # the weighted rows that no force explains, low-passed once and twice
-    rate: Array  # decay rate of each coefficient [1/s], 0 for a random walk
-    variance: Array  # stationary variance of coefficients that decay
-    walk: Array  # covariance added to the components per second of random walk
-    scale: Array  # as `Applications.scale`
-    information: Array  # scratch
-    hidden: Array  # projector onto generalised forces that do not change the rows in use, or empty
-    errors: Array  # known forces with an uncertain factor, in the current interval
-    doubt: Array  # running mean square of the possible errors of known forces and mass, for each row
-    x: Array  # estimate of the state
-    P: Array  # covariance of the estimate
-    samples: Array  # the two latest samples as in `kernels.residual`, each followed by M and D^T
-    inertias: Integers  # address of the subtrees' inertias, see `subtrees.inertias_at`
-    tree: Integers  # see `subtrees.kinship_of`
-    gravity: Array  # acceleration of gravity (6,), linear and angular, world axes
-    twist: Array  # scratch, like all fields below but `blurred`
-    subtree: Array
-    carried: Array
-    pushes: Array
-    turns: Array
-    across: Array
-    right: Array  # scratch: covariance of the right side of an interval's equation, as it is made
-    blurred: Array  # B^T, see `kernels`
-    phi: Array
-    seen: Array
-    span: Array  # scratch: orthonormal basis of the weighted rows that forces explain
-    columns: Array  # scratch: the same, transposed
-    sent: Array  # scratch: generalised forces that noise of the two samples' velocities makes
-    made: Array  # scratch: their weighted rows in use
-    along: Array  # scratch: the part of it that forces explain
-    ended: Array  # what no force explains of the rows made by the latest sample's noise
+    walk_gain: Annotated[Array, "1"]  # factor of the random walk if the gain sets it, 0 if the walk is given
+    head_start: Annotated[Array, "1"]  # extra time of random walk added in the first interval [s]
+    pulsation: Annotated[Array, "1"]  # pulsation of the harmonics [rad/s], 0 for none
+    misfit: Annotated[Array, "1"]  # the setting `misfit` of `KalmanObserver` [sqrt(s)]
+    elapsed: Annotated[Array, "1"]  # time since the start [s]
+    intervals: Annotated[Array, "1"]  # number of intervals since the start
+    doubtful: Annotated[Array, "2"]  # deviation of the forces at the start, least misfit of the model [N]
+    disbelief: Annotated[Array, "1"]  # running mean square of what no force explains, per redundant row [N^2]
+    noise: Annotated[Array, "nv"]  # standard deviations of the sensor noise as stated
+    sensed: Annotated[Array, "nv"]  # the same as the record shows it, at most as stated
+    roots: Annotated[Array, "nv"]  # running mean of the roots of the sixth differences of the velocities
+    differences: Annotated[Array, "6, nv"]  # velocity, first, ..., fifth difference at the latest sample
+    known_noise: Annotated[Array, "nv"]  # largest deviations of the known force's noise, interval means
+    known_sensed: Annotated[Array, "nv"]  # the same as the record shows it
+    known_roots: Annotated[Array, "nv"]  # as `roots`
+    known_differences: Annotated[Array, "6, nv"]  # as `differences`
+    slow: Annotated[Array, "2, nv"]  # the weighted rows that no force explains, low-passed once and twice
+    rate: Annotated[Array, "nz"]  # decay rate of each coefficient [1/s], 0 for a random walk
+    variance: Annotated[Array, "nz"]  # stationary variance of coefficients that decay
+    walk: Annotated[Array, "c, c"]  # covariance added to the components per second of random walk
+    scale: Annotated[Array, "c"]  # as `Applications.scale`
+    information: Annotated[Array, "c, 2 * c"]  # scratch
+    hidden: Annotated[Array, "nh, nh"]  # projector onto generalised forces that do not change the rows in use, or empty
+    errors: Annotated[Array, "ne, nv"]  # known forces with an uncertain factor, in the current interval
+    doubt: Annotated[Array, "nv"]  # running mean square of the possible errors of known forces and mass, for each row
+    x: Annotated[Array, "nv + nz"]  # estimate of the state
+    P: Annotated[Array, "nv + nz, nv + nz"]  # covariance of the estimate
+    samples: Annotated[Array, "2, 3 + c + 2 * nv, nv"]  # the two latest, see `noisy_sample`
+    inertias: Annotated[Integers, "1"]  # address of the subtrees' inertias, see `subtrees.inertias_at`
+    tree: Annotated[Integers, "nv, nv + 1"]  # see `subtrees.kinship_of`
+    gravity: Annotated[Array, "6"]  # acceleration of gravity (6,), linear and angular, world axes
+    twist: Annotated[Array, "6"]  # scratch, like all fields below but `blurred`
+    subtree: Annotated[Array, "6"]
+    carried: Annotated[Array, "6, nv"]
+    pushes: Annotated[Array, "6, nv"]
+    turns: Annotated[Array, "6, nv"]
+    across: Annotated[Array, "nv, nv"]
+    right: Annotated[Array, "nv, nv + nz"]  # scratch: covariance of the right side of an interval's equation
+    blurred: Annotated[Array, "nv, nv"]  # B^T, see `kernels`
+    phi: Annotated[Array, "nv"]
+    seen: Annotated[Array, "c, nv + nz"]
+    span: Annotated[Array, "c, nv"]  # scratch: orthonormal basis of the weighted rows that forces explain
+    columns: Annotated[Array, "nv, c"]  # scratch: the same, transposed
+    sent: Annotated[Array, "2 * nv, nv"]  # scratch: generalised forces that noise of the two samples' velocities makes
+    made: Annotated[Array, "2 * nv, nv"]  # scratch: their weighted rows in use
+    along: Annotated[Array, "2 * nv, c"]  # scratch: the part of it that forces explain
+    ended: Annotated[Array, "nv, nv"]  # what no force explains of the rows made by the latest sample's noise
 
 
 class KalmanMemory(NamedTuple):
@@ -88,23 +90,8 @@ class KalmanMemory(NamedTuple):
     step: Step
 
 
-@merged
-def step_fields(cursor: Integers, nv: int, nz: int, c: int, blocks: int) -> Step:
-    """Lay out the fields of a step."""
-    n, h = nv + nz, blocks * c
-    width = (nv + 2 * n + 8) // 8 * 8  # rounded up to a multiple of 8 doubles, the size of a processor's vectors
-    return Step(
-        shear=take(cursor, (nz, n)),
-        onward=take(cursor, (nv, nv)),
-        decay=take(cursor, (nz,)),
-        e=take(cursor, (nv,)),
-        rows=take(cursor, (nv, width)),
-        basis=take(cursor, (blocks,)),
-        z=take(cursor, (h,)),
-        Z=take(cursor, (h, n)),
-        blind=take(cursor, (1,)),
-        unseen=take(cursor, (c, c)),
-    )
+filter_fields = layout_of(Filter, "nv", "c", "nz", "ne", "nh", "mass_in_doubt", "power_known")
+step_fields = layout_of(Step, "nv", "nz", "c", "blocks")
 
 
 @merged
@@ -124,66 +111,16 @@ def kalman_in(memory: Array) -> KalmanMemory:
     """Lay out the memory of a Kalman filter.
 
     Sizes, after those of an observer: number of blocks (1, or 3 with harmonics), number ne of known forces with an
-    uncertain factor, number of rows of `hidden` (nv or 0), `mass_in_doubt`, `power_known`.
+    uncertain factor, number nh of rows of `hidden` (nv or 0), `mass_in_doubt`, `power_known`.
     """
     cursor = rewind(memory)
     sizes = observer_sizes(cursor)
-    blocks, ne, hidden = next_size(cursor), next_size(cursor), next_size(cursor)
+    blocks, ne, nh = next_size(cursor), next_size(cursor), next_size(cursor)
     mass_in_doubt, power_known = next_size(cursor), next_size(cursor)
     nv, c = sizes.nv, sizes.components
     nz = blocks * c + ne + mass_in_doubt
     return KalmanMemory(
         observer=observer_fields(cursor, sizes),
-        filter=Filter(
-            mass_in_doubt=mass_in_doubt,
-            power_known=power_known,
-            walk_gain=take(cursor, (1,)),
-            head_start=take(cursor, (1,)),
-            pulsation=take(cursor, (1,)),
-            misfit=take(cursor, (1,)),
-            elapsed=take(cursor, (1,)),
-            intervals=take(cursor, (1,)),
-            doubtful=take(cursor, (2,)),
-            disbelief=take(cursor, (1,)),
-            noise=take(cursor, (nv,)),
-            sensed=take(cursor, (nv,)),
-            roots=take(cursor, (nv,)),
-            differences=take(cursor, (6, nv)),
-            known_noise=take(cursor, (nv,)),
-            known_sensed=take(cursor, (nv,)),
-            known_roots=take(cursor, (nv,)),
-            known_differences=take(cursor, (6, nv)),
-            slow=take(cursor, (2, nv)),
-            rate=take(cursor, (nz,)),
-            variance=take(cursor, (nz,)),
-            walk=take(cursor, (c, c)),
-            scale=take(cursor, (c,)),
-            information=take(cursor, (c, 2 * c)),
-            hidden=take(cursor, (hidden, hidden)),
-            errors=take(cursor, (ne, nv)),
-            doubt=take(cursor, (nv,)),
-            x=take(cursor, (nv + nz,)),
-            P=take(cursor, (nv + nz, nv + nz)),
-            samples=take(cursor, (2, 3 + c + 2 * nv, nv)),
-            inertias=take_integers(cursor, (1,)),
-            tree=take_integers(cursor, (nv, nv + 1)),
-            gravity=take(cursor, (6,)),
-            twist=take(cursor, (6,)),
-            subtree=take(cursor, (6,)),
-            carried=take(cursor, (6, nv)),
-            pushes=take(cursor, (6, nv)),
-            turns=take(cursor, (6, nv)),
-            across=take(cursor, (nv, nv)),
-            right=take(cursor, (nv, nv + nz)),
-            blurred=take(cursor, (nv, nv)),
-            phi=take(cursor, (nv,)),
-            seen=take(cursor, (c, nv + nz)),
-            span=take(cursor, (c, nv)),
-            columns=take(cursor, (nv, c)),
-            sent=take(cursor, (2 * nv, nv)),
-            made=take(cursor, (2 * nv, nv)),
-            along=take(cursor, (2 * nv, c)),
-            ended=take(cursor, (nv, nv)),
-        ),
+        filter=filter_fields(cursor, nv, c, nz, ne, nh, mass_in_doubt, power_known),
         step=step_fields(cursor, nv, nz, c, blocks),
     )

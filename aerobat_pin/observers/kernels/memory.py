@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, merged, next_size, rewind, take, take_integers
+from aerobat_pin.numerics import Array, Integers, layout_of, merged, rewind
 
 
 class ObserverSizes(NamedTuple):
@@ -24,80 +24,35 @@ class ObserverSizes(NamedTuple):
 
 
 class ObserverMemory(NamedTuple):
-    """Data that an observer keeps between calls; shapes are in `observer_fields`."""
+    """Data that an observer keeps between calls."""
 
     sizes: ObserverSizes
-    robot: Integers  # addresses of Pinocchio's M, C, g, J and oMi
-    record: Integers  # addresses of a record's velocities and samples, and the index of the next sample
-    directions: Integers  # for each unit vector in q: where it starts, and its size
-    newest: Integers  # index of the newer one of the two samples
-    blind: Integers  # number of patterns of components that left no trace in the latest interval
-    slope: Array  # slope of a super-twisting filter [unit of the filtered quantity per second]
-    gain: Array  # gains of the filtered quantities, or of their coordinates in `basis` [1/s]
-    basis: Array  # orthonormal basis, one vector per column, or empty
-    weight: Array  # weights of the rows
-    tied: Array  # `BelievedRows.tied`, or empty
-    components: Array  # as `Applications.table`
-    support: Array  # as `Applications.support`
-    samples: Array  # the two latest samples, as in `residual`
-    filtered: Array  # state of the filter
-    unseen: Array  # projector onto the patterns that left no trace; valid if `blind` is not zero
-    fitted: Array  # components that explain the latest residual best
-    velocity: Array  # scratch, like all fields below
-    value: Array
-    jacobian: Array
-    given: Array  # Jacobians of the components, and a generalised force
-    span: Array  # their weighted rows in use, padded with zeros
-    equations: Array  # of the components; after `project` the Cholesky factor of the equations it solved
+    robot: Annotated[Integers, "5"]  # addresses of Pinocchio's M, C, g, J and oMi
+    record: Annotated[Integers, "3"]  # addresses of a record's velocities and samples, and the index of the next sample
+    directions: Annotated[Integers, "sizes.directions, 2"]  # for each unit vector in q: where it starts, and its size
+    newest: Annotated[Integers, "1"]  # index of the newer one of the two samples
+    blind: Annotated[Integers, "1"]  # number of patterns of components that left no trace in the latest interval
+    slope: Annotated[Array, "1"]  # slope of a super-twisting filter [unit of the filtered quantity per second]
+    gain: Annotated[Array, "sizes.filtered"]  # of the filtered quantities, or of their coordinates in `basis` [1/s]
+    basis: Annotated[Array, "sizes.basis, sizes.basis"]  # orthonormal basis, one vector per column, or empty
+    weight: Annotated[Array, "sizes.nv"]  # weights of the rows
+    tied: Annotated[Array, "sizes.nv if sizes.tied else 0, sizes.tied"]  # `BelievedRows.tied`, or empty
+    components: Annotated[Array, "sizes.components, 11"]  # as `Applications.table`
+    support: Annotated[Array, "sizes.components, sizes.nv"]  # as `Applications.support`
+    samples: Annotated[Array, "2, 3 + sizes.components, sizes.nv"]  # the two latest samples, as in `residual`
+    filtered: Annotated[Array, "2, sizes.filtered"]  # state of the filter
+    unseen: Annotated[Array, "sizes.components, sizes.components"]  # projector onto the blind patterns, if any
+    fitted: Annotated[Array, "sizes.components"]  # components that explain the latest residual best
+    velocity: Annotated[Array, "sizes.nv"]  # scratch, like all fields below
+    value: Annotated[Array, "sizes.filtered"]
+    jacobian: Annotated[Array, "sizes.components, sizes.nv"]
+    given: Annotated[Array, "sizes.components + 1, sizes.nv"]  # Jacobians of the components, and a generalised force
+    span: Annotated[Array, "sizes.components + 1, sizes.nv"]  # their weighted rows in use, padded with zeros
+    equations: Annotated[Array, "sizes.components, sizes.components"]  # after `project` their Cholesky factor
 
 
-@merged
-def observer_sizes(cursor: Integers) -> ObserverSizes:
-    """Read the sizes of an observer's memory."""
-    return ObserverSizes(
-        nv=next_size(cursor),
-        joints=next_size(cursor),
-        components=next_size(cursor),
-        filtered=next_size(cursor),
-        basis=next_size(cursor),
-        tied=next_size(cursor),
-        project_first=next_size(cursor),
-        rows=next_size(cursor),
-        filter=next_size(cursor),
-        directions=next_size(cursor),
-        believed=next_size(cursor),
-    )
-
-
-@merged
-def observer_fields(cursor: Integers, sizes: ObserverSizes) -> ObserverMemory:
-    """Lay out the fields of an observer after its sizes."""
-    nv, c, size, tied = sizes.nv, sizes.components, sizes.filtered, sizes.nv if sizes.tied > 0 else 0
-    return ObserverMemory(
-        sizes=sizes,
-        robot=take_integers(cursor, (5,)),
-        record=take_integers(cursor, (3,)),
-        directions=take_integers(cursor, (sizes.directions, 2)),
-        newest=take_integers(cursor, (1,)),
-        blind=take_integers(cursor, (1,)),
-        slope=take(cursor, (1,)),
-        gain=take(cursor, (size,)),
-        basis=take(cursor, (sizes.basis, sizes.basis)),
-        weight=take(cursor, (nv,)),
-        tied=take(cursor, (tied, sizes.tied)),
-        components=take(cursor, (c, 11)),
-        support=take(cursor, (c, nv)),
-        samples=take(cursor, (2, 3 + c, nv)),
-        filtered=take(cursor, (2, size)),
-        unseen=take(cursor, (c, c)),
-        fitted=take(cursor, (c,)),
-        velocity=take(cursor, (nv,)),
-        value=take(cursor, (size,)),
-        jacobian=take(cursor, (c, nv)),
-        given=take(cursor, (c + 1, nv)),
-        span=take(cursor, (c + 1, nv)),
-        equations=take(cursor, (c, c)),
-    )
+observer_sizes = layout_of(ObserverSizes)
+observer_fields = layout_of(ObserverMemory, "sizes")
 
 
 @merged
