@@ -4,29 +4,36 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
+from aerobat_pin.estimation.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
 
 MOVING = 15
 STATES = MOVING + 5
 FRESH = np.array([MOVING + 2, MOVING + 4], dtype=np.intp)
 
 
-def random_record(rng: np.random.Generator, m: int, each: int) -> tuple[np.ndarray, ...]:
-    """Return a random model of m intervals with samples at every knot: F, shift, noise, start, h, R, e."""
+def random_record(rng: np.random.Generator, m: int, each: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, SampleRows]:
+    """Return a random model of m intervals with samples at every knot: F, shift, noise, and the samples."""
     F = np.zeros((m, MOVING, STATES))
     F[:, :, :MOVING] = np.eye(MOVING)
     F += 0.1 * rng.standard_normal(F.shape)
     shift, noise = 0.1 * rng.standard_normal((m, MOVING)), rng.uniform(0.1, 1.0, (m, STATES))
     h, R = rng.standard_normal(((m + 1) * each, STATES)), rng.uniform(0.2, 1.0, (m + 1) * each)
     start = (each * np.arange(m + 2)).astype(np.intp)
-    return F, shift, noise, start, h, R, rng.standard_normal((m + 1) * each)
+    e = rng.standard_normal((m + 1) * each)
+    return F, shift, noise, SampleRows(start, h, e, R, np.zeros(len(e), dtype=np.intp))
+
+
+def filtered_from(x: np.ndarray, P: np.ndarray, m: int, samples: int) -> Filtered:
+    """Return what a filter starts from and writes to."""
+    n = len(x)
+    return Filtered(x, P, np.empty((samples, n)), np.empty((samples, 2)), np.empty((m + 1, n)), np.empty((m + 1, n, n)))
 
 
 def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> None:
     """States, covariances and likelihood of a random model are those of the joint Gaussian of all states."""
     rng = np.random.default_rng(4)
     n, m, each = STATES, 4, 3
-    F, shift, noise, start, h, R, e = random_record(rng, m, each)
+    F, shift, noise, rows = random_record(rng, m, each)
     x0, root = 0.3 * rng.standard_normal(n), rng.standard_normal((n, n))
     P0 = root @ root.T / n + np.eye(n)
 
@@ -44,6 +51,7 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
         for j in range(k + 1):
             blocks[k + 1, j] = steps[k] @ (blocks[k, j] if k >= j else blocks[j, k].T)
         blocks[k + 1, k + 1] = steps[k] @ blocks[k, k] @ steps[k].T + np.diag(noise[k])
+    h, e, R = rows.h, rows.e, rows.R
     size = n * (m + 1)
     C, H = np.zeros((size, size)), np.zeros((len(e), size))
     for (i, j), block in blocks.items():
@@ -60,55 +68,44 @@ def test_filter_and_smoother_solve_the_least_squares_of_the_whole_record() -> No
         score = -0.5 * (miss @ np.linalg.solve(S, miss) + np.linalg.slogdet(S)[1])
         return np.concatenate(mean) + gain @ miss, C - gain @ G @ C, score
 
-    gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
-    states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
-    score = filter_record(
-        x0.copy(), P0.copy(), F, shift, noise, FRESH, start, h, e, R, gains, innovations, states, covariances
-    )
+    made = filtered_from(x0.copy(), P0.copy(), m, len(e))
+    score = filter_record(F, shift, noise, FRESH, rows, made)
     np.testing.assert_allclose(score, conditioned(len(e))[2], rtol=1e-10)
     for k in range(m + 1):
         best, spread, _ = conditioned(each * (k + 1))
         at = slice(k * n, (k + 1) * n)
-        np.testing.assert_allclose(states[k], best[at], atol=1e-10)
-        np.testing.assert_allclose(covariances[k], spread[at, at], atol=1e-10)
-    block = np.array([MOVING, MOVING + 2], dtype=np.intp)
-    deviations, found = np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
-    pulls, informations, inside = np.empty((m + 1, n)), np.empty((m + 1, n)), np.empty((m + 1, 2, 2))
-    smooth_record(
-        F, FRESH, start, h, gains, innovations, states, covariances, block,
-        pulls, informations, inside, deviations, found,
-    )  # fmt: skip
+        np.testing.assert_allclose(made.states[k], best[at], atol=1e-10)
+        np.testing.assert_allclose(made.covariances[k], spread[at, at], atol=1e-10)
+    block, knots = np.array([MOVING, MOVING + 2], dtype=np.intp), (m + 1, n)
+    smoothed = Smoothed(made, *map(np.empty, (knots, knots, (m + 1, 2, 2), knots, knots, (m + 1, 2, 2))))
+    smooth_record(F, FRESH, block, rows, smoothed)
     best, spread, _ = conditioned(len(e))
-    np.testing.assert_allclose(states.ravel(), best, atol=1e-10)
-    np.testing.assert_allclose(deviations.ravel() ** 2, np.diag(spread), atol=1e-10)
+    np.testing.assert_allclose(smoothed.states.ravel(), best, atol=1e-10)
+    np.testing.assert_allclose(smoothed.deviations.ravel() ** 2, np.diag(spread), atol=1e-10)
     for k in range(m + 1):
         at = slice(k * n + MOVING, k * n + MOVING + 2)
-        np.testing.assert_allclose(found[k], spread[at, at], atol=1e-10)
+        np.testing.assert_allclose(smoothed.blocks[k], spread[at, at], atol=1e-10)
 
 
 def test_the_adjoint_gives_the_derivative_of_the_likelihood_by_each_variance() -> None:
     """(sum l^2 - sum N) / 2 over the knots, against a difference quotient of the log-likelihood."""
     rng = np.random.default_rng(5)
     n, m, each = STATES, 6, 4
-    F, shift, noise, start, h, R, e = random_record(rng, m, each)
-    gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
-    states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
+    F, shift, noise, rows = random_record(rng, m, each)
+    made = filtered_from(np.empty(n), np.empty((n, n)), m, len(rows.e))
 
     def likelihood(added: np.ndarray) -> float:
-        x, P = np.zeros(n), np.eye(n)
-        return filter_record(x, P, F, shift, added, FRESH, start, h, e, R, gains, innovations, states, covariances)
+        made.x[:], made.P[:] = 0.0, np.eye(n)
+        return filter_record(F, shift, added, FRESH, rows, made)
 
     likelihood(noise)
-    block, pulls, none = np.array([MOVING, MOVING + 2], dtype=np.intp), np.empty((m + 1, n)), np.empty((0, n))
-    informations, inside = np.empty_like(pulls), np.empty((m + 1, 2, 2))
-    smooth_record(
-        F, FRESH, start, h, gains, innovations, states, covariances, block,
-        pulls, informations, inside, none, np.empty((0, 2, 2)),
-    )  # fmt: skip
+    block, knots = np.array([MOVING, MOVING + 2], dtype=np.intp), (m + 1, n)
+    smoothed = Smoothed(made, *map(np.empty, (knots, (0, n), (0, 2, 2), knots, knots, (m + 1, 2, 2))))
+    smooth_record(F, FRESH, block, rows, smoothed)
     for state in (0, MOVING - 1, MOVING, MOVING + 2, n - 1):
         step = np.zeros(n)
         step[state] = 1e-5
         slope = (likelihood(noise + step) - likelihood(noise - step)) / 2e-5
-        found = 0.5 * np.sum(pulls[1:, state] ** 2 - informations[1:, state])
+        found = 0.5 * np.sum(smoothed.pulls[1:, state] ** 2 - smoothed.informations[1:, state])
         np.testing.assert_allclose(found, slope, rtol=1e-5)
-    np.testing.assert_allclose(inside[:, 0, 0], informations[:, MOVING])
+    np.testing.assert_allclose(smoothed.inside[:, 0, 0], smoothed.informations[:, MOVING])

@@ -24,7 +24,6 @@ from aerobat_pin.estimation import (
 )
 from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
 from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.dynamics import linear_dynamics
 from aerobat_pin.estimation.raw.linear import LinearRecord
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import Prior, first_prior
@@ -154,7 +153,7 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     state[:12] = x[0, :12]
 
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
-        made = linear_dynamics(smoother.robot, smoother.series, FRAMES, smoother.layout, motion, held, known, force)
+        made = smoother.dynamics(motion, held, known, force)
         rows = made.acceleration
         return made.push + np.einsum(
             "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)

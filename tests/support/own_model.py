@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aerobat_pin.estimation.raw.linear import LinearRecord
-from aerobat_pin.estimation.raw.prior import Prior
-from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
+from aerobat_pin.estimation.raw.prior import Prior, prior_at
 from aerobat_pin.estimation.raw.tuning import Tuning, white_variance
 from aerobat_pin.numerics import Array
 
@@ -38,23 +39,11 @@ def own_model_errors(linear: LinearRecord, prior: Prior, tuning: Tuning, rng: np
             following[: len(d.shift[k])] = d.transition[k] @ x + d.shift[k]
             following[white] = 0.0
             x = following + np.sqrt(noise[k]) * rng.standard_normal(n)
-    fresh, block = (np.array([part.start, part.stop], dtype=np.intp) for part in (white, walk))
-    spread_size = walk.stop - walk.start
-    gains, innovations = np.empty((len(e), n)), np.empty((len(e), 2))
-    states, covariances = np.empty((m + 1, n)), np.empty((m + 1, n, n))
-    pulls, inside = np.empty((m + 1, n)), np.empty((m + 1, spread_size, spread_size))
-    filter_record(
-        np.zeros(n), P0.copy(), d.transition, d.shift, noise, fresh, rows.start, rows.h, e, rows.R,
-        gains, innovations, states, covariances,
-    )  # fmt: skip
-    filtered, spread = states[:, walk].copy(), covariances[:, walk, walk].copy()
-    deviations, blocks = np.empty((m + 1, n)), np.empty_like(inside)
-    smooth_record(
-        d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block,
-        pulls, np.empty_like(pulls), inside, deviations, blocks,
-    )  # fmt: skip
+    here = prior_at(linear.nominal, 0, np.zeros(n), prior.covariance)
+    drawn = replace(linear, rows=rows._replace(e=e)).smooth(tuning, here, deviations=True)
+    filtered, spread = drawn.filtered.states[:, walk], drawn.filtered.covariances[:, walk, walk]
     made = {}
-    for name, found, covariance in (("filter", filtered, spread), ("smoother", states[:, walk], blocks)):
+    for name, found, covariance in (("filter", filtered, spread), ("smoother", drawn.states[:, walk], drawn.blocks)):
         error = found - true[:, walk]
         size = error.shape[1]
         made[f"{name}_nees"] = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error) / size

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
-from aerobat_pin.estimation.raw.linear import Smoothed
+from aerobat_pin.estimation.raw.recursion import Smoothed
 from aerobat_pin.estimation.raw.tuning import TICK, Flags, Tuning
 from aerobat_pin.numerics import Array
 

@@ -13,46 +13,15 @@ with the body's twist, DA, comes from flights along shifted motions (`air`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.dynamics_kernels import linearise, transitions, wing_angles
+from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics, Middle, linearise, wing_angles
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
-
-
-@dataclass(frozen=True)
-class LinearDynamics:
-    """The linear model of m intervals with n states; x is the state at the start of the interval.
-
-    Attributes:
-        transition: (m, moving, n) rows of the transition of the first states, see `Layout.moving`.
-        shift: (m, moving) their shift.
-        acceleration: (m, 6, n) rows of the change of the body's acceleration; `push` (m, 6) its constant part.
-        pose, twist: (m, 6, n) rows of pose and twist error at the middle; `kick` (m, 6) the constant part of the twist.
-        torque: (m, 4, n) rows of the joint torques; `torque_at` (m, 4) the torques at x = 0.
-        slope: (m, 4) derivative of the joint angles by crank angle, at the middle.
-        middle_twist, middle_acceleration: (m, 6) of the nominal motion; `up` (m, 3) is R^T g.
-    """
-
-    transition: Array
-    shift: Array
-    acceleration: Array
-    push: Array
-    pose: Array
-    twist: Array
-    kick: Array
-    torque: Array
-    torque_at: Array
-    slope: Array
-    middle_twist: Array
-    middle_acceleration: Array
-    up: Array
 
 
 def linear_dynamics(
@@ -64,7 +33,7 @@ def linear_dynamics(
     air: AirForces,
     known: Array,
     force: Array,
-    data: pin.Data | None = None,
+    data: pin.Data,
 ) -> LinearDynamics:
     """Linearise the dynamics about a nominal motion.
 
@@ -77,7 +46,7 @@ def linear_dynamics(
         air: the air along it.
         known: (m, nv) other known generalised forces.
         force: (m, points, 3) forces of the last iteration, world axes [N]; they turn with the Jacobians.
-        data: of the robot's model, changes; made anew when omitted.
+        data: of the robot's model; changes.
     """
     dt = np.diff(nominal.time)
     m, n, nv = len(dt), layout.size, robot.model.nv
@@ -94,47 +63,51 @@ def linear_dynamics(
     q[:, list(robot.idx_q)] = joints[:, 0]
     v[:, at_v] = joints[:, 1] * crank[1][:, None]
     a[:, at_v] = joints[:, 1] * crank[2][:, None] + joints[:, 2] * crank[1][:, None] ** 2
-    rotation = np.empty((m, 3, 3))
-    ID, Dq, Dv, M = np.empty((m, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv)), np.empty((m, nv, nv))
-    J = np.empty((m, 3 * len(frames), nv))
-    defect, ad_half, ad = np.empty((m, 6)), np.empty((m, 6, 6)), np.empty((m, 6, 6))
-    model = robot.model
-    data = model.createData() if data is None else data
-    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    model, world = robot.model, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ids = [model.getFrameId(frame) for frame in frames]
+    shapes = (3, 3), (nv,), (nv, nv), (nv, nv), (nv, nv), (3 * len(ids), nv), (6, 6), (6, 6), (6,)
+    middle = Middle(*(np.empty((m, *shape)) for shape in shapes))
     for k in range(m):
         here = pin.SE3(nominal.rotation[k], nominal.position[k])
         there = pin.SE3(nominal.rotation[k + 1], nominal.position[k + 1])
         step = here.actInv(there)
         halfway = here * pin.exp6(0.5 * pin.log6(step))
         moved = pin.exp6(dt[k] * twist[k])
-        defect[k] = pin.log6(step.actInv(moved))
-        ad_half[k] = pin.exp6(half[k] * nominal.twist[k]).toActionMatrixInverse()
-        ad[k] = moved.toActionMatrixInverse()
-        rotation[k] = halfway.rotation
+        middle.defect[k] = pin.log6(step.actInv(moved))
+        middle.ad_half[k] = pin.exp6(half[k] * nominal.twist[k]).toActionMatrixInverse()
+        middle.ad[k] = moved.toActionMatrixInverse()
+        middle.rotation[k] = halfway.rotation
         q[k, :7] = pin.SE3ToXYZQUAT(halfway)
-        Dq[k], Dv[k], M[k] = pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
-        ID[k] = data.tau
+        middle.Dq[k], middle.Dv[k], middle.M[k] = pin.computeRNEADerivatives(model, data, q[k], v[k], a[k])
+        middle.ID[k] = data.tau
         for i, frame in enumerate(ids):
             pin.updateFramePlacement(model, data, frame)  # the joints' Jacobian is that of the derivatives
-            J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
+            middle.J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
     at = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, CRANK_ERROR.start]
     places = np.array([-1 if place is None else place for place in at], dtype=np.intp)
-    shape = (m, BASE_SIZE, n)
-    A, pose, turned = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    push, kick = np.empty((m, BASE_SIZE)), np.empty((m, BASE_SIZE))
-    torque, torque_at = np.empty((m, len(at_v), n)), np.empty((m, len(at_v)))
+    up, moving = np.einsum("kji,j->ki", middle.rotation, model.gravity.linear), layout.moving
+    rows, torque = (m, BASE_SIZE, n), (m, len(at_v), n)
+    made = LinearDynamics(
+        transition=np.zeros((m, moving, n)),
+        shift=np.empty((m, moving)),
+        acceleration=np.empty(rows),
+        push=np.empty(rows[:2]),
+        pose=np.zeros(rows),
+        twist=np.zeros(rows),
+        kick=np.empty(rows[:2]),
+        torque=np.empty(torque),
+        torque_at=np.empty(torque[:2]),
+        slope=joints[:, 1],
+        middle_twist=twist,
+        middle_acceleration=rate,
+        up=up,
+    )
+    middle.M[:] += air.added_mass
     linearise(
-        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, np.ascontiguousarray(crank[1:].T), joints,
-        ad_half, rotation,
-        Dq, Dv, air.by_twist, M + air.added_mass, ID, ID - air.force - known, air.force, J, force.reshape(m, -1),
-        pose, turned, kick, A, push, torque, torque_at,
+        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, nominal.crank, joints, middle,
+        middle.ID - air.force - known, air.force, air.by_twist, force.reshape(m, -1), made,
     )  # fmt: skip
-
-    F, shift = np.zeros((m, layout.moving, n)), np.empty((m, layout.moving))
-    transitions(places, layout.moving, dt, nominal.crank, ad, defect, A, push, F, shift)
-    up = np.einsum("kji,j->ki", rotation, model.gravity.linear)
-    return LinearDynamics(F, shift, A, push, pose, turned, kick, torque, torque_at, joints[:, 1], twist, rate, up)
+    return made
 
 
 def cross_matrices(vectors: Array) -> Array:

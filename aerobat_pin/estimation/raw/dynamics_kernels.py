@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from aerobat_pin.linkage import joints_at
@@ -9,6 +11,57 @@ from aerobat_pin.numerics import Array, Integers, inner, kernel
 
 CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
 BODY_STATES = 6  # rows of the base; as many states each have pose and twist error, which come first
+
+
+class Middle(NamedTuple):
+    """The robot at the middle of m intervals, and the body's way there and to the end.
+
+    Attributes:
+        rotation: (m, 3, 3) body to world.
+        ID, Dq, Dv: (m, nv), (m, nv, nv), (m, nv, nv) inverse dynamics, its derivatives by configuration and velocity.
+        M: (m, nv, nv) inertia, added mass included.
+        J: (m, b, nv) Jacobians of the points at which forces act, world axes.
+        ad_half, ad: (m, 6, 6) from the pose error at the start to that at the middle, and to that at the end.
+        defect: (m, 6) by how much the nominal motion's pose misses what its twist gives.
+    """
+
+    rotation: Array
+    ID: Array
+    Dq: Array
+    Dv: Array
+    M: Array
+    J: Array
+    ad_half: Array
+    ad: Array
+    defect: Array
+
+
+class LinearDynamics(NamedTuple):
+    """The linear model of m intervals with n states; x is the state at the start of the interval.
+
+    Attributes:
+        transition: (m, moving, n) rows of the transition of the first states, see `Layout.moving`.
+        shift: (m, moving) their shift.
+        acceleration: (m, 6, n) rows of the change of the body's acceleration; `push` (m, 6) its constant part.
+        pose, twist: (m, 6, n) rows of pose and twist error at the middle; `kick` (m, 6) the constant part of the twist.
+        torque: (m, 4, n) rows of the joint torques; `torque_at` (m, 4) the torques at x = 0.
+        slope: (m, 4) derivative of the joint angles by crank angle, at the middle.
+        middle_twist, middle_acceleration: (m, 6) of the nominal motion; `up` (m, 3) is R^T g.
+    """
+
+    transition: Array
+    shift: Array
+    acceleration: Array
+    push: Array
+    pose: Array
+    twist: Array
+    kick: Array
+    torque: Array
+    torque_at: Array
+    slope: Array
+    middle_twist: Array
+    middle_acceleration: Array
+    up: Array
 
 
 @kernel
@@ -93,60 +146,39 @@ def linearise(
     dt: Array,
     crank: Array,
     slopes: Array,
-    ad_half: Array,
-    rotation: Array,
-    Dq: Array,
-    Dv: Array,
-    by_twist: Array,
-    M: Array,
-    rigid: Array,
+    here: Middle,
     r: Array,
     air: Array,
-    J: Array,
+    by_twist: Array,
     force: Array,
-    pose: Array,
-    twist: Array,
-    kick: Array,
-    A: Array,
-    push: Array,
-    torque: Array,
-    torque_at: Array,
+    made: LinearDynamics,
 ) -> None:
-    """Write the rows of `LinearDynamics` that follow from the equations of motion.
+    """Write the rows of `LinearDynamics` that follow from the equations of motion, and the transition.
 
     Args:
         at: (5,) where walk, white, factor of the mass, factor of the air and crank stand; -1: not a state.
         joints: (4,) rows of the joints.
         by_mode: (b, b) from slow states to forces.
         dt: (m,) [s].
-        crank: (m, 2) rate and acceleration of the crank at the middle.
+        crank: (m + 1, 3) angle, rate and acceleration of the crank at the knots.
         slopes: (m, 4, 4) of `wing_angles`.
-        ad_half: (m, 6, 6) from the pose error at the start to that at the middle.
-        rotation: (m, 3, 3) body to world.
-        Dq: (m, nv, nv) derivative of the inverse dynamics by the configuration.
-        Dv: (m, nv, nv) derivative by the velocity.
-        by_twist: (m, nv, 6) derivative of the air by the twist.
-        M: (m, nv, nv) inertia, added mass included.
-        rigid: (m, nv) inverse dynamics of the robot without air.
-        r: (m, nv) the same less all known forces.
+        here: the robot at the middle.
+        r: (m, nv) inverse dynamics less all known forces.
         air: (m, nv) force of the air.
-        J: (m, b, nv) Jacobians of the points, world axes.
+        by_twist: (m, nv, 6) its derivative by the twist.
         force: (m, b) forces of the last iteration, world axes.
-        pose: (m, 6, n) written, zero before: see `LinearDynamics`, also for those below.
-        twist: (m, 6, n) written, zero before.
-        kick: (m, 6) written.
-        A: (m, 6, n) written: rows of the acceleration.
-        push: (m, 6) written.
-        torque: (m, 4, n) written.
-        torque_at: (m, 4) written.
+        made: written; `transition`, `pose` and `twist` are zero before.
     """
-    m, nv, n, b = len(dt), M.shape[1], A.shape[2], J.shape[1]
+    (m, nv, _), M, J, Dq, Dv, ad_half = here.M.shape, here.M, here.J, here.Dq, here.Dv, here.ad_half
+    A, push, n, b = made.acceleration, made.push, made.transition.shape[2], J.shape[1]
+    F, shift, moving = made.transition, made.shift, made.shift.shape[1]
     walk, white, mass_at, air_at, phi = at
     Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY_STATES)), np.zeros((nv, BODY_STATES))
-    G, found = np.zeros((BODY_STATES, BODY_STATES)), np.zeros((BODY_STATES, n + 1))
-    body_force = np.zeros(3)
+    rows, body_force = np.zeros((BODY_STATES, BODY_STATES + 1 + n)), np.zeros(3)
+    found = rows[:, BODY_STATES:]
     for k in range(m):
-        half, rate, bend = 0.5 * dt[k], crank[k, 0], crank[k, 1]
+        half, bend = 0.5 * dt[k], crank[k, 2]
+        rate = crank[k, 1] + half * bend
         for i in range(nv):
             for j in range(n):
                 Z[i, j] = 0.0
@@ -164,15 +196,15 @@ def linearise(
             for j in range(3):
                 body_force[j] = 0.0
                 for i in range(3):
-                    body_force[j] += rotation[k, i, j] * force[k, 3 * point + i]
+                    body_force[j] += here.rotation[k, i, j] * force[k, 3 * point + i]
             fx, fy, fz = body_force
             for i in range(nv):
                 gx, gy, gz = 0.0, 0.0, 0.0  # row of J^T R
                 for c in range(3):
                     lever = J[k, 3 * point + c, i]
-                    gx += lever * rotation[k, c, 0]
-                    gy += lever * rotation[k, c, 1]
-                    gz += lever * rotation[k, c, 2]
+                    gx += lever * here.rotation[k, c, 0]
+                    gy += lever * here.rotation[k, c, 1]
+                    gz += lever * here.rotation[k, c, 2]
                 Zq[i, 3] -= gy * fz - gz * fy
                 Zq[i, 4] -= gz * fx - gx * fz
                 Zq[i, 5] -= gx * fy - gy * fx
@@ -188,7 +220,7 @@ def linearise(
             Z[i, phi + 1] = by_angle * half + by_rate
             Z[i, phi + 2] = by_angle * 0.5 * half**2 + by_rate * half + by_bend
             if mass_at >= 0:
-                Z[i, mass_at] = rigid[k, i]
+                Z[i, mass_at] = here.ID[k, i]
             if air_at >= 0:
                 Z[i, air_at] = -air[k, i]
             for j in range(BODY_STATES):
@@ -199,70 +231,39 @@ def linearise(
                 Z[i, BODY_STATES + j] += Zq[i, j] * half + Zv[i, j]
         for i in range(BODY_STATES):
             for j in range(BODY_STATES):
-                G[i, j] = M[k, i, j] + half * Zv[i, j]
+                rows[i, j] = M[k, i, j] + half * Zv[i, j]
             found[i, 0] = -r[k, i]
             for j in range(n):
                 found[i, 1 + j] = -Z[i, j]
-        eliminate(G, found)
+        eliminate(rows)
         for i in range(BODY_STATES):
-            push[k, i], kick[k, i] = found[i, 0], half * found[i, 0]
+            push[k, i], made.kick[k, i] = found[i, 0], half * found[i, 0]
             for j in range(n):
                 A[k, i, j] = found[i, 1 + j]
-                twist[k, i, j] = half * found[i, 1 + j]
-            twist[k, i, BODY_STATES + i] += 1.0
-            pose[k, i, BODY_STATES + i] = half
+                made.twist[k, i, j] = half * found[i, 1 + j]
+            made.twist[k, i, BODY_STATES + i] += 1.0
+            made.pose[k, i, BODY_STATES + i] = half
             for j in range(BODY_STATES):
-                pose[k, i, j] = ad_half[k, i, j]
+                made.pose[k, i, j] = ad_half[k, i, j]
         for i in range(joints.shape[0]):
             row = joints[i]
-            torque_at[k, i] = r[k, row]
+            made.torque_at[k, i] = r[k, row]
             for j in range(n):
-                torque[k, i, j] = Z[row, j]
+                made.torque[k, i, j] = Z[row, j]
             for c in range(BODY_STATES):
                 through = M[k, row, c] + half * Zv[row, c]
-                torque_at[k, i] += through * push[k, c]
+                made.torque_at[k, i] += through * push[k, c]
                 for j in range(n):
-                    torque[k, i, j] += through * A[k, c, j]
-
-
-@kernel
-def transitions(
-    at: Integers,
-    moving: int,
-    dt: Array,
-    crank: Array,
-    ad: Array,
-    defect: Array,
-    A: Array,
-    push: Array,
-    F: Array,
-    shift: Array,
-) -> None:
-    """Write rows and shift of the transition of the first states.
-
-    Args:
-        at: (5,) as of `linearise`.
-        moving: number of these states: the last of them walk, with their slopes behind them.
-        dt: (m,) [s].
-        crank: (m + 1, 3) nominal angle, rate and acceleration of the crank.
-        ad: (m, 6, 6) from the pose error at the start to that at the end.
-        defect: (m, 6) by how much the nominal motion's pose misses what its twist gives.
-        A: (m, 6, n) of `linearise`.
-        push: (m, 6) of `linearise`.
-        F: (m, moving, n) written, zero before.
-        shift: (m, moving) written.
-    """
-    walk, phi, n = at[0], at[4], A.shape[2]
-    for k in range(dt.shape[0]):
-        h = dt[k]
+                    made.torque[k, i, j] += through * A[k, c, j]
+        h = dt[k]  # from here on, the transition
         for i in range(BODY_STATES):
-            shift[k, i] = defect[k, i] + 0.5 * h * h * push[k, i]
+            shift[k, i] = here.defect[k, i] + 0.5 * h * h * push[k, i]
             shift[k, BODY_STATES + i] = h * push[k, i]
             for j in range(n):
                 F[k, i, j] = 0.5 * h * h * A[k, i, j]
                 F[k, BODY_STATES + i, j] = h * A[k, i, j]
             for j in range(BODY_STATES):
-                F[k, i, j] += ad[k, i, j]
+                F[k, i, j] += here.ad[k, i, j]
             F[k, i, BODY_STATES + i] += h
             F[k, BODY_STATES + i, BODY_STATES + i] += 1.0
         for i in range(3):
@@ -280,26 +281,22 @@ def transitions(
 
 
 @inner
-def eliminate(G: Array, right: Array) -> None:
-    """Solve G X = right by Gauss's elimination with pivots; X overwrites `right`, and G is destroyed."""
-    n = G.shape[0]
+def eliminate(rows: Array) -> None:
+    """Solve G X = B for rows [G, B] (n, n + ...) by Gauss's elimination with pivots: B becomes X."""
+    n, width = rows.shape
     for c in range(n):
         best = c
         for i in range(c + 1, n):
-            if abs(G[i, c]) > abs(G[best, c]):
+            if abs(rows[i, c]) > abs(rows[best, c]):
                 best = i
         if best != c:
-            for j in range(n):
-                G[c, j], G[best, j] = G[best, j], G[c, j]
-            for j in range(right.shape[1]):
-                right[c, j], right[best, j] = right[best, j], right[c, j]
+            for j in range(width):
+                rows[c, j], rows[best, j] = rows[best, j], rows[c, j]
         for i in range(n):
-            if i != c and G[i, c] != 0.0:
-                factor = G[i, c] / G[c, c]
-                for j in range(c, n):
-                    G[i, j] -= factor * G[c, j]
-                for j in range(right.shape[1]):
-                    right[i, j] -= factor * right[c, j]
+            if i != c and rows[i, c] != 0.0:
+                factor = rows[i, c] / rows[c, c]
+                for j in range(c, width):
+                    rows[i, j] -= factor * rows[c, j]
     for c in range(n):
-        for j in range(right.shape[1]):
-            right[c, j] /= G[c, c]
+        for j in range(n, width):
+            rows[c, j] /= rows[c, c]

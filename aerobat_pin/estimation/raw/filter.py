@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.known_inputs import Torque
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
-from aerobat_pin.estimation.raw.dynamics import LinearDynamics
+from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.estimation.raw.jumps import JUMP, LEAST_JUMP_GAIN
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR
 from aerobat_pin.estimation.raw.linear import added_variances
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.prior import first_prior
 from aerobat_pin.estimation.raw.recursion import advance, take_samples
-from aerobat_pin.estimation.raw.rows import ROWS_BY_SENSOR
+from aerobat_pin.estimation.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.estimation.raw.smoother import JointSmoother
 from aerobat_pin.estimation.raw.tuning import Tuning
 from aerobat_pin.numerics import Array
@@ -82,7 +82,9 @@ class JointFilter:
         self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []
         self._here: NominalMotion | None = None
         self._way: deque[tuple[float, float, pin.SE3]] = deque()  # start, end [s], motion of each latest interval
-        self._x, self._P, self._rate = np.zeros(0), np.zeros((0, 0)), np.zeros(6)
+        self._x: Array = np.zeros(0)
+        self._P: Array = np.zeros((0, 0))
+        self._rate = np.zeros(6)
         white = self.layout.white
         self._fresh = np.array([white.start, white.stop], dtype=np.intp)
         self._noise_of, self._noise = -1.0, np.zeros(self.layout.size)
@@ -208,7 +210,7 @@ class JointFilter:
         smoother.air.begin(solved.motion)
         count = len(times) - 1
         self._here = solved.motion.part(count, count)
-        self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.covariances[-1].copy()
+        self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.filtered.P.copy()
         self._x[:MOTION] = 0.0
         self._rate = (solved.motion.twist[-1] - solved.motion.twist[-2]) / (times[-1] - times[-2])
         return self._sample(self._here, self.layout.forces(self._x[None]), self._block(), (0.0, 0))
@@ -247,7 +249,8 @@ class JointFilter:
             if (stamp + 1e-9 >= motion.time[1]) == bool(knot):
                 sensor = self.sensors[name]
                 at, k = np.array([stamp]), np.array([knot])
-                h, e, _ = ROWS_BY_SENSOR[name](sensor, self.layout, motion, d, k, at, values[None], self.torque)
+                sensed = Sensed(sensor, self.layout, motion, d, self.torque, k, at, values[None])
+                h, e, _ = ROWS_BY_SENSOR[name](sensed)
                 parts.append((h[0], e[0], np.full(e.size, sensor.noise**2)))
         if not parts:
             return 0.0, 0

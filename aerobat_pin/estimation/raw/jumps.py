@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.linear import Smoothed
+from aerobat_pin.estimation.raw.recursion import Smoothed
 from aerobat_pin.numerics import Array
 
 JUMP = 0.5  # of the robot's weight: deviation of a jump

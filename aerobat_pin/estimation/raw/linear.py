@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.dynamics import LinearDynamics
+from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.estimation.raw.prior import Prior
-from aerobat_pin.estimation.raw.recursion import filter_record, smooth_record
-from aerobat_pin.estimation.raw.rows import SampleRows
+from aerobat_pin.estimation.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
 from aerobat_pin.estimation.raw.tuning import Tuning, white_variance
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, Integers
 
 GYRO_WALK, ACCELEROMETER_WALK = 1.0e-4, 1.0e-3  # of the biases [rad/s/sqrt(s), m/s2/sqrt(s)]
 
@@ -39,6 +37,7 @@ class LinearRecord:
         layout: places of the states.
         nominal: the motion.
         dynamics: of each interval.
+        sensors: names of the sensors.
         rows: the samples.
         jumps: (m,) variance that a jump at the end of an interval adds to each slow force [N2]; 0 where there is none.
     """
@@ -46,6 +45,7 @@ class LinearRecord:
     layout: Layout
     nominal: NominalMotion
     dynamics: LinearDynamics
+    sensors: tuple[str, ...]
     rows: SampleRows
     jumps: Array
 
@@ -63,71 +63,23 @@ class LinearRecord:
         first = white_variance(tuning, np.diff(self.nominal.time[:2]))
         x[white], P[white, :], P[:, white] = 0.0, 0.0, 0.0
         P[white, white] = np.diag(np.tile(first[0], self.layout.points))
-        gains, innovations = np.empty((k if keep else 1, n)), np.empty((k, 2))
-        states = np.empty((m + 1 if keep else 0, n))
-        covariances = np.empty((m + 1 if keep else 0, n, n))
-        d, rows = self.dynamics, self.rows
-        fresh = np.array([white.start, white.stop], dtype=np.intp)
-        score = filter_record(
-            x, P, d.transition, d.shift, self.noise(tuning), fresh, rows.start, rows.h, rows.e, rows.R,
-            gains, innovations, states, covariances,
-        )  # fmt: skip
-        return score, Filtered(x, P, gains, innovations, states, covariances)
+        knots = m + 1 if keep else 0
+        made = Filtered(
+            x, P, np.empty((k if keep else 1, n)), np.empty((k, 2)), np.empty((knots, n)), np.empty((knots, n, n))
+        )
+        d, fresh = self.dynamics, _ends(white)
+        return filter_record(d.transition, d.shift, self.noise(tuning), fresh, self.rows, made), made
 
     def smooth(self, tuning: Tuning, prior: Prior, *, scores: bool = False, deviations: bool = False) -> Smoothed:
         """Smooth the record; scores and deviations take most of the time, and are empty if not asked for."""
-        score, (_, _, gains, innovations, states, covariances) = self.filter(tuning, prior, keep=True)
-        filtered = states.copy()
-        n, layout = self.layout.size, self.layout
-        fresh = np.array([layout.white.start, layout.white.stop], dtype=np.intp)
-        block = np.array([layout.walk.start, layout.walk.stop], dtype=np.intp)
-        size = len(states) if deviations else 0
-        spread, blocks = np.empty((size, n)), np.empty((size, 3 * layout.points, 3 * layout.points))
-        size = len(states) if scores or deviations else 0
-        pulls, informations = np.empty((size, n)), np.empty((size, n))
-        inside = np.empty((size, 3 * layout.points, 3 * layout.points))
-        d, rows = self.dynamics, self.rows
-        smooth_record(
-            d.transition, fresh, rows.start, rows.h, gains, innovations, states, covariances, block,
-            pulls, informations, inside, spread, blocks,
-        )  # fmt: skip
-        return Smoothed(states, spread, blocks, innovations, score, filtered, covariances, pulls, informations, inside)
+        _, filtered = self.filter(tuning, prior, keep=True)
+        layout, (m, n) = self.layout, filtered.states.shape
+        spread, wanted, b = m if deviations else 0, m if scores or deviations else 0, 3 * layout.points
+        sizes = (m, n), (spread, n), (spread, b, b), (wanted, n), (wanted, n), (wanted, b, b)
+        made = Smoothed(filtered, *map(np.empty, sizes))
+        smooth_record(self.dynamics.transition, _ends(layout.white), _ends(layout.walk), self.rows, made)
+        return made
 
 
-class Filtered(NamedTuple):
-    """Last state (n,) and covariance (n, n) of a filtered record, then the arrays that `filter_record` writes."""
-
-    last: Array
-    covariance: Array
-    gains: Array
-    innovations: Array
-    states: Array
-    covariances: Array
-
-
-@dataclass(frozen=True)
-class Smoothed:
-    """A smoothed record.
-
-    Attributes:
-        states: (m + 1, n) smoothed states.
-        deviations: (m + 1, n) their standard deviations, or empty.
-        blocks: (m + 1, b, b) covariance of the slowly changing forces, or empty.
-        innovations: (k, 2) innovation of each sample and its variance.
-        score: log-likelihood.
-        filtered, covariances: (m + 1, n), (m + 1, n, n) of the filter.
-        pulls, informations: (m + 1, n) derivative of the log-likelihood by a sudden change of each state before each
-            knot's samples, with the sign turned, and its variance, or empty.
-        inside: (m + 1, b, b) covariance of the pulls of the slowly changing forces, or empty.
-    """
-
-    states: Array
-    deviations: Array
-    blocks: Array
-    innovations: Array
-    score: float
-    filtered: Array
-    covariances: Array
-    pulls: Array
-    informations: Array
-    inside: Array
+def _ends(states: slice) -> Integers:
+    return np.array([states.start, states.stop], dtype=np.intp)

@@ -73,6 +73,10 @@ class NominalMotion:
         names = [item.name for item in fields(cls)]
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
+    def middles(self) -> Array:
+        """Return the times (m,) in the middle of the intervals [s]."""
+        return 0.5 * (self.time[1:] + self.time[:-1])
+
     def placements(self) -> Array:
         """Return position and quaternion xyzw of the body (m + 1, 7), the quaternion without jumps of sign."""
         quaternion = np.array([pin.Quaternion(R).coeffs() for R in self.rotation])

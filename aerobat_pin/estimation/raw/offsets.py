@@ -64,7 +64,7 @@ def clock_offsets(linear: LinearRecord, prior: Prior, tuning: Tuning, error: flo
 
     def filtered(free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         score, found = linear.filter(tuning, prior.padded(np.where(free, error, 0.0)), keep=False)
-        return score, found.last, found.covariance
+        return score, found.x, found.P
 
     none = np.zeros(len(sensors), bool)
     without = filtered(none)[0]
@@ -99,4 +99,4 @@ def corrected(
     names, places = [one.sensor for one in offsets], linear.layout.offset_at
     spreads = np.array([error if name in names else 0.0 for name in linear.layout.offsets])
     _, found = linear.filter(tuning, prior.padded(spreads), keep=False)
-    return tuple(replace(one, seconds=one.seconds + float(found.last[places[one.sensor]])) for one in offsets)
+    return tuple(replace(one, seconds=one.seconds + float(found.x[places[one.sensor]])) for one in offsets)

@@ -15,9 +15,67 @@ measurements, Int. J. Control 18, 1973). No covariance is inverted.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from aerobat_pin.numerics import Array, Integers, kernel
+
+
+class SampleRows(NamedTuple):
+    """Samples as rows, in the order of their knots.
+
+    Attributes:
+        start: (m + 2,) first row of each knot.
+        h, e, R: (k, n) rows, (k,) samples less their prediction at x = 0, (k,) variances of their noise.
+        sensor: (k,) index of the sensor.
+    """
+
+    start: Integers
+    h: Array
+    e: Array
+    R: Array
+    sensor: Integers
+
+
+class Filtered(NamedTuple):
+    """A filtered record of m intervals with k samples and n states.
+
+    Attributes:
+        x, P: (n,), (n, n) the last state and its covariance; before, the first ones.
+        gains: (k, n) P h of each sample; or (1, n), if they are not kept.
+        innovations: (k, 2) innovation of each sample and its variance.
+        states, covariances: (m + 1, n), (m + 1, n, n) at each knot, after its samples; or empty, if they are not kept.
+    """
+
+    x: Array
+    P: Array
+    gains: Array
+    innovations: Array
+    states: Array
+    covariances: Array
+
+
+class Smoothed(NamedTuple):
+    """A smoothed record; the block are the b slowly changing forces.
+
+    Attributes:
+        filtered: what the filter has kept.
+        states: (m + 1, n) smoothed states.
+        deviations: (m + 1, n) their standard deviations; or empty, which saves time.
+        blocks: (m + 1, b, b) covariance of the block, or empty.
+        pulls, informations: (m + 1, n) derivative of the log-likelihood by a sudden change of each state before each
+            knot's samples, with the sign turned, and its variance; or empty, which saves more time.
+        inside: (m + 1, b, b) covariance of the block's pulls, or empty.
+    """
+
+    filtered: Filtered
+    states: Array
+    deviations: Array
+    blocks: Array
+    pulls: Array
+    informations: Array
+    inside: Array
 
 
 @kernel
@@ -106,40 +164,19 @@ def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Int
 
 
 @kernel
-def filter_record(
-    x: Array,
-    P: Array,
-    F: Array,
-    shift: Array,
-    noise: Array,
-    fresh: Integers,
-    start: Integers,
-    h: Array,
-    e: Array,
-    R: Array,
-    gains: Array,
-    innovations: Array,
-    states: Array,
-    covariances: Array,
-) -> float:
+def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: SampleRows, made: Filtered) -> float:
     """Filter a record of m intervals; return the log-likelihood of all samples.
 
     Args:
-        x: (n,) first state; the last one afterwards.
-        P: (n, n) first covariance; the last one afterwards.
         F: (m, moving, n) transitions.
         shift: (m, moving) shifts.
         noise: (m, n) variances that each interval adds.
         fresh: (2,) see `advance`.
-        start: (m + 2,) first sample of each knot.
-        h: (k, n) rows of the samples, see `take_samples`.
-        e: (k,) samples less their prediction.
-        R: (k,) variances.
-        gains: (k, n) or (1, n) written.
-        innovations: (k, 2) written.
-        states: (m + 1, n) written: state at each knot after its samples; or (0, n).
-        covariances: (m + 1, n, n) written likewise; or (0, n, n).
+        rows: the samples.
+        made: written.
     """
+    x, P, gains, innovations, states, covariances = made
+    start, h, e, R, _ = rows
     m, score, W = F.shape[0], 0.0, np.empty((F.shape[1] + 1, x.shape[0]))
     keep, one = states.shape[0] > 0, gains.shape[0] == 1
     for k in range(m + 1):
@@ -159,40 +196,18 @@ def filter_record(
 
 
 @kernel
-def smooth_record(
-    F: Array,
-    fresh: Integers,
-    start: Integers,
-    h: Array,
-    gains: Array,
-    innovations: Array,
-    states: Array,
-    covariances: Array,
-    block: Integers,
-    pulls: Array,
-    informations: Array,
-    inside: Array,
-    deviations: Array,
-    blocks: Array,
-) -> None:
-    """Smooth a record that `filter_record` has filtered: replace `states` by smoothed ones.
+def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, made: Smoothed) -> None:
+    """Smooth a record that `filter_record` has filtered.
 
     Args:
         F: (m, moving, n) transitions.
         fresh: (2,) states that are drawn anew.
-        start: (m + 2,) first sample of each knot.
-        h: (k, n) rows of the samples.
-        gains: (k, n) of the filter.
-        innovations: (k, 2) of the filter.
-        states: (m + 1, n) filtered states; smoothed afterwards.
-        covariances: (m + 1, n, n) filtered covariances.
-        block: (2,) first and last (excluded) state of the block whose covariance is wanted.
-        pulls: (m + 1, n) written: the adjoint before the samples of each knot; or (0, n), which saves time.
-        informations: (m + 1, n) written: variances of that adjoint.
-        inside: (m + 1, b, b) written: covariance of the block's adjoint.
-        deviations: (m + 1, n) written: standard deviations of the smoothed states; or (0, n), which saves more time.
-        blocks: (m + 1, b, b) written: smoothed covariance of the block.
+        block: (2,) first and last (excluded) state of the block.
+        rows: the samples.
+        made: written, but for what is filtered.
     """
+    (_, _, gains, innovations, filtered, covariances), states, deviations, blocks, pulls, informations, inside = made
+    start, h = rows.start, rows.h
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
     adjoint, old = np.zeros(n), np.zeros(n)
     wanted, spread = pulls.shape[0] > 0, deviations.shape[0] > 0
@@ -225,7 +240,7 @@ def smooth_record(
             total = 0.0
             for j in range(n):
                 total += P[i, j] * adjoint[j]
-            states[k, i] -= total
+            states[k, i] = filtered[k, i] - total
         if spread:
             for i in range(n):
                 for j in range(n):

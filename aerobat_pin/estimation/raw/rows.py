@@ -12,60 +12,83 @@ A clock offset o means that the sample shows the time t - o: its column is minus
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.estimation.known_inputs import Torque
 from aerobat_pin.estimation.raw.channels import RawChannel, RawRecord
-from aerobat_pin.estimation.raw.dynamics import LinearDynamics, cross_matrices
-from aerobat_pin.estimation.raw.layout import Layout
+from aerobat_pin.estimation.raw.dynamics import cross_matrices
+from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
+from aerobat_pin.estimation.raw.recursion import SampleRows
 from aerobat_pin.estimation.raw.rows_kernels import accelerometer_rows, felt_accelerations
 from aerobat_pin.numerics import Array, Integers
 
+TURNING = slice(9, 12)  # the states of the body's rate
 SLOPE_OVER = 15  # samples over which the rate of change of a series is taken
 LATE = 1.5  # intervals after the last knot: later samples are not used
 
 
-@dataclass(frozen=True)
-class SampleRows:
-    """Samples as rows, in the order of their knots.
+class Sensed(NamedTuple):
+    """Samples of one sensor, and about what they are linearised.
 
     Attributes:
-        start: (m + 2,) first row of each knot.
-        h, e, R: (k, n) rows, (k,) samples less their prediction, (k,) variances.
-        sensor: (k,) index in `names`; `names` are those of the sensors.
+        sensor: noise, place and turn; its own samples are not used.
+        layout: places of the states.
+        nominal: the motion.
+        d: the linear model about it.
+        torque: which torque is used.
+        knot: (k,) last knot before each sample.
+        at: (k,) times [s].
+        values: (k, c) samples.
     """
 
-    start: Integers
-    h: Array
-    e: Array
-    R: Array
-    sensor: Integers
-    names: tuple[str, ...]
+    sensor: RawChannel
+    layout: Layout
+    nominal: NominalMotion
+    d: LinearDynamics
+    torque: Torque
+    knot: Integers
+    at: Array
+    values: Array
+
+    @property
+    def late(self) -> Array:
+        """Time (k, 1) since the knot."""
+        return (self.at - self.nominal.time[self.knot])[:, None]
+
+    @property
+    def interval(self) -> Integers:
+        """The interval (k,) of each sample; the last one for those after its end."""
+        return np.minimum(self.knot, len(self.d.push) - 1)
+
+    def no_rows(self) -> Array:
+        """Return rows (k, c, n) of zeros."""
+        return np.zeros((*self.values.shape, self.layout.size))
+
+    def shown(self, time: Array, series: Array) -> tuple[Array, Array]:
+        """Return a series (m, c) at the samples' times, and its rate of change if a clock offset is estimated."""
+        here = _interpolated(time, series, self.at)[0]
+        wanted = self.sensor.name in self.layout.offset_at
+        return here, _rate_of(time, series, self.at) if wanted else np.zeros_like(here)
 
 
 def sample_rows(
     record: RawRecord, layout: Layout, nominal: NominalMotion, dynamics: LinearDynamics, shifts: dict[str, float]
 ) -> SampleRows:
-    """Return all samples of a record as rows.
-
-    Args:
-        record: the samples.
-        layout: places of the states.
-        nominal: the motion.
-        dynamics: the linear model about it.
-        shifts: sensor -> clock offset [s] that is applied.
-    """
-    found, names = [], tuple(record.channels)
+    """Return all samples of a record as rows; `shifts`: sensor -> clock offset [s] that is applied."""
+    found = []
     for index, (name, channel) in enumerate(record.channels.items()):
         at = channel.time - shifts.get(name, 0.0)
         last = nominal.time[-1] + LATE * (nominal.time[-1] - nominal.time[-2])
         use = (at > nominal.time[0] - 1e-9) & (at < last)
         at, values = at[use], channel.values[use]
         k = np.clip(np.searchsorted(nominal.time, at + 1e-9, side="right") - 1, 0, len(nominal.time) - 1)
-        h, e, rate = ROWS_BY_SENSOR[name](channel, layout, nominal, dynamics, k, at, values, record.torque)
+        sensed = Sensed(channel, layout, nominal, dynamics, record.torque, k, at, values)
+        h, e, rate = ROWS_BY_SENSOR[name](sensed)
         if name in layout.offset_at:
             h[:, :, layout.offset_at[name]] = -rate
         count = e.shape[1]
@@ -74,7 +97,7 @@ def sample_rows(
     knot, h, e, R, sensor = (np.concatenate(parts) for parts in zip(*found, strict=True))
     order = np.argsort(knot, kind="stable")
     start = np.searchsorted(knot[order], np.arange(len(nominal.time) + 1))
-    return SampleRows(start.astype(np.intp), np.ascontiguousarray(h[order]), e[order], R[order], sensor[order], names)
+    return SampleRows(start.astype(np.intp), np.ascontiguousarray(h[order]), e[order], R[order], sensor[order])
 
 
 def _interpolated(time: Array, series: Array, at: Array) -> tuple[Array, Array]:
@@ -101,11 +124,12 @@ def _rate_of(time: Array, series: Array, at: Array) -> Array:
     return np.column_stack([np.interp(at, time, column) for column in np.gradient(smooth, time, axis=0).T])
 
 
-def _poses_at(nominal: NominalMotion, k: Integers, at: Array) -> tuple[Array, Array, Array]:
-    """Return rotation (n, 3, 3), position (n, 3) and Ad(exp(v s))^-1 (n, 6, 6) at times `at`."""
-    rotation, position, ad = np.empty((len(k), 3, 3)), np.empty((len(k), 3)), np.empty((len(k), 6, 6))
+def _poses_at(sensed: Sensed) -> tuple[Array, Array, Array]:
+    """Return rotation (k, 3, 3), position (k, 3) and Ad(exp(v s))^-1 (k, 6, 6) at the samples' times."""
+    count, nominal = len(sensed.knot), sensed.nominal
+    rotation, position, ad = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((count, 6, 6))
     last = len(nominal.time) - 2
-    for i, (first, t) in enumerate(zip(k.tolist(), at.tolist(), strict=True)):
+    for i, (first, t) in enumerate(zip(sensed.knot.tolist(), sensed.at.tolist(), strict=True)):
         j = min(first, last)
         here = pin.SE3(nominal.rotation[j], nominal.position[j])
         there = pin.SE3(nominal.rotation[j + 1], nominal.position[j + 1])
@@ -116,132 +140,63 @@ def _poses_at(nominal: NominalMotion, k: Integers, at: Array) -> tuple[Array, Ar
     return rotation, position, ad
 
 
-def _position(
-    channel: RawChannel,
-    layout: Layout,
-    nominal: NominalMotion,
-    _d: LinearDynamics,
-    k: Integers,
-    at: Array,
-    values: Array,
-    _t: str,
-) -> tuple[Array, Array, Array]:
-    rotation, position, ad = _poses_at(nominal, k, at)
-    h = np.zeros((len(k), 3, layout.size))
-    lever = np.concatenate([np.eye(3), -cross_matrices(channel.place[None])[0]], axis=1)
-    h[:, :, :6] = rotation @ (lever @ ad)
-    h[:, :, 6:12] = (at - nominal.time[k])[:, None, None] * (rotation @ lever)
-    e = values - position - rotation @ channel.place
+def _position(sensed: Sensed) -> tuple[Array, Array, Array]:
+    (rotation, position, ad), place, h = _poses_at(sensed), sensed.sensor.place, sensed.no_rows()
+    lever = np.concatenate([np.eye(3), -cross_matrices(place[None])[0]], axis=1)
+    h[:, :, POSE_ERROR] = rotation @ (lever @ ad)
+    h[:, :, TWIST_ERROR] = sensed.late[:, :, None] * (rotation @ lever)
+    e = sensed.values - position - rotation @ place
     return h, e, np.zeros_like(e)
 
 
-def _orientation(
-    channel: RawChannel,
-    layout: Layout,
-    nominal: NominalMotion,
-    _d: LinearDynamics,
-    k: Integers,
-    at: Array,
-    values: Array,
-    _t: str,
-) -> tuple[Array, Array, Array]:
-    rotation, _, ad = _poses_at(nominal, k, at)
-    h = np.zeros((len(k), 3, layout.size))
-    h[:, :, :6] = channel.turn.T @ ad[:, 3:]
-    h[:, :, 9:12] = (at - nominal.time[k])[:, None, None] * channel.turn.T
-    seen = [pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in values]
-    e = np.array([pin.log3((R @ channel.turn).T @ S) for R, S in zip(rotation, seen, strict=True)])
+def _orientation(sensed: Sensed) -> tuple[Array, Array, Array]:
+    (rotation, _, ad), turn = _poses_at(sensed), sensed.sensor.turn
+    seen = [pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in sensed.values]
+    e = np.array([pin.log3((R @ turn).T @ S) for R, S in zip(rotation, seen, strict=True)])
+    h = np.zeros((*e.shape, sensed.layout.size))
+    h[:, :, POSE_ERROR] = turn.T @ ad[:, 3:]
+    h[:, :, TURNING] = sensed.late[:, :, None] * turn.T
     return h, e, np.zeros_like(e)
 
 
-def _gyro(
-    channel: RawChannel,
-    layout: Layout,
-    nominal: NominalMotion,
-    d: LinearDynamics,
-    k: Integers,
-    at: Array,
-    values: Array,
-    _t: str,
-) -> tuple[Array, Array, Array]:
-    h = np.zeros((len(k), 3, layout.size))
-    series = nominal.twist[:, 3:] @ channel.turn
-    rate = _interpolated(nominal.time, series, at)[0]
-    slope = _rate_of(nominal.time, series, at) if channel.name in layout.offset_at else np.zeros_like(rate)
-    s, first = (at - nominal.time[k])[:, None], np.minimum(k, len(d.push) - 1)
-    h[:, :, 9:12] = channel.turn.T
-    h += s[:, :, None] * (channel.turn.T @ d.acceleration[first, 3:])
-    h[:, :, layout.gyro_bias] += np.eye(3)
-    return h, values - rate - s * (d.push[first, 3:] @ channel.turn), slope
+def _gyro(sensed: Sensed) -> tuple[Array, Array, Array]:
+    d, turn, s, k, h = sensed.d, sensed.sensor.turn, sensed.late, sensed.interval, sensed.no_rows()
+    rate, slope = sensed.shown(sensed.nominal.time, sensed.nominal.twist[:, 3:] @ turn)
+    h[:, :, TURNING] = turn.T
+    h += s[:, :, None] * (turn.T @ d.acceleration[k, 3:])
+    h[:, :, sensed.layout.gyro_bias] += np.eye(3)
+    return h, sensed.values - rate - s * (d.push[k, 3:] @ turn), slope
 
 
-def _accelerometer(
-    channel: RawChannel,
-    layout: Layout,
-    nominal: NominalMotion,
-    d: LinearDynamics,
-    k: Integers,
-    at: Array,
-    values: Array,
-    _t: str,
-) -> tuple[Array, Array, Array]:
-    middle = 0.5 * (nominal.time[1:] + nominal.time[:-1])
-    first = np.minimum(k, len(middle) - 1)
-    felt = np.empty((len(middle), 3))
-    felt_accelerations(d.middle_twist, d.middle_acceleration, d.up, channel.place, felt)
-    felt = felt @ channel.turn
-    here = _interpolated(middle, felt, at)[0]
-    slope = _rate_of(middle, felt, at) if channel.name in layout.offset_at else np.zeros_like(here)
-    h, constant, by_place = np.zeros((len(k), 3, layout.size)), np.empty((len(k), 3)), np.empty((len(k), 3, 3))
-    accelerometer_rows(
-        first, channel.turn, channel.place, d.middle_twist, d.middle_acceleration, d.up, d.acceleration, d.push,
-        d.pose, d.twist, d.kick, h, constant, by_place,
-    )  # fmt: skip
-    h[:, :, layout.accelerometer_bias] += np.eye(3)
-    if (mount := layout.mount_at) is not None:
-        h[:, :, mount] = np.concatenate([channel.turn.T @ by_place, cross_matrices(here)], axis=2)
-    return h, values - here - constant, slope
+def _accelerometer(sensed: Sensed) -> tuple[Array, Array, Array]:
+    turn, place, h = sensed.sensor.turn, sensed.sensor.place, sensed.no_rows()
+    felt, constant, by_place = np.empty((len(sensed.d.up), 3)), np.empty(h.shape[:2]), np.empty((len(h), 3, 3))
+    felt_accelerations(sensed.d, place, felt)
+    here, slope = sensed.shown(sensed.nominal.middles(), felt @ turn)
+    accelerometer_rows(sensed.d, sensed.interval, turn, place, h, constant, by_place)
+    h[:, :, sensed.layout.accelerometer_bias] += np.eye(3)
+    if (mount := sensed.layout.mount_at) is not None:
+        h[:, :, mount] = np.concatenate([turn.T @ by_place, cross_matrices(here)], axis=2)
+    return h, sensed.values - here - constant, slope
 
 
-def _crank(
-    channel: RawChannel,
-    layout: Layout,
-    nominal: NominalMotion,
-    _d: LinearDynamics,
-    k: Integers,
-    at: Array,
-    values: Array,
-    _t: str,
-) -> tuple[Array, Array, Array]:
-    s = at - nominal.time[k]
-    angle, rate, bend = nominal.crank[k].T
-    h = np.zeros((len(k), 1, layout.size))
-    h[:, 0, 12], h[:, 0, 13], h[:, 0, 14] = 1.0, s, 0.5 * s**2
-    e = values[:, 0] - (angle + s * rate + 0.5 * s**2 * bend)
+def _crank(sensed: Sensed) -> tuple[Array, Array, Array]:
+    s, h = sensed.late, sensed.no_rows()
+    angle, rate, bend = (part[:, None] for part in sensed.nominal.crank[sensed.knot].T)
+    h[:, :, CRANK_ERROR] = np.stack([np.ones_like(s), s, 0.5 * s**2], axis=2)
+    e = sensed.values - (angle + s * rate + 0.5 * s**2 * bend)
     e -= 2.0 * np.pi * np.round(e / (2.0 * np.pi))
-    return h, e[:, None], (rate + s * bend)[:, None]
+    return h, e, rate + s * bend
 
 
-def _torque(
-    channel: RawChannel,
-    layout: Layout,
-    nominal: NominalMotion,
-    d: LinearDynamics,
-    k: Integers,
-    at: Array,
-    values: Array,
-    of: str,
-) -> tuple[Array, Array, Array]:
-    middle = 0.5 * (nominal.time[1:] + nominal.time[:-1])
-    first = np.minimum(k, len(middle) - 1)
-    if of == "motor_only":
+def _torque(sensed: Sensed) -> tuple[Array, Array, Array]:
+    d, k = sensed.d, sensed.interval
+    series, h = d.torque_at, d.torque[k]
+    if sensed.torque == "motor_only":
         series = np.sum(d.slope * d.torque_at, axis=1, keepdims=True)
-        h = np.einsum("ki,kij->kj", d.slope[first], d.torque[first])[:, None]
-    else:
-        series, h = d.torque_at, d.torque[first].copy()
-    here = _interpolated(middle, series, at)[0]
-    slope = _rate_of(middle, series, at) if channel.name in layout.offset_at else np.zeros_like(here)
-    return h, values - here, slope
+        h = np.einsum("ki,kij->kj", d.slope[k], h)[:, None]
+    here, slope = sensed.shown(sensed.nominal.middles(), series)
+    return h, sensed.values - here, slope
 
 
 ROWS_BY_SENSOR = {

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.numerics import Array, Integers, inner, kernel
 
 
 @kernel
-def felt_accelerations(twist: Array, rate: Array, up: Array, place: Array, felt: Array) -> None:
-    """Write the specific force at a place in the body, v' + w x v + w' x r + w x (w x r) - R^T g, body axes.
+def felt_accelerations(d: LinearDynamics, place: Array, felt: Array) -> None:
+    """Write the specific force felt (m, 3) at a place r (3,) in the body, body axes, at the middle of each interval.
 
-    Args:
-        twist: (m, 6) of the body, body axes.
-        rate: (m, 6) its change.
-        up: (m, 3) R^T g.
-        place: (3,) r, from the body's COM.
-        felt: (m, 3) written.
+    It is v' + w x v + w' x r + w x (w x r) - R^T g.
     """
+    twist, rate, up = d.middle_twist, d.middle_acceleration, d.up
     total = np.empty(3)
     for k in range(twist.shape[0]):
         v, w = twist[k, :3], twist[k, 3:]
@@ -31,39 +28,20 @@ def felt_accelerations(twist: Array, rate: Array, up: Array, place: Array, felt:
 
 @kernel
 def accelerometer_rows(
-    of: Integers,
-    turn: Array,
-    place: Array,
-    twist: Array,
-    rate: Array,
-    up: Array,
-    A: Array,
-    push: Array,
-    pose_rows: Array,
-    twist_rows: Array,
-    kick: Array,
-    h: Array,
-    constant: Array,
-    by_place: Array,
+    d: LinearDynamics, of: Integers, turn: Array, place: Array, h: Array, constant: Array, by_place: Array
 ) -> None:
     """Write the rows of accelerometer samples, without bias, and their change at x = 0.
 
     Args:
+        d: the linear model.
         of: (k,) interval of each sample.
         turn: (3, 3) sensor to body.
         place: (3,) of the sensor in the body.
-        twist: (m, 6) at the middle of each interval.
-        rate: (m, 6) its change.
-        up: (m, 3) R^T g.
-        A: (m, 6, n) rows of the acceleration, as in `LinearDynamics`, also those below.
-        push: (m, 6) its constant part.
-        pose_rows: (m, 6, n) rows of the pose error.
-        twist_rows: (m, 6, n) rows of the twist error.
-        kick: (m, 6) its constant part.
-        h: (k, 3, n) written, zero before.
+        h: (k, 3, n) written.
         constant: (k, 3) written.
         by_place: (k, 3, 3) written: change with the place.
     """
+    twist, rate, A, push = d.middle_twist, d.middle_acceleration, d.acceleration, d.push
     n = h.shape[2]
     D, by_pose, W, column = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     unit, moved, in_body = np.zeros(3), np.zeros(3), np.zeros((3, n + 1))
@@ -85,7 +63,7 @@ def accelerometer_rows(
                 D[i, 3 + j] += column[i]
             cross(unit, place, column)
             add_cross(w, column, D[:, 3 + j])
-            cross(unit, up[k], column)  # by the turn: -up x d
+            cross(unit, d.up[k], column)  # by the turn: -up x d
             for i in range(3):
                 by_pose[i, j] = column[i]
             cross(turning, unit, column)
@@ -99,9 +77,9 @@ def accelerometer_rows(
             for i in range(3):
                 total = A[k, i, j]
                 for c in range(6):
-                    total += D[i, c] * twist_rows[k, c, j]
+                    total += D[i, c] * d.twist[k, c, j]
                 for c in range(3):
-                    total += by_pose[i, c] * pose_rows[k, 3 + c, j]
+                    total += by_pose[i, c] * d.pose[k, 3 + c, j]
                 in_body[i, j] = total
             for i in range(3):
                 unit[i] = A[k, 3 + i, j]
@@ -111,7 +89,7 @@ def accelerometer_rows(
         for i in range(3):
             in_body[i, n] = push[k, i]
             for c in range(6):
-                in_body[i, n] += D[i, c] * kick[k, c]
+                in_body[i, n] += D[i, c] * d.kick[k, c]
         cross(push[k, 3:], place, column)
         for i in range(3):
             in_body[i, n] += column[i]

@@ -14,13 +14,15 @@ import numpy as np
 from aerobat_pin.estimation.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.estimation.raw.channels import RawRecord
 from aerobat_pin.estimation.raw.choose_walk import likelier_tuning, simpler_tuning
-from aerobat_pin.estimation.raw.dynamics import LinearDynamics, linear_dynamics
+from aerobat_pin.estimation.raw.dynamics import linear_dynamics
+from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.estimation.raw.jumps import more_jumps
 from aerobat_pin.estimation.raw.layout import MOTION, TWIST_ERROR, Layout
-from aerobat_pin.estimation.raw.linear import LinearRecord, Smoothed
+from aerobat_pin.estimation.raw.linear import LinearRecord
 from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.estimation.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.estimation.raw.prior import Prior, first_prior, prior_at
+from aerobat_pin.estimation.raw.recursion import Smoothed
 from aerobat_pin.estimation.raw.rows import sample_rows
 from aerobat_pin.estimation.raw.tuning import Flags, Tuning, first_tuning, free_logs
 from aerobat_pin.estimation.raw.windows import RecordPart, part_of, stretches
@@ -119,8 +121,8 @@ class JointSmoother:
                 nis, iterations = solved.nis(), solved.iterations
             if window.next is not None:
                 k = window.next - window.start
-                smoothed = solved.smoothed
-                prior = prior_at(solved.linear.nominal, k, smoothed.filtered[k], smoothed.covariances[k])
+                filtered = solved.smoothed.filtered
+                prior = prior_at(solved.linear.nominal, k, filtered.states[k], filtered.covariances[k])
             if progress is not None:
                 progress(window.stop / (len(record.time) - 1))
         return self._joined(parts, solved, nis, iterations, offsets)
@@ -144,7 +146,8 @@ class JointSmoother:
     ) -> LinearRecord:
         """Linearise a record about a motion."""
         dynamics = self.dynamics(motion, air, record.known, force, layout)
-        return LinearRecord(layout, motion, dynamics, sample_rows(record, layout, motion, dynamics, shifts), jumps)
+        rows = sample_rows(record, layout, motion, dynamics, shifts)
+        return LinearRecord(layout, motion, dynamics, tuple(record.channels), rows, jumps)
 
     def solve(
         self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None, shifts: dict[str, float]
@@ -245,7 +248,7 @@ class JointSmoother:
             force_covariance=np.concatenate([part.covariance for part in parts]),
             jumps=tuple(time for part in parts for time in part.jumps),
             bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
-            mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.covariances[-1][at, at]),
+            mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.filtered.P[at, at]),
             factors=factors,
             tuning=end.tuning,
             chosen=bool(np.any(free_logs(self.settings))),
@@ -298,16 +301,20 @@ class Solved:
             self.settled,
         )
 
+    @property
+    def ratios(self) -> Array:
+        """Innovation squared over its variance of each sample (k,)."""
+        innovation, variance = self.smoothed.filtered.innovations.T
+        return np.asarray(innovation**2 / variance)
+
     def nis(self) -> dict[str, float]:
         """Return the mean of innovation squared over variance, by sensor."""
-        rows = self.linear.rows
-        ratio = self.smoothed.innovations[:, 0] ** 2 / self.smoothed.innovations[:, 1]
-        return {name: float(np.mean(ratio[rows.sensor == i])) for i, name in enumerate(rows.names)}
+        ratio, sensor = self.ratios, self.linear.rows.sensor
+        return {name: float(np.mean(ratio[sensor == i])) for i, name in enumerate(self.linear.sensors)}
 
     def innovation(self) -> Array:
         """Return the sum of innovations squared over variance of each interval, and their number (m, 2)."""
-        ratio = self.smoothed.innovations[:, 0] ** 2 / self.smoothed.innovations[:, 1]
-        total = np.concatenate([[0.0], np.cumsum(ratio)])[self.linear.rows.start]
+        total = np.concatenate([[0.0], np.cumsum(self.ratios)])[self.linear.rows.start]
         return np.stack([np.diff(total)[:-1], np.diff(self.linear.rows.start)[:-1]], axis=1)
 
 
