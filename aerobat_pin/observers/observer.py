@@ -42,7 +42,13 @@ from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
-WORLD = pin.Convention.WORLD
+
+
+def compute_dynamics(model: pin.Model, data: pin.Data, q: Array, v: Array) -> None:
+    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read."""
+    crba(model, data, q)
+    computeCoriolisMatrix(model, data, q, v)
+    computeGeneralizedGravity(model, data, q)
 
 
 class Observer:
@@ -71,7 +77,7 @@ class Observer:
     kind: ClassVar[int] = FIRST_ORDER
     slope: float = 0.0  # [N/s], used by the super-twisting filter only
     _result: ClassVar[type[Sample]] = Sample
-    _asks_for_coriolis: ClassVar[bool] = True  # False where a kernel computes C^T v and g from what `crba` leaves
+    _compute: ClassVar[Any] = staticmethod(compute_dynamics)  # what Pinocchio does at a sample
     _settings: Mapping[str, Any] = MappingProxyType({})  # arguments that only one kind of observer has
 
     @guarded(gain="any", rows="free")
@@ -150,7 +156,7 @@ class Observer:
         check_configurations(self._directions, q[None])
         # Only streams need this kernel compiled. From here on, it accepts only arrays of doubles and raises otherwise.
         lock(self._update, self._memory.copy(), q, v, v, 1.0, np.zeros(self._width))
-        _compute(self.model, self.data, q, v, self._asks_for_coriolis)
+        self._compute(self.model, self.data, q, v)
         self._start(v)
         self._time = time
         self._latest = self._result(np.zeros(self._width), self._nv, self._count)
@@ -190,19 +196,14 @@ class Observer:
                     if force.shape != u.shape:  # numpy would broadcast one number to all rows
                         raise TypeError
                     u = u + force
-            if self._asks_for_coriolis:
-                crba(model, data, q)
-                computeCoriolisMatrix(model, data, q, v)
-                computeGeneralizedGravity(model, data, q)
-            else:
-                crba(model, data, q, WORLD)
+            self._compute(model, data, q, v)
             good = self._update(self._memory, q, v, u, dt, out)
         except (AttributeError, TypeError, ValueError):  # not arrays of doubles of the right shape
             good = False
         if not good:
             time = number(time, "time")
             q, v, u = self._checked(q, v, tau, known)
-            _compute(model, data, q, v, self._asks_for_coriolis)
+            self._compute(model, data, q, v)
             if not self._update(self._memory, q, v, u, dt, out):
                 raise ShapeError(f"the residual at {time} s is not finite: q, v or a force is too large")
         self._time = time
@@ -262,14 +263,9 @@ class Observer:
 
     def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
         """Call a kernel at every sample of a record, after Pinocchio has computed M, C and g there."""
-        model, data, whole = self.model, self.data, self._asks_for_coriolis
+        model, data, compute = self.model, self.data, self._compute
         for configuration, velocity in zip(q, v, strict=True):
-            if whole:
-                crba(model, data, configuration)
-                computeCoriolisMatrix(model, data, configuration, velocity)
-                computeGeneralizedGravity(model, data, configuration)
-            else:
-                crba(model, data, configuration, WORLD)
+            compute(model, data, configuration, velocity)
             kernel(memory)
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
@@ -312,16 +308,3 @@ class Observer:
         if np.isnan(self._time):
             raise ObserverError("reset(q, v) must come before the first update")
         raise ObserverError(f"time went from {self._time} s to {time} s: stamps must not decrease")
-
-
-def _compute(model: pin.Model, data: pin.Data, q: Any, v: Any, coriolis: bool) -> None:
-    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read.
-
-    Without C and g it computes the inertias of the subtrees instead, about the world's origin.
-    """
-    if not coriolis:
-        crba(model, data, q, WORLD)
-        return
-    crba(model, data, q)
-    computeCoriolisMatrix(model, data, q, v)
-    computeGeneralizedGravity(model, data, q)

@@ -40,7 +40,7 @@ def own_model_errors(linear: LinearRecord, prior: Prior, tuning: Tuning, rng: np
             following[white] = 0.0
             x = following + np.sqrt(noise[k]) * rng.standard_normal(n)
     here = prior_at(linear.nominal, 0, np.zeros(n), prior.covariance)
-    drawn = replace(linear, rows=rows._replace(e=e)).smooth(tuning, here, deviations=True)
+    drawn = replace(linear, rows=rows._replace(e=e)).smooth(tuning, here, blocks=True)
     filtered, spread = drawn.filtered.states[:, walk], drawn.filtered.covariances[:, walk, walk]
     made = {}
     for name, found, covariance in (("filter", filtered, spread), ("smoother", drawn.states[:, walk], drawn.blocks)):

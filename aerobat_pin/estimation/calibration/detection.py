@@ -57,7 +57,7 @@ class Detection:
         for i, frame in enumerate(self.frames):
             statistic = np.where(sought, np.max(over[:, 3 * i : 3 * i + 3], axis=1), 0.0)
             joined: list[tuple[Contact, float]] = []
-            for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0, 0.0).detect(inputs.time, statistic):
+            for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(inputs.time, statistic):
                 contact, size = Contact(frame, event.onset, event.alarm, event.end), event.peak
                 if joined and joined[-1][0].end is not None and event.onset - joined[-1][0].end < JOINED:
                     before, larger = joined.pop()

@@ -70,12 +70,16 @@ class LinearRecord:
         d, fresh = self.dynamics, _ends(white)
         return filter_record(d.transition, d.shift, self.noise(tuning), fresh, self.rows, made), made
 
-    def smooth(self, tuning: Tuning, prior: Prior, *, scores: bool = False, deviations: bool = False) -> Smoothed:
-        """Smooth the record; scores and deviations take most of the time, and are empty if not asked for."""
+    def score(self, tuning: Tuning, prior: Prior) -> float:
+        """Return the log-likelihood of the samples."""
+        return self.filter(tuning, prior, keep=False)[0]
+
+    def smooth(self, tuning: Tuning, prior: Prior, *, scores: bool = False, blocks: bool = False) -> Smoothed:
+        """Smooth the record; scores and blocks take most of the time, and are empty if not asked for."""
         _, filtered = self.filter(tuning, prior, keep=True)
         layout, (m, n) = self.layout, filtered.states.shape
-        spread, wanted, b = m if deviations else 0, m if scores or deviations else 0, 3 * layout.points
-        sizes = (m, n), (spread, n), (spread, b, b), (wanted, n), (wanted, n), (wanted, b, b)
+        spread, wanted, b = m if blocks else 0, m if scores or blocks else 0, 3 * layout.points
+        sizes = (m, n), (spread, b, b), (wanted, n), (wanted, n), (wanted, b, b)
         made = Smoothed(filtered, *map(np.empty, sizes))
         smooth_record(self.dynamics.transition, _ends(layout.white), _ends(layout.walk), self.rows, made)
         return made

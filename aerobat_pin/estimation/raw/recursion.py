@@ -62,8 +62,7 @@ class Smoothed(NamedTuple):
     Attributes:
         filtered: what the filter has kept.
         states: (m + 1, n) smoothed states.
-        deviations: (m + 1, n) their standard deviations; or empty, which saves time.
-        blocks: (m + 1, b, b) covariance of the block, or empty.
+        blocks: (m + 1, b, b) covariance of the block; or empty, which saves time.
         pulls, informations: (m + 1, n) derivative of the log-likelihood by a sudden change of each state before each
             knot's samples, with the sign turned, and its variance; or empty, which saves more time.
         inside: (m + 1, b, b) covariance of the block's pulls, or empty.
@@ -71,7 +70,6 @@ class Smoothed(NamedTuple):
 
     filtered: Filtered
     states: Array
-    deviations: Array
     blocks: Array
     pulls: Array
     informations: Array
@@ -206,11 +204,11 @@ def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, 
         rows: the samples.
         made: written, but for what is filtered.
     """
-    (_, _, gains, innovations, filtered, covariances), states, deviations, blocks, pulls, informations, inside = made
+    (_, _, gains, innovations, filtered, covariances), states, blocks, pulls, informations, inside = made
     start, h = rows.start, rows.h
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
     adjoint, old = np.zeros(n), np.zeros(n)
-    wanted, spread = pulls.shape[0] > 0, deviations.shape[0] > 0
+    wanted, spread = pulls.shape[0] > 0, blocks.shape[0] > 0
     N, T, w = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     for k in range(m, -1, -1):
         if k < m:
@@ -242,17 +240,12 @@ def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, 
                 total += P[i, j] * adjoint[j]
             states[k, i] = filtered[k, i] - total
         if spread:
-            for i in range(n):
+            for i in range(block[0], block[1]):
                 for j in range(n):
                     T[i, j] = 0.0
                 for a in range(n):
                     for j in range(n):
                         T[i, j] += P[i, a] * N[a, j]
-                total = P[i, i]
-                for j in range(n):
-                    total -= T[i, j] * P[j, i]
-                deviations[k, i] = np.sqrt(max(total, 0.0))
-            for i in range(block[0], block[1]):
                 for b in range(block[0], block[1]):
                     total = P[i, b]
                     for j in range(n):

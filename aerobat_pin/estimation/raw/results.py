@@ -146,8 +146,6 @@ def as_estimate(
         found: what the joint smoother found.
     """
     m, points = force.shape[:2]
-    residual = generalised(robot, checked.frames, inputs, force)
-    notes = list(notes_of(found))
     counted = innovation[:, 1] > 0.0
     nis = np.where(counted, innovation[:, 0] / np.maximum(innovation[:, 1], 1.0), 1.0)
     centred = nis[counted] - 1.0
@@ -168,11 +166,11 @@ def as_estimate(
         components=components,
         frames=frames,
         units=units,
-        residual=residual,
+        residual=generalised(robot, checked.frames, inputs, force),
         identifiability=identifiability,
         standard_deviation=deviation,
         innovation=Innovation(nis, white),
-        notes=tuple(notes),
+        notes=tuple(notes_of(found)),
         warnings=tuple(warnings),
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -45,7 +46,6 @@ class JointEstimate:
 
     Attributes:
         nominal: motion at the knots.
-        motion_deviation: (m + 1, 15) standard deviations of pose (body axes), twist and crank.
         force: (m, points, 3) slowly changing forces in world axes, of each interval [N].
         force_covariance: (m, 3 points, 3 points) their covariance.
         jumps: times [s] at which the forces jump.
@@ -60,7 +60,6 @@ class JointEstimate:
     """
 
     nominal: NominalMotion
-    motion_deviation: Array
     force: Array
     force_covariance: Array
     jumps: tuple[float, ...]
@@ -95,11 +94,8 @@ class JointSmoother:
         self.robot = robot = replace(robot, linkage=linkage)
         self.series = linkage.series
         self.frames, self.settings, self._data = frames, settings, robot.model.createData()
-        self.air, self.weight = (
-            AirAboutNominal(robot, air),
-            robot.mass * float(np.linalg.norm(robot.model.gravity.linear)),
-        )
-        self.weight = self.weight or robot.mass * 9.81
+        self.air = AirAboutNominal(robot, air)
+        self.weight = robot.mass * (float(np.linalg.norm(robot.model.gravity.linear)) or 9.81)
         self.layout = Layout(len(frames), settings.mass_error > 0.0, settings.air_error > 0.0, mount)
 
     def run(self, record: RawRecord, progress: Callable[[float], None] | None = None) -> JointEstimate:
@@ -173,7 +169,7 @@ class JointSmoother:
             if rounds and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
                 use, linear = self._likelier(replace(linear, jumps=np.zeros(len(force))), prior, use, free, rounds[0])
                 if rounds.pop(0) == FIRST_ROUNDS:
-                    use = self._simpler(linear, prior, use, free)
+                    use = simpler_tuning(partial(linear.score, prior=prior), use, free, self.weight)
                 jumps = linear.jumps
             smoothed = linear.smooth(use, prior)
             size = _change_of_twist(smoothed.states[:, TWIST_ERROR])
@@ -181,7 +177,7 @@ class JointSmoother:
             force = self.layout.forces(smoothed.states[:-1])
             if size < SETTLED and not rounds:
                 break
-        smoothed = linear.smooth(use, prior, deviations=True)
+        smoothed = linear.smooth(use, prior, blocks=True)
         return Solved(linear, smoothed, motion, use, prior, air, iteration + 1, size < SETTLED)
 
     def _likelier(
@@ -203,14 +199,6 @@ class JointSmoother:
                 break
             linear = replace(linear, jumps=jumps)
         return tuning, linear
-
-    def _simpler(self, linear: LinearRecord, prior: Prior, tuning: Tuning, free: Flags) -> Tuning:
-        """Return the tuning, with forces that only walk where the samples are likelier so."""
-
-        def score(candidate: Tuning) -> float:
-            return linear.filter(candidate, prior, keep=False)[0]
-
-        return simpler_tuning(score, tuning, free, self.weight)
 
     def _offsets(self, record: RawRecord, solved: Solved) -> tuple[ClockOffset, ...]:
         """Return the clock offsets that the samples of a smoothed window ask for."""
@@ -235,20 +223,19 @@ class JointSmoother:
     ) -> JointEstimate:
         """Join the windows' kept parts; biases and factors are those at the end."""
         layout = self.layout
-        x, spread = end.smoothed.states[-1], end.smoothed.deviations[-1]
+        x, P = end.smoothed.states[-1], end.smoothed.filtered.P
         factors = {
-            name: (1.0 + float(x[at]), float(spread[at]))
+            name: (1.0 + float(x[at]), float(np.sqrt(P[at, at])))
             for name, at in (("mass", layout.mass_at), ("air", layout.air_at))
             if at is not None
         }
         return JointEstimate(
             nominal=NominalMotion.joined([part.motion for part in parts]),
-            motion_deviation=np.concatenate([part.deviation for part in parts]),
             force=np.concatenate([part.force for part in parts]),
             force_covariance=np.concatenate([part.covariance for part in parts]),
             jumps=tuple(time for part in parts for time in part.jumps),
             bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
-            mount=None if (at := layout.mount_at) is None else (x[at], end.smoothed.filtered.P[at, at]),
+            mount=None if (at := layout.mount_at) is None else (x[at], P[at, at]),
             factors=factors,
             tuning=end.tuning,
             chosen=bool(np.any(free_logs(self.settings))),
@@ -265,7 +252,6 @@ class Kept:
     """What is kept of a window; see `JointEstimate`."""
 
     motion: NominalMotion
-    deviation: Array
     force: Array
     covariance: Array
     jumps: list[float]
@@ -293,7 +279,6 @@ class Solved:
         final = b if window.next is not None else b + 1
         return Kept(
             self.motion.part(a, final - 1),
-            smoothed.deviations[a:final, :MOTION].copy(),
             layout.forces(smoothed.states[a:b]),
             layout.by_mode @ smoothed.blocks[a:b] @ layout.by_mode.T,
             self.linear.nominal.time[a + 1 : b + 1][self.linear.jumps[a:b] > 0.0].tolist(),

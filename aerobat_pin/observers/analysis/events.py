@@ -52,20 +52,18 @@ class Detector:
         bias: (c,) or one number, subtracted from the series.
         floor: value of the statistic above which an excursion begins.
         threshold: value of the statistic at which an alarm is raised.
-        false_alarms: rate of false alarms for which the threshold was calibrated [1/s].
         delay: delay of the filter that produced the series, 1/K [s].
     """
 
     bias: Array
     floor: float
     threshold: float
-    false_alarms: float
     delay: float
 
     @guarded()
     def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
         """Return the statistic (m,) of values (m,) or (m, c), which are means over the intervals of `time` (m + 1,)."""
-        raise NotImplementedError
+        return self._statistic(*self._series(time, values))
 
     @guarded()
     def detect(self, time: ArrayLike, values: ArrayLike) -> list[Event]:
@@ -79,7 +77,7 @@ class Detector:
             ShapeError: arrays do not fit each other, or numbers are not finite.
         """
         edges, series = self._series(time, values)
-        statistic, size = self.statistic(edges, series), _deviation(series, self.bias)
+        statistic, size = self._statistic(edges, series), _deviation(series, self.bias)
         events = []
         for first, last in _excursions(statistic, self.floor):
             beyond = first + np.flatnonzero(statistic[first:last] >= self.threshold)
@@ -98,14 +96,15 @@ class Detector:
             )
         return edges, series
 
+    def _statistic(self, edges: Array, series: Array) -> Array:
+        raise NotImplementedError
+
 
 class LevelDetector(Detector):
-    """A detector whose statistic is the deviation from the bias, or its norm; the floor is the rms in a free run."""
+    """A detector whose statistic is |x - bias| [unit of the series], or its norm; the floor is its rms in a free run."""
 
-    @guarded()
-    def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
-        """Return the statistic |x - bias| (m,) [unit of the series]."""
-        return _deviation(self._series(time, values)[1], self.bias)
+    def _statistic(self, _: Array, series: Array) -> Array:
+        return _deviation(series, self.bias)
 
     @guarded()
     def latency(self, step: float) -> float:
@@ -117,7 +116,8 @@ class LevelDetector(Detector):
 class CusumDetector(Detector):
     """A detector whose statistic is the impulse beyond a drift, in either direction.
 
-    It detects large steps later than a level does, but it detects smaller steps. The statistic is the larger of
+    It detects large steps later than a level does, but it detects smaller steps. The statistic [unit times s] is the
+    larger of
 
         s <- min(threshold, max(0, s + (d - drift) dt))          d = x - bias, and d = bias - x
 
@@ -129,10 +129,7 @@ class CusumDetector(Detector):
 
     drift: float
 
-    @guarded()
-    def statistic(self, time: ArrayLike, values: ArrayLike) -> Array:
-        """Return the larger one of the impulses in both directions (m,) [unit of the series times s]."""
-        edges, series = self._series(time, values)
+    def _statistic(self, edges: Array, series: Array) -> Array:
         dt, change = np.diff(edges), series - self.bias
         sides = []
         for side in (change, -change):
@@ -168,10 +165,8 @@ def calibrate_level(time: ArrayLike, free: ArrayLike, false_alarms: float, delay
     bias = bias_of(series).mean
     statistic = _deviation(series, bias)
     floor = float(np.sqrt(np.mean(statistic**2)))
-    squared = _tail_level(
-        _maxima(statistic, floor) ** 2, float(edges[-1] - edges[0]), false_alarms, "take a longer run"
-    )
-    return LevelDetector(bias, floor, float(np.sqrt(squared)), false_alarms, delay)
+    squared = _tail_level(_maxima(statistic, floor) ** 2, edges, false_alarms, "take a longer run")
+    return LevelDetector(bias, floor, float(np.sqrt(squared)), delay)
 
 
 @guarded(delay="not negative", false_alarms="any", drift="any")
@@ -197,13 +192,11 @@ def calibrate_cusum(
     if not (np.isfinite(drift) and drift > 0.0):
         raise ObserverError(f"drift = {drift}: a finite positive number was expected")
     bias = bias_of(series).mean
-    endless = CusumDetector(bias, 0.0, float("inf"), false_alarms, delay, drift)
-    statistic = endless.statistic(edges, series)
+    statistic = CusumDetector(bias, 0.0, float("inf"), delay, drift)._statistic(edges, series)
     share = float(np.mean(statistic > 0.0))
     better = "smaller drift, or calibrate_level for steps far above the noise" if share < 0.5 else "larger drift"
     advice = f"they last {share:.0%} of the time: take a longer run, or a {better}"
-    threshold = _tail_level(_maxima(statistic, 0.0), float(edges[-1] - edges[0]), false_alarms, advice)
-    return CusumDetector(bias, 0.0, threshold, false_alarms, delay, drift)
+    return CusumDetector(bias, 0.0, _tail_level(_maxima(statistic, 0.0), edges, false_alarms, advice), delay, drift)
 
 
 def _deviation(series: Array, bias: Array) -> Array:
@@ -221,11 +214,12 @@ def _maxima(statistic: Array, floor: float) -> Array:
     return np.array([statistic[first:last].max() for first, last in _excursions(statistic, floor)])
 
 
-def _tail_level(maxima: Array, duration: float, rate: float, advice: str) -> float:
-    """Return the level that the maxima (n,) found in a duration [s] exceed at a rate [1/s], by an exponential tail.
+def _tail_level(maxima: Array, edges: Array, rate: float, advice: str) -> float:
+    """Return the level that the maxima (n,) found in a free run exceed at a rate [1/s], by an exponential tail.
 
     Raises ObserverError if there are too few maxima, with `advice` on how to get more, or if the rate is not positive.
     """
+    duration = float(edges[-1] - edges[0])
     wanted = rate * duration
     if not (np.isfinite(rate) and rate > 0.0):
         raise ObserverError(f"false_alarms = {rate}: a finite positive rate in 1/s was expected")

@@ -94,12 +94,6 @@ class LineOfAction:
         row = np.concatenate([moment - 2.0 * self.pitch * force, force]) / self._square
         return float(np.sqrt(row @ self.covariance @ row))
 
-    @property
-    def point_covariance(self) -> Array:
-        """(3, 3) covariance of `point` [m2]."""
-        J = self._point_jacobian()
-        return np.asarray(J @ self.covariance @ J.T)
-
     @guarded()
     def seen_from(self, placement: pin.SE3) -> LineOfAction:
         """Return the same line in another frame.

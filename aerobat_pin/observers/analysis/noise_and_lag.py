@@ -63,13 +63,11 @@ class Prediction:
     Attributes:
         labels: labels of the components.
         covariance: (c, c) covariance of the components [N and N m]; infinite if a component cannot be determined.
-        residual_covariance: (nv, nv) covariance of the generalised residual.
         lag: lag of the estimate of a slowly varying force behind the force's interval means [s].
     """
 
     labels: tuple[str, ...]
     covariance: Array
-    residual_covariance: Array
     lag: float
 
     @property
@@ -109,11 +107,8 @@ def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> 
     factor = noise_gain(observer, float(observer.gain), dt) ** 2
     components = factor * P @ momentum @ P.T
     hidden = np.isinf(judge(observer.applications, J[None], rest[None], observer.believed).deviation)
-    residual = J.T @ components @ J if observer.project_first else factor * momentum
     components[hidden, :] = components[:, hidden] = np.inf
-    return Prediction(
-        observer.applications.components, components, residual, lag_of(observer, float(observer.gain), dt)
-    )
+    return Prediction(observer.applications.components, components, lag_of(observer, float(observer.gain), dt))
 
 
 def noise_gain(observer: Observer | type[Observer], gain: float, dt: float) -> float:

@@ -24,11 +24,17 @@ from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
+WORLD = pin.Convention.WORLD
 RISE_PULSATION = 1.75  # w / K: a second-order Butterworth filter of pulsation w [rad/s] rises to 1 - 1/e in 1.753 / w
 WALK, PRIOR = 2.2, 0.33  # of a robot's weight [1/sqrt(s), 1]: how much a force changes in 1 s, and its size at first
 LEAST_MISFIT = 0.004  # of a robot's weight: no model is better than that
 KNOWN_NOISE = 0.02  # of a robot's weight: limit for the noise of known forces in a row, moments over `MOMENT_ARM`
 HEAD_START = 2.5  # [1 / pulsation] of random walk before the first interval, so that a step at the start rises as later
+
+
+def compute_inertias(model: pin.Model, data: pin.Data, q: Array, _: Array) -> None:
+    """Let Pinocchio compute M, the inertias of the subtrees about the world's origin, the Jacobians and placements."""
+    pin.crba(model, data, q, WORLD)
 
 
 class KalmanSample(Sample):
@@ -89,7 +95,7 @@ class KalmanObserver(Observer):
 
     name = "kalman"
     _result = KalmanSample
-    _asks_for_coriolis = False
+    _compute = staticmethod(compute_inertias)
 
     @guarded(
         gain="any",
