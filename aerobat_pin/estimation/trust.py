@@ -123,21 +123,19 @@ def _noisy_components(estimate: Estimate) -> list[str]:
         for name, unit, own, whole in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)
         if own > LARGEST_NOISE * whole
     ]
-    if not loud:
-        return []
-    return [
+    line = (
         f"mostly noise from sample to sample: {', '.join(loud)} rms; a lower gain, kalman or smoother take it out, "
         "unless the force itself is that rough"
-    ]
+    )
+    return [line] if loud else []
 
 
 def warnings_about(estimate: Estimate) -> list[str]:
     """Return what spoils this estimate although the rows determine it."""
+    lines = [*estimate.warnings, *_noisy_components(estimate)]
     if estimate.observer == MomentumObserver.name and estimate.rows == "base+power":
-        return [
-            *estimate.warnings,
-            *_noisy_components(estimate),
+        lines.append(
             "filters the rows before it combines them with the motor's power, which holds at each instant only: the "
-            "force between the points is wrong; force_level, kalman and smoother project first",
-        ]
-    return [*estimate.warnings, *_noisy_components(estimate)]
+            "force between the points is wrong; force_level, kalman and smoother project first"
+        )
+    return lines

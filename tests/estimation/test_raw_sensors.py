@@ -244,7 +244,7 @@ def test_a_window_keeps_nothing_of_its_covariances() -> None:
     prior = first_prior(smoother.layout, found.nominal, smoother.weight, GIVEN)
     solved = smoother.solve(part, found.nominal.part(0, 200), prior, found.tuning, {})
     kept = solved.kept(next(stretches(part.time)))
-    for values in (kept.force, kept.covariance, kept.innovation):
+    for values in (kept.force, kept.force_covariance, kept.innovation):
         whole = values if values.base is None else values.base
         assert whole.nbytes < 40 * 8 * len(part.time)
 

@@ -44,7 +44,7 @@ TITLES = {
     "joint_torque_sample": "joint torque",
     "crank_torque_sample": "crank torque",
 }
-READINGS = {"x, y, z, w": ([0, 1, 2, 3], 1.0), "w, x, y, z": ([1, 2, 3, 0], 1.0)}
+READINGS = {"x, y, z, w": [0, 1, 2, 3], "w, x, y, z": [1, 2, 3, 0]}
 
 
 def raw_contradictions(log: FlightLog) -> list[Contradiction]:
@@ -84,7 +84,6 @@ def _repeated(title: str, data: xr.DataArray) -> Iterator[Contradiction]:
             return
     if title == TITLES["encoder"]:
         return  # a steady crank turns straight
-    bend = values[2:] - values[:-2] * 0.5 - values[1:-1] * 1.5
     step = time[1:] - time[:-1]
     share = (step[1:] / (step[1:] + step[:-1]))[:, None]
     bend = values[1:-1] - (values[:-2] * share + values[2:] * (1.0 - share))
@@ -99,6 +98,17 @@ def _repeated(title: str, data: xr.DataArray) -> Iterator[Contradiction]:
         yield Contradiction("interpolated channel", text, figure, "1", STRAIGHT)
 
 
+def _rotations_of(quaternions: Array) -> Array:
+    return np.array([pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in quaternions])
+
+
+def _gyro_turns(log: FlightLog, time: Array) -> Array:
+    """Return the integral of the gyro's rates (k, 3) at the times of other samples."""
+    at, rates = _stamped(log.measured["gyro"])
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], 0)])
+    return np.column_stack([np.interp(time, at, column) for column in turned.T])
+
+
 def _turns(rotation: Array) -> Array:
     return np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)])
 
@@ -107,16 +117,14 @@ def _quaternion_misread(log: FlightLog) -> Iterator[Contradiction]:
     """Yield a quaternion that fits gyro and gravity better if it is read in another order or the other way round."""
     time, values = _stamped(log.measured["mocap_quaternion"])
     readings = {}
-    for order, (columns, _) in READINGS.items():
-        rotation = np.array([pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in values[:, columns]])
+    for order, columns in READINGS.items():
+        rotation = _rotations_of(values[:, columns])
         readings[f"{order}, body to world"] = rotation
         readings[f"{order}, world to body"] = np.swapaxes(rotation, 1, 2)
     here = "x, y, z, w, body to world"
     left: dict[str, float] = {}
     if "gyro" in log.measured:
-        at, rates = _stamped(log.measured["gyro"])
-        turned = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], 0)])
-        steps = np.diff(np.column_stack([np.interp(time, at, column) for column in turned.T]), axis=0)
+        steps = np.diff(_gyro_turns(log, time), axis=0)
         seen = _turn_of(log, "mocap_quaternion") @ _turn_of(log, "gyro").T
         for name, rotation in readings.items():
             left[name] = float(np.sqrt(np.mean((_turns(rotation) - steps @ seen.T) ** 2)))
@@ -157,12 +165,10 @@ def _units(log: FlightLog) -> Iterator[Contradiction]:
     """Yield a gyro in degrees, and an accelerometer in g."""
     if "gyro" in log.measured:
         time, values = _stamped(log.measured["mocap_quaternion"])
-        at, rates = _stamped(log.measured["gyro"])
-        rotation = np.array([pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in values])
+        rotation = _rotations_of(values)
         n = max(1, round(0.1 * (len(time) - 1) / (time[-1] - time[0])))
         seen = np.array([np.linalg.norm(pin.log3(a.T @ b)) for a, b in zip(rotation[:-n], rotation[n:], strict=True)])
-        turned = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], 0)])
-        turned = np.column_stack([np.interp(time, at, column) for column in turned.T])
+        turned = _gyro_turns(log, time)
         felt = np.linalg.norm(turned[n:] - turned[:-n], axis=1)
         ratio = float(np.sqrt(np.mean(np.minimum(felt, 1e6) ** 2)) / max(np.sqrt(np.mean(seen**2)), 1e-9))
         if ratio > 20.0:

@@ -109,15 +109,15 @@ def first_guess(record: RawRecord) -> NominalMotion:
     return NominalMotion(time, rotation, where, twist, turned)
 
 
-def _spline(time: Array, values: Array, step: float):  # type: ignore[no-untyped-def]  # scipy has no types
-    """Return the least-squares spline of fifth degree with knots `step` apart, or three samples if these are rare."""
+def _spline(time: Array, values: Array, step: float, degree: int = 5):  # type: ignore[no-untyped-def]  # scipy's
+    """Return the least-squares spline with knots `step` apart, or three samples if these are rare."""
     from scipy.interpolate import make_lsq_spline
 
     span = time[-1] - time[0]
     step = max(step, 3.0 * span / (len(time) - 1))
     inside = np.linspace(time[0], time[-1], max(int(span / step), 1) + 1)[1:-1]
-    knots = np.concatenate([np.full(6, time[0]), inside, np.full(6, time[-1])])
-    return make_lsq_spline(time, values, knots, k=5)
+    knots = np.concatenate([np.full(degree + 1, time[0]), inside, np.full(degree + 1, time[-1])])
+    return make_lsq_spline(time, values, knots, k=degree)
 
 
 def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None) -> Array:
@@ -139,18 +139,8 @@ def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None)
         size = np.linalg.norm(logs[k])
         if size > 0.0 and np.linalg.norm(logs[k] - logs[k - 1]) > np.pi:
             logs[k] *= 1.0 - 2.0 * np.pi / size
-    drift = _lines(seen_at, logs, DRIFT_KNOTS)(time)
+    drift = _spline(seen_at, logs, DRIFT_KNOTS, degree=1)(time)
     return np.array([left @ pin.exp3(turn) @ R for turn, R in zip(drift, turned, strict=True)])
-
-
-def _lines(time: Array, values: Array, step: float):  # type: ignore[no-untyped-def]  # scipy has no types
-    """Return least-squares straight pieces through values, `step` apart or three samples."""
-    from scipy.interpolate import make_lsq_spline
-
-    span = time[-1] - time[0]
-    count = max(int(span / max(step, 3.0 * span / (len(time) - 1))), 1)
-    knots = np.concatenate([[time[0]], np.linspace(time[0], time[-1], count + 1), [time[-1]]])
-    return make_lsq_spline(time, values, knots, k=1)
 
 
 def _slerped(time: Array, at: Array, rotation: Array) -> Array:

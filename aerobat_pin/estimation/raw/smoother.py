@@ -49,12 +49,12 @@ class JointEstimate:
         force: (m, points, 3) slowly changing forces in world axes, of each interval [N].
         force_covariance: (m, 3 points, 3 points) their covariance.
         jumps: times [s] at which the forces jump.
-        bias: (6,) of gyro and accelerometer at the end.
+        bias: (6,) of gyro and accelerometer at the end, as are mount and factors.
         mount: (6,) error of the accelerometer's place [m] and turn [rad], and their covariance; None if not sought.
         factors: name (`mass`, `air`) -> factor and its standard deviation.
         tuning: the walk in use; `chosen` says whether it was chosen by likelihood.
         offsets: clock offsets that the samples ask for.
-        nis: sensor -> mean of innovation squared over its variance.
+        nis: sensor -> mean of innovation squared over its variance, in the first window.
         innovation: (m, 2) sum over each interval of innovations squared over their variance, and their number.
         iterations: linearisations of the first window; `settled` says whether the last one changed nothing.
     """
@@ -67,12 +67,12 @@ class JointEstimate:
     mount: tuple[Array, Array] | None
     factors: dict[str, tuple[float, float]]
     tuning: Tuning
-    chosen: bool
-    offsets: tuple[ClockOffset, ...]
     nis: dict[str, float]
     innovation: Array
     iterations: int
     settled: bool
+    chosen: bool = False
+    offsets: tuple[ClockOffset, ...] = ()
 
 
 class JointSmoother:
@@ -103,7 +103,7 @@ class JointSmoother:
         guess = first_guess(record)
         prior = first_prior(self.layout, guess, self.weight, self.settings)
         tuning, shifts, offsets = None, dict[str, float](), tuple[ClockOffset, ...]()
-        parts = list[Kept]()
+        parts = list[JointEstimate]()
         for window in stretches(record.time):
             here, motion = part_of(record, window.start, window.stop), guess.part(window.start, window.stop)
             solved = self.solve(here, motion, prior, tuning, shifts)
@@ -113,15 +113,26 @@ class JointSmoother:
                     solved = self.solve(here, solved.motion, prior, None, shifts)
             tuning = solved.tuning
             parts.append(solved.kept(window))
-            if window.start == 0:
-                nis, iterations = solved.nis(), solved.iterations
             if window.next is not None:
                 k = window.next - window.start
                 filtered = solved.smoothed.filtered
                 prior = prior_at(solved.linear.nominal, k, filtered.states[k], filtered.covariances[k])
             if progress is not None:
                 progress(window.stop / (len(record.time) - 1))
-        return self._joined(parts, solved, nis, iterations, offsets)
+        first, chosen = parts[0], bool(np.any(free_logs(self.settings)))
+        return replace(
+            parts[-1],
+            nominal=NominalMotion.joined([part.nominal for part in parts]),
+            force=np.concatenate([part.force for part in parts]),
+            force_covariance=np.concatenate([part.force_covariance for part in parts]),
+            jumps=tuple(time for part in parts for time in part.jumps),
+            chosen=chosen,
+            offsets=offsets,
+            nis=first.nis,
+            innovation=np.concatenate([part.innovation for part in parts]),
+            iterations=first.iterations,
+            settled=all(part.settled for part in parts),
+        )
 
     def dynamics(
         self, motion: NominalMotion, air: AirForces, known: Array, force: Array, layout: Layout | None = None
@@ -218,46 +229,6 @@ class JointSmoother:
             found = corrected(found, linear(solved, shifts), solved.prior, solved.tuning, error)
         return found
 
-    def _joined(
-        self, parts: list[Kept], end: Solved, nis: dict[str, float], iterations: int, offsets: tuple[ClockOffset, ...]
-    ) -> JointEstimate:
-        """Join the windows' kept parts; biases and factors are those at the end."""
-        layout = self.layout
-        x, P = end.smoothed.states[-1], end.smoothed.filtered.P
-        factors = {
-            name: (1.0 + float(x[at]), float(np.sqrt(P[at, at])))
-            for name, at in (("mass", layout.mass_at), ("air", layout.air_at))
-            if at is not None
-        }
-        return JointEstimate(
-            nominal=NominalMotion.joined([part.motion for part in parts]),
-            force=np.concatenate([part.force for part in parts]),
-            force_covariance=np.concatenate([part.covariance for part in parts]),
-            jumps=tuple(time for part in parts for time in part.jumps),
-            bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
-            mount=None if (at := layout.mount_at) is None else (x[at], P[at, at]),
-            factors=factors,
-            tuning=end.tuning,
-            chosen=bool(np.any(free_logs(self.settings))),
-            offsets=offsets,
-            nis=nis,
-            innovation=np.concatenate([part.innovation for part in parts]),
-            iterations=iterations,
-            settled=all(part.settled for part in parts),
-        )
-
-
-@dataclass(frozen=True)
-class Kept:
-    """What is kept of a window; see `JointEstimate`."""
-
-    motion: NominalMotion
-    force: Array
-    covariance: Array
-    jumps: list[float]
-    innovation: Array
-    settled: bool
-
 
 @dataclass(frozen=True)
 class Solved:
@@ -272,18 +243,28 @@ class Solved:
     iterations: int
     settled: bool
 
-    def kept(self, window: RecordPart) -> Kept:
+    def kept(self, window: RecordPart) -> JointEstimate:
         """Return what is kept of the window, as copies: all else is ten times as large."""
         layout, smoothed = self.linear.layout, self.smoothed
         a, b = window.first - window.start, window.last - window.start
-        final = b if window.next is not None else b + 1
-        return Kept(
-            self.motion.part(a, final - 1),
-            layout.forces(smoothed.states[a:b]),
-            layout.by_mode @ smoothed.blocks[a:b] @ layout.by_mode.T,
-            self.linear.nominal.time[a + 1 : b + 1][self.linear.jumps[a:b] > 0.0].tolist(),
-            self.innovation()[a:b].copy(),
-            self.settled,
+        final, x, P = b if window.next is not None else b + 1, smoothed.states[-1], smoothed.filtered.P
+        return JointEstimate(
+            nominal=self.motion.part(a, final - 1),
+            force=layout.forces(smoothed.states[a:b]),
+            force_covariance=layout.by_mode @ smoothed.blocks[a:b] @ layout.by_mode.T,
+            jumps=tuple(self.linear.nominal.time[a + 1 : b + 1][self.linear.jumps[a:b] > 0.0].tolist()),
+            bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
+            mount=None if (at := layout.mount_at) is None else (x[at].copy(), P[at, at].copy()),
+            factors={
+                name: (1.0 + float(x[at]), float(np.sqrt(P[at, at])))
+                for name, at in (("mass", layout.mass_at), ("air", layout.air_at))
+                if at is not None
+            },
+            tuning=self.tuning,
+            nis=self.nis(),
+            innovation=self.innovation()[a:b].copy(),
+            iterations=self.iterations,
+            settled=self.settled,
         )
 
     @property

@@ -101,7 +101,7 @@ class Detector:
 
 
 class LevelDetector(Detector):
-    """A detector whose statistic is |x - bias| [unit of the series], or its norm; the floor is its rms in a free run."""
+    """A detector whose statistic is |x - bias| [unit of the series], or its norm; the floor is its rms when free."""
 
     def _statistic(self, _: Array, series: Array) -> Array:
         return _deviation(series, self.bias)

@@ -28,7 +28,6 @@ from aerobat_pin.observers.kalman.learning import (
     MISFIT_LAG,
     MISFIT_TIME,
     drop_unseen,
-    drop_unseen_forces,
     leak_of_noise,
     learn_misfit,
     learn_noise,
@@ -82,7 +81,7 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     for a in range(nz):
         step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
     if step.blind[0] > 0.0:
-        drop_unseen_forces(step, filter_, z)
+        drop_unseen(step, 0, z.reshape((nz, 1)))
     if filter_.mass_in_doubt > 0:  # an error of the mass scales known and estimated forces
         for i in range(nv):
             shear[nz - 1, i] = dt * u[i]
@@ -135,7 +134,8 @@ def predict_covariance(
             for b in range(c):
                 row[b] += grown * filter_.walk[a, b]
     if step.blind[0] > 0.0:
-        drop_unseen(step, filter_, nv)
+        drop_unseen(step, nv, P)
+        drop_unseen(step, nv, P.T)
     onward, right = step.onward, filter_.right
     right[:, :], S[:, :] = 0.0, 0.0
     add_product(right, onward.T, P[:nv], 1.0)

@@ -13,9 +13,7 @@ MEMORY_TIME = 0.2  # [s]: time over which sensor noise and misfit are averaged: 
 MISFIT_LAG = 0.015  # [s]: two low-passes of this time keep most sensor noise out of the misfit
 CORRELATION = 2.5  # [MISFIT_LAG]: integral of the squared correlation of white noise behind both low-passes
 MISFIT_TIME = 0.01  # [s]: time over which an error of the model stays what it is
-DIFFERENCES = (
-    6  # order of the differences that show the sensor noise: it takes out any motion below a tenth of the rate
-)
+DIFFERENCES = 6  # order of those that show the sensor noise: it takes out any motion below a tenth of the rate
 DIFFERENCE_GAIN = np.sqrt(924.0)  # deviation of a sixth difference of white noise: sum of squared binomials
 ROOT_MEAN = 0.822179  # mean of the root of |x| for a standard normal x: 2^(1/4) Gamma(3/4) / sqrt(pi)
 STATED_COUNT = 2  # so many sixth differences count as much as what is stated about the sensors
@@ -117,33 +115,20 @@ def leak_of_noise(
 
 
 @inner
-def drop_unseen(step: Step, filter_: Filter, nv: int) -> None:
-    """Take out of the covariance P what leaves no trace: f <- (1 - N N^T) f for every block of c coefficients."""
-    P, c, n = filter_.P, step.unseen.shape[0], filter_.P.shape[0]
-    for first in range(nv, nv + step.z.shape[0], c):
-        filter_.seen[:, :] = 0.0
-        add_product(filter_.seen, step.unseen, P[first : first + c], -1.0)
-        for a in range(c):
-            for j in range(n):
-                P[first + a, j] += filter_.seen[a, j]
-        for i in range(n):
+def drop_unseen(step: Step, start: int, values: Array) -> None:
+    """Take out of rows of values (n, ...) what leaves no trace: f <- (1 - N N^T) f for every block of c coefficients.
+
+    The first of the coefficients is row `start`. Of a covariance, the rows of its transpose follow.
+    """
+    unseen, c = step.unseen, step.unseen.shape[0]
+    kept = np.empty(c)
+    for first in range(start, start + step.z.shape[0], c):
+        for j in range(values.shape[1]):
             for a in range(c):
-                filter_.seen[a, 0] = P[i, first + a]
+                kept[a] = values[first + a, j]
             for a in range(c):
                 for b in range(c):
-                    P[i, first + a] -= step.unseen[a, b] * filter_.seen[b, 0]
-
-
-@inner
-def drop_unseen_forces(step: Step, filter_: Filter, z: Array) -> None:
-    """Take out of the coefficients z (nz,) what leaves no trace, as `drop_unseen` does for the covariance."""
-    c, kept = step.unseen.shape[0], filter_.seen
-    for first in range(0, step.z.shape[0], c):
-        for a in range(c):
-            kept[a, 0] = z[first + a]
-        for a in range(c):
-            for b in range(c):
-                z[first + a] -= step.unseen[a, b] * kept[b, 0]
+                    values[first + a, j] -= unseen[a, b] * kept[b]
 
 
 @merged

@@ -73,7 +73,6 @@ class Filter(NamedTuple):
     right: Annotated[Array, "nv, nv + nz"]  # scratch: covariance of the right side of an interval's equation
     blurred: Annotated[Array, "nv, nv"]  # B^T, see `kernels`
     phi: Annotated[Array, "nv"]
-    seen: Annotated[Array, "c, nv + nz"]
     span: Annotated[Array, "c, nv"]  # scratch: orthonormal basis of the weighted rows that forces explain
     columns: Annotated[Array, "nv, c"]  # scratch: the same, transposed
     sent: Annotated[Array, "2 * nv, nv"]  # scratch: generalised forces that noise of the two samples' velocities makes

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, inner, kernel, mirror
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, kernel, mirror
 from aerobat_pin.observers.kalman.kernels import report
+from aerobat_pin.observers.kalman.learning import drop_unseen
 from aerobat_pin.observers.kalman.memory import Step, kalman_in, step_in
 
 
@@ -108,7 +109,9 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array,
     N[:, :nv] = 0.0
     add_product(N, old[:, :nv], mirrored, 1.0)
     if step.blind[0] > 0.0:
-        drop_unseen_backward(step, adjoint, N, mirrored)
+        drop_unseen(step, nv, adjoint.reshape((nv + nz, 1)))
+        drop_unseen(step, nv, N)
+        drop_unseen(step, nv, N.T)
     for a in range(nz):
         if decay[a] != 1.0:
             adjoint[nv + a] *= decay[a]
@@ -116,29 +119,6 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array,
                 N[nv + a, j] *= decay[a]
             for j in range(nv + nz):
                 N[j, nv + a] *= decay[a]
-
-
-@inner
-def drop_unseen_backward(step: Step, adjoint: Array, N: Array, mirrored: Array) -> None:
-    """Carry the adjoint (n,) and its covariance N (n, n) backward over `kernels.drop_unseen`."""
-    unseen, n, nv = step.unseen, adjoint.shape[0], mirrored.shape[0]
-    c = unseen.shape[0]
-    kept = np.empty(c)
-    for first in range(nv, nv + step.z.shape[0], c):
-        for line in range(2 * n + 1):  # the adjoint, all columns of N, all rows of N
-            for a in range(c):
-                at = first + a
-                kept[a] = adjoint[at] if line == 2 * n else N[at, line] if line < n else N[line - n, at]
-            for a in range(c):
-                change, at = 0.0, first + a
-                for b in range(c):
-                    change += unseen[a, b] * kept[b]
-                if line == 2 * n:
-                    adjoint[at] -= change
-                elif line < n:
-                    N[at, line] -= change
-                else:
-                    N[line - n, at] -= change
 
 
 @kernel
