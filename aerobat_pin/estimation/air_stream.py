@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.estimation.air_stream_kernels import air_at, stream_in
 from aerobat_pin.estimation.believed_air import WARM_UP_ANGLES, AirAlongMotion
+from aerobat_pin.estimation.believed_air_kernels import air_at, stream_in
 from aerobat_pin.estimation.motion import Motion
 from aerobat_pin.flight import wind_of
 from aerobat_pin.numerics import Array, fields_of, guarded, new_memory

@@ -35,7 +35,6 @@ KERNEL_SOURCES = (
     "control/allocation.py",
     "control/disturbance.py",
     "control/law.py",
-    "estimation/air_stream_kernels.py",
     "estimation/believed_air_kernels.py",
     "estimation/raw/dynamics_kernels.py",
     "estimation/raw/recursion.py",

@@ -12,12 +12,10 @@ from aerobat_pin.observers.analysis.noise_and_lag import (
 )
 from aerobat_pin.observers.analysis.point_of_action import PointOfAction, locate_series
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.friction import FRICTION_COEFFICIENTS, JointFriction, fit_friction
 from aerobat_pin.observers.identifiability import Identifiability
-from aerobat_pin.observers.kalman.innovation import Innovation
-from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample
-from aerobat_pin.observers.kalman.smoother import SmootherObserver
+from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample, SmootherObserver
 from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.redundancy import Redundancy, redundancy_of, slow_part

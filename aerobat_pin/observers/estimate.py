@@ -13,7 +13,6 @@ import numpy as np
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers.identifiability import Identifiability
-from aerobat_pin.observers.kalman.innovation import Innovation
 from aerobat_pin.observers.redundancy import Redundancy, redundancy_of
 
 if TYPE_CHECKING:
@@ -47,6 +46,26 @@ class Sample:
     def __repr__(self) -> str:
         """Show the components."""
         return f"{type(self).__name__}(components={np.array2string(self.components, precision=4)})"
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """How well a filter predicts the next sample: its innovations L^-1 e, L L^T the covariance that it predicts for e.
+
+    Attributes:
+        nis: (m,) normalised innovation squared, e^T S^-1 e over the number of rows in use. Its mean is 1 if the filter
+            errs as much as it says, smaller if it errs less.
+        whiteness: correlation of neighbouring innovations, between -1 and 1: 0 if the filter uses all that a sample
+            says about the next one, positive if it is too slow for the forces or a wrong model pushes steadily.
+    """
+
+    nis: Array
+    whiteness: float
+
+    @property
+    def mean(self) -> float:
+        """Mean of `nis`."""
+        return float(np.mean(self.nis))
 
 
 @dataclass(frozen=True, repr=False)

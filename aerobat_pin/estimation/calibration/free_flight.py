@@ -1,4 +1,4 @@
-"""A flight without unknown forces, the belief about it, and the size of what the belief leaves unexplained."""
+"""A flight without unknown forces, the belief about it, and what the belief leaves unexplained."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.estimation.calibration.parameters import OF_MASS, changed_belief, scaled_thrusters
 from aerobat_pin.estimation.known_inputs import KnownInputs, Torque, known_inputs
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers import MOMENT_ARM, Redundancy, moving_weight, redundancy_of
+from aerobat_pin.observers import MOMENT_ARM, MomentumObserver, Redundancy, moving_weight, redundancy_of
 from aerobat_pin.robot import BASE_SIZE, FORCE_POINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
+
+AT_ONCE = 1.0e9  # [1/s]: with so large a gain the filter of an observer passes every interval unchanged
 
 
 @guarded()
@@ -50,6 +53,12 @@ class FreeFlight:
     def weight(self) -> float:
         """Weight of the believed robot [N]."""
         return moving_weight(self.robot.model)
+
+
+def interval_residual(model: pin.Model, inputs: KnownInputs) -> Array:
+    """Return phi (m, nv): mean unknown generalised force of each interval, not filtered, in N and N m."""
+    observer = MomentumObserver(model, (), AT_ONCE)
+    return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
 
 
 def weighted(flight: FreeFlight, residual: Array) -> Array:

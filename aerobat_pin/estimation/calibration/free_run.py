@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation.calibration.free_flight import FreeFlight, unexplained, weighted
-from aerobat_pin.estimation.calibration.residual import AT_ONCE
+from aerobat_pin.estimation.calibration.free_flight import AT_ONCE, FreeFlight, unexplained, weighted
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import ForceLevelObserver, redundancy_of, slow_part
 

@@ -17,10 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration.free_flight import FreeFlight, unexplained, weighted
+from aerobat_pin.estimation.calibration.free_flight import FreeFlight, interval_residual, unexplained, weighted
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.parameters import PARAMETERS
-from aerobat_pin.estimation.calibration.residual import interval_residual
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import slow_part
 

@@ -21,14 +21,13 @@ from aerobat_pin.estimation.calibration.calibration import (
 from aerobat_pin.estimation.calibration.crank_row import at_the_crank, at_the_joints
 from aerobat_pin.estimation.calibration.detection import learn_detection
 from aerobat_pin.estimation.calibration.flight_state import STATE_GROUPS, FlightState, flight_state
-from aerobat_pin.estimation.calibration.free_flight import FreeFlight, unexplained
+from aerobat_pin.estimation.calibration.free_flight import FreeFlight, interval_residual, unexplained
 from aerobat_pin.estimation.calibration.free_run import contacts, refuse_forced, steady_forces
 from aerobat_pin.estimation.calibration.harmonics import Harmonics, fit_harmonics
 from aerobat_pin.estimation.calibration.identified import Identified
 from aerobat_pin.estimation.calibration.identify import HELD_OUT, identify
 from aerobat_pin.estimation.calibration.learnt_range import LearntRange
 from aerobat_pin.estimation.calibration.parameters import PARAMETERS
-from aerobat_pin.estimation.calibration.residual import interval_residual
 from aerobat_pin.estimation.known_inputs import KnownInputs
 from aerobat_pin.estimation.motion import Motion, motion
 from aerobat_pin.numerics import Array, guarded, shown

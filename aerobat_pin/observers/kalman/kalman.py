@@ -1,9 +1,10 @@
-"""A Kalman filter of momentum and forces, which also computes the standard deviations of its estimates."""
+"""A Kalman filter of momentum and forces, and its smoother; both know the standard deviations of their estimates."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -12,13 +13,13 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_memory, shown
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.joints import has_free_base
 from aerobat_pin.observers.kalman import kernels
-from aerobat_pin.observers.kalman.innovation import innovation_of
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
+from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.kalman.subtrees import inertias_at, kinship_of
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
@@ -267,16 +268,39 @@ class KalmanObserver(Observer):
         return out, samples
 
     def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
-        estimate, start = super()._estimate(time, out, samples), self._rest
-        return replace(
-            estimate,
-            standard_deviation=out[:, start - self._count : start],
-            innovation=innovation_of(out[:, -self._nv :], self.believed.count),
-        )
+        deviation, whitened = out[:, self._rest - self._count : self._rest], out[:, -self._nv :]
+        power, along = float(np.sum(whitened[:-1] ** 2)), float(np.sum(whitened[1:] * whitened[:-1]))
+        nis = np.sum(whitened**2, axis=1) / self.believed.count
+        innovation = Innovation(nis, along / power if power > 0.0 else 0.0)
+        return replace(super()._estimate(time, out, samples), standard_deviation=deviation, innovation=innovation)
 
     @property
     def _rest(self) -> int:
         return self._nv + 2 * self._count
+
+
+class SmootherObserver(KalmanObserver):
+    """The Kalman filter run forward over a record, then a smoother run backward; the estimate has no lag.
+
+    The smoother is Rauch-Tung-Striebel's in the form of Bryson and Frazier. The arguments are those of
+    `KalmanObserver`. Only `run` works; `update` raises an error.
+    """
+
+    name = "smoother"
+
+    def update(
+        self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+    ) -> NoReturn:
+        """Raise ObserverError: the smoother needs a whole record and cannot take single samples."""
+        raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
+
+    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        steps = np.empty((len(u), step_size(self._kalman.step)))
+        out, samples = self._filtered(time, q, v, u, known, steps)
+        smooth_all(time, self._memory, steps, out)
+        for k in np.flatnonzero(np.diff(time) == 0.0):
+            out[k] = out[k - 1] if k > 0 else 0.0
+        return out, samples
 
 
 def _positive(name: str, value: float) -> float:

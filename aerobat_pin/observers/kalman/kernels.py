@@ -14,7 +14,8 @@ it. Nothing is solved for V then: with X the covariance of the equation's right 
     S = L L^T,    U = L^-1 [-B diag(s), X_pz],    P <- [diag(s^2), 0; 0, X_z] - U^T U,    [y; z] <- [0; z] + U^T L^-1 e
 
 Patterns of forces that leave no trace in the rows are held at zero. Unless the gain sets the walk, the noise of v and u
-and the errors of the model are taken from the record itself (see `learning`).
+and the errors of the model are taken from the record itself (see `learning`). Arguments are those of
+`kernels.residual`, with the samples (3 + c + 2 nv, nv) of `noisy_sample`.
 """
 
 from __future__ import annotations
@@ -53,14 +54,6 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     """Write shear, decay and A^T of an interval, and the innovation `step.e`: measured minus predicted momentum.
 
     The estimate does not change yet. Returns False if the innovation is NaN or huge.
-
-    Args:
-        before: (3 + c + 2 nv, nv) sample at the start.
-        after: (3 + c + 2 nv, nv) sample at the end.
-        u: (nv,) known generalised force, mean over the interval.
-        dt: length of the interval [s].
-        filter_: the filter.
-        step: written.
     """
     x, c, nv, errors, onward = filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors, step.onward
     shear, e, nz, h, z = step.shear, step.e, step.shear.shape[0], step.z.shape[0], filter_.x[u.shape[0] :]
@@ -217,15 +210,7 @@ def filter_interval(
 ) -> bool:
     """Advance the filter over one interval. If the innovation is NaN or huge, change no estimate and return False.
 
-    Args:
-        before: (3 + c + 2 nv, nv) sample at the start.
-        after: (3 + c + 2 nv, nv) sample at the end.
-        u: (nv,) known generalised force, mean over the interval.
-        dt: length of the interval [s].
-        observer: memory of the observer; scratch, and what `fit_forces` writes.
-        filter_: the filter; changes.
-        step: written.
-        out: (nv + 2 c + nv + 1 + nv,) only the last columns are written: what `fit_forces` writes, then L^-1 e.
+    Of `out` (nv + 2 c + nv + 1 + nv,) only the last columns are written: what `fit_forces` writes, then L^-1 e.
     """
     x, P, nv, c = filter_.x, filter_.P, u.shape[0], step.unseen.shape[0]
     n, rest = x.shape[0], out[u.shape[0] + 2 * c :]

@@ -28,16 +28,9 @@ def learn_noise(
     """Update the noise `sensed` of quantities (n,): the smaller of what is stated and what the record shows.
 
     The running mean of the roots of the sixth differences is hardly moved by a blow, which a mean square would take for
-    noise. The mean starts at what is stated, and moves away from it when there are seven values.
-
-    Args:
-        values: (n,) the next values.
-        known: number of sixth differences with them.
-        recent: share of `MEMORY_TIME` that an interval forgets.
-        stated: (n,) standard deviations of the noise as stated.
-        differences: (6, n) changes, as in `Filter`.
-        roots: (n,) changes.
-        sensed: (n,) changes.
+    noise. The mean starts at what is stated, and moves away from it when there are seven values. `known` is the number
+    of sixth differences with the next `values` (n,), `recent` the share of `MEMORY_TIME` that an interval forgets; the
+    others are fields of `Filter`.
     """
     share = max(recent, 1.0 / (max(known, 1.0) + STATED_COUNT))
     for i in range(values.shape[0]):

@@ -22,13 +22,9 @@ from aerobat_pin.observers.kalman.memory import Step, kalman_in, step_in
 
 @kernel
 def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
-    """Replace the coefficients and their covariance in a step by the smoothed values.
+    """Replace the coefficients `z` of a step, and their columns of `Z`, by the smoothed values.
 
-    Args:
-        step: the filter's step; `z` changes, and so do the columns of `Z` that belong to the coefficients.
-        adjoint: (n,) adjoint at the time after the step's update.
-        N: (n, n) covariance of the adjoint.
-        work: (h c, n + h c) scratch.
+    The adjoint (n,) and its covariance N (n, n) are those after the step's update; `work` (h c, n + h c) is scratch.
     """
     Z, h, n = step.Z, step.z.shape[0], adjoint.shape[0]
     nv, c = step.rows.shape[0], h // step.basis.shape[0]
@@ -49,14 +45,9 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
 
 @kernel
 def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Array) -> None:
-    """Carry the adjoint and its covariance backward over the measurement of a step.
+    """Carry the adjoint (n,) and its covariance N (n, n) backward over the measurement of a step.
 
-    Args:
-        step: the filter's step.
-        adjoint: (n,) changes.
-        N: (n, n) changes.
-        K: (n, n) written: the filter's gain, then zeros.
-        work: (nv, n) scratch.
+    The filter's gain, then zeros, are written to K (n, n); `work` (nv, n) is scratch.
     """
     n, nv = adjoint.shape[0], work.shape[0]
     T, whitening = step.rows[:, nv : nv + n], step.rows[:, nv + n : nv + 2 * n]
@@ -80,12 +71,7 @@ def back_through_update(step: Step, adjoint: Array, N: Array, K: Array, work: Ar
 def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array, old: Array) -> None:
     """Carry the adjoint (n,) and its covariance N (n, n) backward over the shear and decay of a step.
 
-    Args:
-        step: the filter's step.
-        adjoint: (n,) changes.
-        N: (n, n) changes.
-        mirrored: (nv, n) scratch.
-        old: (n, n) scratch.
+    `mirrored` (nv, n) and `old` (n, n) are scratch.
     """
     decay = step.decay
     nv, nz = mirrored.shape[0], decay.shape[0]

@@ -20,13 +20,8 @@ def normal_equations(
 ) -> float:
     """Write A = (J L)(J L)^T (lower triangle) and b = J L L^T phi, L the weighted rows in use; return the trace of A.
 
-    Args:
-        observer: rows and weights; the rows J L, then phi^T L, are written to `observer.span`.
-        J: (c, nv) Jacobians of the components.
-        velocity: (nv,) velocity; its joint part is the direction of the power row.
-        generalized: (nv,) generalised force phi.
-        A: (c, c) written.
-        b: (c,) written.
+    The rows J L, then phi^T L, are written to `observer.span`. The joints' velocities are the direction of the power
+    row.
     """
     size, span, given, trace = b.shape[0], observer.span, observer.given, 0.0
     for i in range(size):
@@ -84,17 +79,10 @@ def in_unit_of_last_row(observer: ObserverMemory, velocity: Array, k: int) -> fl
 
 @merged
 def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> float:
-    """Write the components (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
+    """Write the components `force` (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
 
     Returns the smallest pivot of the equations as a share of their trace. The number of patterns that leave no trace is
     written to `observer.blind`, and the projector onto them to `observer.unseen`.
-
-    Args:
-        observer: rows, weights, Jacobian, scratch.
-        before: (3 + c, nv) sample at the start of the interval, for the direction of the power row.
-        after: (3 + c, nv) sample at the end of the interval.
-        generalized: (nv,) generalised force.
-        force: (c,) components, written.
     """
     observer.blind[0] = 0
     if force.shape[0] == 0:
@@ -120,12 +108,7 @@ def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalize
 
         r = L^T (phi - J^T f)       L: the rows in use, moments over a lever arm of 50 mm (see `BelievedRows.map`)
 
-    Args:
-        observer: rows, weights, Jacobian; `fitted`, `unseen` and `blind` change, and so do `span` and `equations`.
-        before: (3 + c, nv) sample at the start of the interval.
-        after: (3 + c, nv) sample at the end of the interval.
-        generalized: (nv,) generalised force phi.
-        rest: (nv + 1,) written: r, padded with zeros, and the smallest pivot of the equations over their trace.
+    It is written to `rest` (nv + 1,): r, padded with zeros, and the smallest pivot of the equations over their trace.
     """
     nv, force, span = generalized.shape[0], observer.fitted, observer.span
     rest[nv] = project(observer, before, after, generalized, force)

@@ -11,6 +11,9 @@ Without measured joint torques the joint rows of phi contain no information, and
 the base. If one motor drives all joints and its power is measured, one more row can be used: v_j . phi_j. For tied
 coordinates, the sums of their rows are used. The kind of observer determines whether phi or f is filtered, and how.
 For a whole record, every observer also writes what no force explains: the weighted rows of phi - J^T f.
+
+In all kernels, `before` and `after` are the samples at the start and the end of an interval of `dt` [s], over which
+`u` (nv,) is the mean of the known generalised force. `observer` is the memory of the observer, which changes.
 """
 
 from __future__ import annotations
@@ -54,13 +57,7 @@ def dynamics_of(observer: ObserverMemory) -> Dynamics:
 
 @inner
 def write_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
-    """Write a sample's momentum, drift, velocity and Jacobian.
-
-    Args:
-        observer: memory of the observer. After Pinocchio's `computeCoriolisMatrix`, J is in the WORLD frame.
-        v: (nv,) velocity.
-        sample: (3 + c, nv) written: momentum, drift, velocity, Jacobian.
-    """
+    """Write a sample (3 + c, nv) at a velocity (nv,); `computeCoriolisMatrix` leaves J in the WORLD frame."""
     _, C, g, _, _ = dynamics_of(observer)
     for i in range(v.shape[0]):
         sample[1, i] = dot(C[:, i], v) - g[i, 0]
@@ -121,14 +118,8 @@ def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: Ob
 def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, out: Array) -> bool:
     """Compute the estimate for one interval; return False if the residual is NaN or huge.
 
-    Args:
-        before: (3 + c, nv) sample at the start.
-        after: (3 + c, nv) sample at the end.
-        u: (nv,) known generalised force, mean over the interval.
-        dt: length of the interval [s].
-        observer: memory of the observer; the filter's state changes.
-        out: (nv + c,) written: generalised residual, components. With nv + 1 more columns, the result of `fit_forces`
-            is written there; a stream leaves it out, as it costs `momentum` a second projection.
+    Generalised residual and components are written to `out` (nv + c,). With nv + 1 more columns, the result of
+    `fit_forces` is written there; a stream leaves it out, as it costs `momentum` a second projection.
     """
     nv, end = u.shape[0], u.shape[0] + observer.sizes.components
     residual, force, rest = out[:nv], out[nv:end], out[end:]
