@@ -59,12 +59,7 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
 
 
 class AirAlongMotion:
-    """The aerodynamic model of a robot, evaluated along a recorded motion.
-
-    Args:
-        robot: the assumed robot.
-        air: the assumed air.
-    """
+    """The aerodynamic model of an assumed robot in an assumed air, evaluated along a recorded motion."""
 
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
         """Set up the aerodynamic model, and find the rate of its fastest mode."""
@@ -202,14 +197,8 @@ def _linkage_between(crank: Array, robot: Aerobat, dt: Array, k: Integers, share
     """Return angle, rate and acceleration (n, 3, 2) of shoulder and elbow between the samples of the crank.
 
     The crank angle is the cubic through the angles and rates of both samples. Its rate and acceleration are
-    interpolated linearly, because the derivatives of the cubic would amplify the noise of the angle.
-
-    Args:
-        crank: (3, m + 1) angle, rate and acceleration of the crank at the samples.
-        robot: the assumed robot.
-        dt: (m,) lengths of the intervals [s].
-        k: (n,) interval of each row.
-        share: (n,) position of each row within its interval, from 0 to 1.
+    interpolated linearly, because the derivatives of the cubic would amplify the noise of the angle. Row i lies in the
+    interval k_i, of length dt[k_i] [s], at a share_i of it from 0 to 1.
     """
     angle, rate, acceleration = crank
     length = dt[k]

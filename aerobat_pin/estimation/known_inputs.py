@@ -142,13 +142,7 @@ def _crank_halfway(moved: Motion) -> Array:
 def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
     """Return the motor torque (m, nv) that the prescribed joint motion needs if no unknown force acts.
 
-    Args:
-        robot: the assumed robot.
-        moved: the recorded motion.
-        force: (m, nv) sum of the known generalised forces, interval means.
-
-    Raises:
-        LogError: the crank is not recorded.
+    `force` (m, nv) is the sum of the known generalised forces. Raises LogError if the crank is not recorded.
     """
     model, data = robot.model, robot.model.createData()
     closure = robot.linkage.solve(*_crank_halfway(moved))
@@ -164,18 +158,9 @@ def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
 
 
 def spread_crank_torque(robot: Aerobat, moved: Motion, torque: Array) -> Array:
-    """Convert a torque at the crank to joint torques that have the same power.
+    """Return the generalised force (m, nv) that has the power of a torque (m,) at the crank [N m], interval means.
 
-    Args:
-        robot: the assumed robot.
-        moved: the recorded motion.
-        torque: (m,) torque at the crank, interval means [N m].
-
-    Returns:
-        Generalised force (m, nv); each wing receives half of the torque.
-
-    Raises:
-        LogError: the crank is not recorded.
+    Each wing receives half of the torque. Raises LogError if the crank is not recorded.
     """
     shoulder, elbow = robot.linkage.solve(_crank_halfway(moved)[0]).joint_torques(0.5 * torque)
     return robot.velocity(np.zeros((len(torque), BASE_SIZE)), shoulder, elbow)

@@ -160,14 +160,7 @@ def point_label(frame: str) -> str:
 
 
 def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> AxisScore:
-    """Score one axis of a force.
-
-    Args:
-        estimate: (m,) estimated force, interval means [N].
-        truth: (m,) true force with its noise, interval means [N].
-        noise_free: (m,) noise-free part of the true force, interval means [N].
-        dt: length of the intervals [s].
-    """
+    """Score one axis of a force, from interval means (m,) [N] over intervals of length dt [s]."""
     return AxisScore(
         r2=r_squared(estimate, truth),
         r2_noise_free=r_squared(estimate, noise_free),

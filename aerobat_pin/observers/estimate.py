@@ -155,49 +155,33 @@ class Estimate:
         """
         import xarray as xr  # takes a third of a second to import; only this method needs it
 
-        def variable(values: Array, dims: tuple[str, ...], unit: str, meaning: str) -> tuple[Any, ...]:
-            return dims, values, {"units": unit, "long_name": meaning}
+        def variable(dims: str, values: Array, unit: str, meaning: str) -> tuple[Any, ...]:
+            return dims.split(), values, {"units": unit, "long_name": meaning}
 
         coords: dict[str, Any] = {
             "observer": [self.observer],
-            "interval": variable(self.time[:-1], ("interval",), "s", "start of the interval"),
-            "interval_end": variable(self.time[1:], ("interval",), "s", "end of the interval"),
+            "interval": variable("interval", self.time[:-1], "s", "start of the interval"),
+            "interval_end": variable("interval", self.time[1:], "s", "end of the interval"),
         }
-        dims: tuple[str, ...]
+        over = "observer interval"
         if self.are_world_forces:
-            name, meaning, dims = "force_W", "force in world axes", ("observer", "interval", "point", "axis")
+            name, meaning, more = "force_W", "force in world axes", ["point", "axis"]
             coords |= {"point": list(self.frames), "axis": ["x", "y", "z"]}
         else:
-            name, meaning, dims = "components", "component", ("observer", "interval", "component")
+            name, meaning, more = "components", "component", ["component"]
             coords |= {"component": list(self.identifiability.components), "unit": ("component", list(self.units))}
-        unit, shape = (
-            ", ".join(dict.fromkeys(self.units)),
-            (1, len(self.components), *(len(coords[d]) for d in dims[2:])),
-        )
+        dims, shape = " ".join([over, *more]), (1, len(self.components), *(len(coords[dim]) for dim in more))
         sure = np.full_like(self.components, np.nan) if self.standard_deviation is None else self.standard_deviation
         nis = np.full(len(self.components), np.nan) if self.innovation is None else self.innovation.nis
-        mean, sure_of = f"estimated {meaning}, mean over the interval", f"of the estimated {meaning}"
-        return xr.Dataset(
-            {
-                name: variable(self.components.reshape(shape), dims, unit, mean),
-                "standard_deviation": variable(
-                    sure.reshape(shape), dims, unit, f"{sure_of}, where the observer knows it"
-                ),
-                "residual": variable(
-                    self.residual[None], ("observer", "interval", "v_axis"), "N, N m", "estimated generalised force"
-                ),
-                "redundancy": variable(
-                    self.redundancy_series[None],
-                    ("observer", "interval"),
-                    "N",
-                    "what no force explains, per redundant row",
-                ),
-                "nis": variable(
-                    nis[None], ("observer", "interval"), "1", "normalised innovation squared, per row, of a filter"
-                ),
-            },
-            coords=coords,
-        )
+        unit, words = ", ".join(dict.fromkeys(self.units)), f"of the estimated {meaning}, where the observer knows it"
+        found = {
+            name: (dims, self.components.reshape(shape), unit, f"estimated {meaning}, mean over the interval"),
+            "standard_deviation": (dims, sure.reshape(shape), unit, words),
+            "residual": (f"{over} v_axis", self.residual[None], "N, N m", "estimated generalised force"),
+            "redundancy": (over, self.redundancy_series[None], "N", "what no force explains, per redundant row"),
+            "nis": (over, nis[None], "1", "normalised innovation squared, per row, of a filter"),
+        }
+        return xr.Dataset({key: variable(*values) for key, values in found.items()}, coords=coords)
 
     def __repr__(self) -> str:
         """Show the observer, the record, and the mean and range of each component."""

@@ -45,17 +45,9 @@ def estimate_raw(
     progress: Callable[[float], None] | None = None,
     mount: Mount | None = None,
 ) -> tuple[KnownInputs, dict[str, Estimate]]:
-    """Estimate motion and forces from raw samples.
+    """Do what `estimate_log` does, with a log of raw samples: the inputs that it returns are the smoothed motion.
 
-    Args:
-        log: the raw samples.
-        robot: the believed robot.
-        belief: scenario of which the observers and the assumed air are used.
-        progress: called with the share that is done.
-        mount: place and turn of the accelerometer as found by a calibration; as stated when omitted.
-
-    Returns:
-        The smoothed motion with the known forces in the form of inputs, and observer -> estimate.
+    `mount` is place and turn of the accelerometer as found by a calibration; as stated when omitted.
 
     Raises:
         ScenarioError: an observer cannot use raw samples.
@@ -132,17 +124,17 @@ def as_estimate(
     innovation: Array,
     found: JointEstimate,
 ) -> Estimate:
-    """Return forces as an estimate.
+    """Return forces as an estimate; without any torque, their sum over the frames takes their place.
 
     Args:
         name: of the observer.
         checked: estimate of `force_level` along the smoothed motion: its identifiability and redundancy are kept.
         inputs: the smoothed motion.
         robot: the believed robot.
-        torque: which torque was used; without any, the sum over the frames takes the place of the forces.
-        force: (m, points, 3) world axes [N].
-        covariance: (m, 3 points, 3 points) [N2].
-        innovation: (m, 2) sum of normalised squared innovations, and their number.
+        torque: which torque was used.
+        force: as `JointEstimate.force`, like the next two.
+        covariance: as `JointEstimate.force_covariance`.
+        innovation: as `JointEstimate.innovation`.
         found: what the joint smoother found.
     """
     m, points = force.shape[:2]
