@@ -6,7 +6,6 @@ from .calibration.calibration_file import read_calibration as read_calibration
 from .calibration.free_flight import FreeFlight as FreeFlight
 from .calibration.learn import calibrate as calibrate
 from .calibration.use import CalibrationUse as CalibrationUse
-from .contradictions.contradiction import Contradiction as Contradiction
 from .contradictions.log_channels import contradictions as contradictions
 from .estimate import belief_about as belief_about
 from .estimate import check_names as check_names

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from aerobat_pin.estimation.calibration.use import CalibrationUse
-from aerobat_pin.estimation.contradictions.contradiction import Contradiction
 from aerobat_pin.estimation.flight_summary import FlightSummary
 from aerobat_pin.estimation.scores import ObserverScores
 from aerobat_pin.scenario import changes_text
@@ -30,7 +29,7 @@ class Scores:
         inputs: input of the observers -> its source, such as `measured`.
         note: a line about the flight.
         observers: name -> scores of the observer.
-        contradictions: those between the channels of the log.
+        contradictions: a line of text about each of those between the channels of the log.
         calibration: how a calibration was used; None without one.
         flight: summary of the flight; None for a recorded flight.
         changed: dotted key -> value that differs from the shipped scenario of this name.
@@ -46,7 +45,7 @@ class Scores:
     inputs: Mapping[str, str]
     note: str
     observers: Mapping[str, ObserverScores]
-    contradictions: tuple[Contradiction, ...] = ()
+    contradictions: tuple[str, ...] = ()
     calibration: CalibrationUse | None = None
     flight: FlightSummary | None = None
     changed: Mapping[str, Any] = field(default_factory=dict)
@@ -78,7 +77,7 @@ class Scores:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
-        lines = [*self.notices, *(contradiction.text for contradiction in self.contradictions)]
+        lines = [*self.notices, *self.contradictions]
         if self.calibration is not None and self.calibration.verdict == "faded":
             lines.append(self.calibration.words)
         lines += [
@@ -120,7 +119,7 @@ class Scores:
         lines = [
             self.title,
             *filter(None, [self.changes]),
-            *(f"warning: {contradiction.text}" for contradiction in self.contradictions),
+            *(f"warning: {contradiction}" for contradiction in self.contradictions),
         ]
         if any(found.points for found in self.observers.values()):
             lines.append(_line(TABLE_HEADER))

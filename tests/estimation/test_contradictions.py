@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,16 @@ def recorded() -> FlightLog:
     return simulate(load_scenario("real_log_demo", ["simulation.duration=0.6"]))
 
 
+def kinds(found: list[str]) -> list[str]:
+    """Return the kind of each contradiction."""
+    return [one.partition(": ")[0] for one in found]
+
+
+def number(text: str) -> float:
+    """Return the first number that stands alone in a text."""
+    return float(next(word for word in text.split() if re.fullmatch(r"[\d.]+", word)))
+
+
 def changed(log: FlightLog, name: str, columns: slice | list[int], values: object) -> FlightLog:
     """Return the log with columns of a channel replaced."""
     measured = log.measured.copy(deep=True)
@@ -42,12 +53,12 @@ def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sen
     pilot = Controller(scenario) if scenario.control is not None else None
     found = contradictions(simulate(scenario, pilot=pilot), believed_robot(scenario))
     if name != "noisy_sensors":
-        assert [str(one) for one in found] == []
+        assert found == []
         return
-    assert [one.text.split()[2] for one in found] == ["position", "attitude", "airspeed", "attitude", "position"]
-    assert [one.name for one in found] == 3 * ["held channel"] + 2 * ["late channel"]
-    assert [one.figure for one in found[:3]] == pytest.approx([200.0, 200.0, 50.0], rel=0.03)  # 2 % are lost
-    assert [one.figure for one in found[3:]] == pytest.approx([7.1e-3, 7.1e-3], abs=0.6e-3)
+    assert [one.split()[2] for one in found] == ["position", "attitude", "airspeed", "attitude", "position"]
+    assert kinds(found) == 3 * ["held channel"] + 2 * ["late channel"]
+    assert [number(one) for one in found[:3]] == pytest.approx([200.0, 200.0, 50.0], rel=0.03)  # 2 % are lost
+    assert [number(one) for one in found[3:]] == pytest.approx([7.1, 7.1], abs=0.6)  # ms
 
 
 @pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
@@ -57,12 +68,9 @@ def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
     for seed in range(10):
         wrong = CONTRADICTIONS[name](np.random.default_rng(seed), recorded.measured.copy(deep=True))
         found = contradictions(FlightLog(wrong), robot)
-        assert name in {one.name for one in found}, seed
+        assert name in kinds(found), seed
         # a held channel is also late, by half of its period
-        assert {one.name for one in found} <= {name, "late channel"}
-        for one in found:
-            assert one.text.startswith(f"{one.name}: ")
-            assert abs(one.figure) > abs(one.threshold) or one.name == "held channel"
+        assert set(kinds(found)) <= {name, "late channel"}
 
 
 @pytest.mark.parametrize(
@@ -85,10 +93,10 @@ def test_a_delay_is_measured_to_a_tenth_of_a_millisecond(
     values = measured[channel].values
     where = (slice(None), columns) if values.ndim > 1 else slice(None)
     values[where] = values[index][where]
-    told = [one for one in contradictions(FlightLog(measured), paper.robot) if one.name == "late channel"]
+    told = [one for one in contradictions(FlightLog(measured), paper.robot) if one.startswith("late channel")]
     assert told
-    assert [one.figure for one in told] == pytest.approx([1e-3 * late] * len(told), abs=1e-4)
-    assert pair.format(f"{late:.1f}") in " ".join(one.text for one in told)
+    assert [number(one) for one in told] == pytest.approx([late] * len(told), abs=0.1)
+    assert pair.format(f"{late:.1f}") in " ".join(told)
 
 
 def test_the_figures_are_those_of_the_mistake(paper: Experiment) -> None:
@@ -96,16 +104,16 @@ def test_the_figures_are_those_of_the_mistake(paper: Experiment) -> None:
     log, robot = paper.log, paper.robot
     q = log.measured["q"].values
     (elbow,) = contradictions(changed(log, "q", [8], q[:, [8]] + np.radians(2.0)), robot)
-    assert "left_elbow is 2.00 deg (rms) off" in elbow.text
-    assert (elbow.unit, elbow.figure) == ("rad", pytest.approx(np.radians(2.0), rel=1e-3))
+    assert "left_elbow is 2.00 deg (rms) off" in elbow
     held = contradictions(changed(log, "q", slice(0, 3), q[np.arange(len(q)) // 10 * 10, :3]), robot)[0]
-    assert held.figure == pytest.approx(100.0)
+    assert number(held) == pytest.approx(100.0)
     poses = log.measured["q"].isel(q_axis=slice(7)).rename(q_axis="pose_axis").copy(deep=True)
     bare = log.measured.drop_vars(["q", "v", "q_axis", "v_axis", "motor_torque", "known_thrusters"]).assign(pose=poses)
     assert contradictions(FlightLog(bare), robot) == []
     bare["pose"].values[:, 2] *= 1e3
     (moved,) = contradictions(FlightLog(bare), robot)
-    assert (moved.name, moved.unit) == ("position against gravity", "m/s2")
+    assert kinds([moved]) == ["position against gravity"]
+    assert "m/s2 (rms)" in moved
 
 
 def test_a_rounded_slow_signal_is_not_held(paper: Experiment) -> None:
@@ -114,7 +122,7 @@ def test_a_rounded_slow_signal_is_not_held(paper: Experiment) -> None:
     measured = paper.log.measured.copy(deep=True)
     measured["crank_angle"].values[:] = crank
     measured["airspeed"].values[:] = 3.0
-    assert not [one for one in contradictions(FlightLog(measured), paper.robot) if one.name == "held channel"]
+    assert "held channel" not in kinds(contradictions(FlightLog(measured), paper.robot))
 
 
 def test_warnings_stand_in_terminal_report_and_metrics(
@@ -151,4 +159,4 @@ def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None
     for rows in (np.arange(3), np.arange(9), np.sort(np.append(np.arange(300), 10)), np.r_[0:100, 200:300]):
         assert contradictions(FlightLog(measured.isel(time=rows)), robot) == []
     wrong = height_in_millimetres(np.random.default_rng(1), measured.isel(time=np.r_[0:100, 200:300]).copy(deep=True))
-    assert [one.name for one in contradictions(FlightLog(wrong), robot)] == ["position against velocity"]
+    assert kinds(contradictions(FlightLog(wrong), robot)) == ["position against velocity"]

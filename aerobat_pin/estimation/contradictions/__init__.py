@@ -1,6 +1,5 @@
 """Contradictions between the channels of a log: wrong units, wrong orders, held, interpolated and late channels."""
 
-from aerobat_pin.estimation.contradictions.contradiction import Contradiction
 from aerobat_pin.estimation.contradictions.log_channels import contradictions
 
-__all__ = ["Contradiction", "contradictions"]
+__all__ = ["contradictions"]

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.contradictions.contradiction import Contradiction
 from aerobat_pin.estimation.contradictions.raw_channels import raw_contradictions
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
@@ -45,6 +44,7 @@ LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
 REGULAR = 0.95  # share of repeats that must come at even intervals; a rounded slow signal repeats irregularly
+POSITION_OFF = "position against velocity"
 UPRIGHT = 0.5  # mean cosine of the tilt beyond which a flight counts as upright
 
 
@@ -70,8 +70,10 @@ class _Pair:
         return float(np.max(self.left / np.maximum(floor, LARGEST_SHARE * self.moved)))
 
 
-def contradictions(log: FlightLog, robot: Aerobat) -> list[Contradiction]:
+def contradictions(log: FlightLog, robot: Aerobat) -> list[str]:
     """Return the contradictions in the measured channels of a log; an empty list for a consistent log.
+
+    Each is one sentence that begins with the kind of contradiction and says what is wrong and what to check.
 
     Args:
         log: the flight log.
@@ -111,7 +113,7 @@ def _sampled_channels(log: FlightLog) -> dict[str, Array]:
     return found
 
 
-def _held(log: FlightLog) -> Iterator[Contradiction]:
+def _held(log: FlightLog) -> Iterator[str]:
     """Yield the channels that repeat their samples at even intervals, as those of a slower sensor do."""
     step = _step(log.time)
     for name, values in _sampled_channels(log).items():
@@ -123,14 +125,13 @@ def _held(log: FlightLog) -> Iterator[Contradiction]:
         off = np.abs(gaps - period * np.maximum(np.round(gaps / period), 1.0))
         if np.mean(off <= (1.0 if period >= 4.0 else 0.0)) >= REGULAR:
             rate, own = 1.0 / step, 1.0 / (step * float(np.mean(gaps)))
-            text = (
+            yield (
                 f"held channel: {name} changes only {own:.3g} times a second in a log of {rate:.4g} samples a second; "
                 "interpolate it to the log's times"
             )
-            yield Contradiction("held channel", text, own, "Hz", rate)
 
 
-def _joints(channels: dict[str, Array], robot: Aerobat, time: Array) -> Iterator[Contradiction]:
+def _joints(channels: dict[str, Array], robot: Aerobat, time: Array) -> Iterator[str]:
     """Yield contradictions between joint angles and crank angle, and between joint angles and joint rates."""
     angles = channels.get("joint angles")
     if angles is None:
@@ -142,17 +143,16 @@ def _joints(channels: dict[str, Array], robot: Aerobat, time: Array) -> Iterator
         yield from _late(pair)
         worst = int(np.argmax(pair.left))
         if (opening := float(pair.left[worst])) > LARGEST_OPENING:
-            text = (
+            yield (
                 f"joints off the linkage: {JOINTS[worst]} is {np.degrees(opening):.2f} deg (rms) off the angle of the "
                 f"linkage at crank_angle, {np.degrees(LARGEST_OPENING):.2f} are allowed; check zero and sign of "
                 "joints and crank, and the believed linkage"
             )
-            yield Contradiction("joints off the linkage", text, opening, "rad", LARGEST_OPENING)
     if "joint rates" in channels:
         yield from _late(_fit_rates("joint angles", "joint rates", angles, channels["joint rates"], time))
 
 
-def _body(channels: dict[str, Array], time: Array) -> Iterator[Contradiction]:
+def _body(channels: dict[str, Array], time: Array) -> Iterator[str]:
     """Yield contradictions between position, attitude, velocity and gyro."""
     attitude = channels["attitude"]
     read, up = list(_pairs(channels, attitude, time)), _upright(attitude)
@@ -163,26 +163,23 @@ def _body(channels: dict[str, Array], time: Array) -> Iterator[Contradiction]:
         other_misfit = max((pair.misfit(floor) for pair, floor in _pairs(channels, other, time)), default=0.0)
         misread = misfit > 1.0 and other_misfit < min(1.0, 0.5 * misfit)
         if misread or (up < -UPRIGHT and other_up > UPRIGHT):
-            text = (
+            yield (
                 f"quaternion order: read as qx, qy, qz, qw the body's z axis points up with a mean cosine of {up:.2f}, "
                 f"and the rates differ by {misfit:.2g} times what is allowed; read with w first {other_up:.2f} and "
                 f"{other_misfit:.2g}: the columns seem to be w, x, y, z"
             )
-            yield Contradiction("quaternion order", text, up, "1", -UPRIGHT)
             return
     for pair, floor in read:
         yield from _late(pair)
         if pair.misfit(floor) > 1.0:
             worst = int(np.argmax(pair.left / np.maximum(floor, LARGEST_SHARE * pair.moved)))
-            unit, hint = ("rad", "rad/s and body axes") if pair.second == "gyro" else ("m", "m, m/s and body axes")
+            turn = pair.second == "gyro"
+            title, unit, axis = ("gyro against attitude", "rad", "about") if turn else (POSITION_OFF, "m", "along")
             limit = max(floor, LARGEST_SHARE * float(pair.moved[worst]))
-            text = (
-                f"{pair.second} against {pair.first}: in {COMPARED_OVER:g} s they differ by {pair.left[worst]:.3g} "
-                f"{unit} (rms) about {'xyz'[worst]}, {limit:.2g} are allowed; {hint} were expected"
+            yield (
+                f"{title}: in {COMPARED_OVER:g} s they differ by {pair.left[worst]:.3g} {unit} (rms) {axis} "
+                f"{'xyz'[worst]}, {limit:.2g} are allowed; {'rad/s' if turn else 'm, m/s'} and body axes were expected"
             )
-            if pair.second == "velocity":
-                text = text.replace("velocity against position", "position against velocity").replace("about", "along")
-            yield Contradiction(text.partition(":")[0], text, float(pair.left[worst]), unit, limit)
     if "velocity" not in channels:
         yield from _accelerations(channels["position"], time)
 
@@ -274,18 +271,17 @@ def _fit(first: str, second: str, a: Array, b: Array, time: Array, *, offset: bo
     return _Pair(first, second, moved, delay if explained else None, left)
 
 
-def _late(pair: _Pair) -> Iterator[Contradiction]:
+def _late(pair: _Pair) -> Iterator[str]:
     """Yield a contradiction if one channel of a pair is late."""
     if pair.delay is not None and abs(pair.delay) > LARGEST_DELAY:
         late, early = (pair.first, pair.second) if pair.delay > 0.0 else (pair.second, pair.first)
-        text = (
+        yield (
             f"late channel: {late} come{'s' if late[-1] != 's' else ''} {1e3 * abs(pair.delay):.1f} ms after {early}, "
             f"{1e3 * LARGEST_DELAY:g} ms are allowed; shift one of them"
         )
-        yield Contradiction("late channel", text, abs(pair.delay), "s", LARGEST_DELAY)
 
 
-def _accelerations(position: Array, time: Array) -> Iterator[Contradiction]:
+def _accelerations(position: Array, time: Array) -> Iterator[str]:
     """Yield a contradiction if the body seems to move as no flight does; only for logs without a velocity."""
     n = min(max(1, round(0.5 * COMPARED_OVER / _step(time))), len(time) // 3)
     steps = (position[n:] - position[:-n]) / (time[n:] - time[:-n])[:, None]
@@ -293,8 +289,7 @@ def _accelerations(position: Array, time: Array) -> Iterator[Contradiction]:
     size = np.sqrt(np.mean(bends**2, axis=0))
     worst = int(np.argmax(size))
     if size[worst] > LARGEST_ACCELERATION:
-        text = (
+        yield (
             f"position against gravity: {'xyz'[worst]} accelerates with {size[worst]:.0f} m/s2 (rms), "
             f"{LARGEST_ACCELERATION:g} are allowed; metres and seconds were expected"
         )
-        yield Contradiction("position against gravity", text, float(size[worst]), "m/s2", LARGEST_ACCELERATION)

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.contradictions.contradiction import Contradiction
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.numerics import Array
 
@@ -47,8 +46,8 @@ TITLES = {
 READINGS = {"x, y, z, w": [0, 1, 2, 3], "w, x, y, z": [1, 2, 3, 0]}
 
 
-def raw_contradictions(log: FlightLog) -> list[Contradiction]:
-    """Return the contradictions in the raw channels of a log; an empty list for a consistent log."""
+def raw_contradictions(log: FlightLog) -> list[str]:
+    """Return the contradictions in the raw channels of a log, as `contradictions` does."""
     found = []
     for name, title in TITLES.items():
         if name in log.measured:
@@ -63,7 +62,7 @@ def _stamped(data: xr.DataArray) -> tuple[Array, Array]:
     return np.asarray(data[data.dims[0]].values, float), values.reshape(len(values), -1)
 
 
-def _repeated(title: str, data: xr.DataArray) -> Iterator[Contradiction]:
+def _repeated(title: str, data: xr.DataArray) -> Iterator[str]:
     """Yield a channel whose samples are held, or interpolated, from a slower one."""
     time, values = _stamped(data)
     if len(time) < 20:
@@ -76,11 +75,10 @@ def _repeated(title: str, data: xr.DataArray) -> Iterator[Contradiction]:
         off = np.abs(gaps - period * np.maximum(np.round(gaps / period), 1.0))
         if period > PERIOD and float(np.mean(off <= (1.0 if period >= 4.0 else 0.0))) > EVENLY:
             own = rate / float(np.mean(gaps))
-            text = (
+            yield (
                 f"held channel: {title} changes only {own:.3g} times a second among {rate:.4g} samples a second; leave "
                 "its cells empty where there is no sample"
             )
-            yield Contradiction("held channel", text, own, "Hz", rate)
             return
     if title == TITLES["encoder"]:
         return  # a steady crank turns straight
@@ -91,11 +89,10 @@ def _repeated(title: str, data: xr.DataArray) -> Iterator[Contradiction]:
     moving = np.any(values[2:] != values[:-2], axis=1)
     straight = np.all(np.abs(bend) < STRAIGHT_ERROR * size, axis=1) & moving
     if (figure := float(np.mean(straight))) > STRAIGHT:
-        text = (
+        yield (
             f"interpolated channel: {100 * figure:.0f} % of the neighbours in {title} lie on straight lines; leave its "
             "cells empty where there is no sample"
         )
-        yield Contradiction("interpolated channel", text, figure, "1", STRAIGHT)
 
 
 def _rotations_of(quaternions: Array) -> Array:
@@ -113,7 +110,7 @@ def _turns(rotation: Array) -> Array:
     return np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)])
 
 
-def _quaternion_misread(log: FlightLog) -> Iterator[Contradiction]:
+def _quaternion_misread(log: FlightLog) -> Iterator[str]:
     """Yield a quaternion that fits gyro and gravity better if it is read in another order or the other way round."""
     time, values = _stamped(log.measured["mocap_quaternion"])
     readings = {}
@@ -131,11 +128,10 @@ def _quaternion_misread(log: FlightLog) -> Iterator[Contradiction]:
         least = min(left.values())
         best = next(name for name in left if left[name] <= ALIKE * least)  # the most usual of those that fit alike
         if best != here and left[here] > LEAST_TURN and left[best] < BETTER * left[here]:
-            text = (
+            yield (
                 f"quaternion order: read as {here}, it turns {1e3 * left[here]:.1f} mrad a frame away from the gyro "
                 f"(rms), as {best} {1e3 * left[best]:.1f}: the columns seem to be {best}"
             )
-            yield Contradiction("quaternion order", text, left[here], "rad", LEAST_TURN)
             return
     if "accelerometer" in log.measured:
         at, felt = _stamped(log.measured["accelerometer"])
@@ -146,11 +142,10 @@ def _quaternion_misread(log: FlightLog) -> Iterator[Contradiction]:
             fit = {name: value for name, value in up.items() if left.get(name, 0.0) < least}
             best = max(fit, key=lambda name: fit[name])
             if best != here and fit[best] > up[here] + LEAST_UPWARD:
-                text = (
+                yield (
                     f"quaternion order: read as {here}, the mean specific force is {9.81 * up[here]:.1f} m/s2 upward, "
                     f"as {best} {9.81 * up[best]:.1f}: the columns seem to be {best}"
                 )
-                yield Contradiction("quaternion order", text, up[here], "1", LEAST_UPWARD)
 
 
 def _turn_of(log: FlightLog, name: str) -> Array:
@@ -161,7 +156,7 @@ def _size(values: Array) -> float:
     return float(np.median(np.linalg.norm(values, axis=1)))
 
 
-def _units(log: FlightLog) -> Iterator[Contradiction]:
+def _units(log: FlightLog) -> Iterator[str]:
     """Yield a gyro in degrees, and an accelerometer in g."""
     if "gyro" in log.measured:
         time, values = _stamped(log.measured["mocap_quaternion"])
@@ -172,11 +167,9 @@ def _units(log: FlightLog) -> Iterator[Contradiction]:
         felt = np.linalg.norm(turned[n:] - turned[:-n], axis=1)
         ratio = float(np.sqrt(np.mean(np.minimum(felt, 1e6) ** 2)) / max(np.sqrt(np.mean(seen**2)), 1e-9))
         if ratio > 20.0:
-            text = f"gyro against attitude: its rates are {ratio:.3g} times the attitude's: rad/s were expected"
-            yield Contradiction("gyro against attitude", text, ratio, "1", 20.0)
+            yield f"gyro against attitude: its rates are {ratio:.3g} times the attitude's: rad/s were expected"
     if "accelerometer" in log.measured:
         _, felt = _stamped(log.measured["accelerometer"])
         mean = float(np.linalg.norm(np.mean(felt, axis=0)))
         if 0.5 < mean < 2.0 and _size(felt) < 3.0:
-            text = f"accelerometer against gravity: its mean is {mean:.2f}: m/s2 were expected, not g"
-            yield Contradiction("accelerometer against gravity", text, mean, "m/s2", 2.0)
+            yield f"accelerometer against gravity: its mean is {mean:.2f}: m/s2 were expected, not g"
