@@ -33,10 +33,9 @@ def test_rows_of_the_dynamics_and_of_an_accelerometer_are_those_of_their_twins()
     A, push, torque, torque_at = d.acceleration, d.push, d.torque, d.torque_at
     ad, defect, knots = draw((m, 6, 6)), draw((m, 6)), draw((m + 1, 3))
     crank = np.stack([knots[:-1, 1] + 0.5 * dt * knots[:-1, 2], knots[:-1, 2]], axis=1)
-    places = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, 12]
     middle = Middle(rotation, ID, Dq, Dv, M + air.added_mass, J, ad_half, ad, defect)
     linearise(
-        np.array(places, dtype=np.intp), np.array(joints, dtype=np.intp), layout.by_mode, dt, knots, slopes, middle,
+        layout.places, np.array(joints, dtype=np.intp), layout.by_mode, dt, knots, slopes, middle,
         ID - air.force - known, air.force, air.by_twist, force.reshape(m, -1), d,
     )  # fmt: skip
     known_rows = twin_rows(layout, joints, dt, crank, slopes, ad_half, rotation, (ID, Dq, Dv, M), air, known, J, force)

@@ -101,16 +101,18 @@ class AirAboutNominal:
         count = max(int(np.ceil(span / self._longest - 1e-9)), 1)
         q, v, a, wind = self._half_steps(nominal, span, count)
         steps, dt = np.array([count]), np.array([span / count])
-        force = np.zeros((1, nv))
-        for i, shift in enumerate((0.0, *SHIFTS)):
+
+        def flown(i: int, inertia: Array | None = None) -> Array:
             fields.start[:] = fields.state[:] = self._states[i]
-            if i == 0:
-                force = np.add(*self.along.advance((q, v, a, wind), steps, dt, inertia))
-            else:
-                v[:, i - 1] += shift
-                by_twist[:, :, i - 1] = (np.add(*self.along.advance((q, v, a, wind), steps, dt)) - force) / shift
-                v[:, i - 1] -= shift
+            force = np.add(*self.along.advance((q, v, a, wind), steps, dt, inertia))
             self._states[i] = fields.state
+            return force
+
+        force = flown(0, inertia)
+        for i, shift in enumerate(SHIFTS):
+            v[:, i] += shift
+            by_twist[:, :, i] = (flown(1 + i) - force) / shift
+            v[:, i] -= shift
         return AirForces(force, inertia, by_twist)
 
     def _half_steps(self, nominal: NominalMotion, span: float, count: int) -> tuple[Array, Array, Array, Array]:

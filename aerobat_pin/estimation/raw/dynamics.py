@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.raw.air import AirForces
 from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics, Middle, linearise, wing_angles
-from aerobat_pin.estimation.raw.layout import CRANK_ERROR, Layout
+from aerobat_pin.estimation.raw.layout import Layout
 from aerobat_pin.estimation.raw.nominal import NominalMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
@@ -83,8 +83,6 @@ def linear_dynamics(
         for i, frame in enumerate(ids):
             pin.updateFramePlacement(model, data, frame)  # the joints' Jacobian is that of the derivatives
             middle.J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
-    at = [layout.walk.start, layout.white.start, layout.mass_at, layout.air_at, CRANK_ERROR.start]
-    places = np.array([-1 if place is None else place for place in at], dtype=np.intp)
     up, moving = np.einsum("kji,j->ki", middle.rotation, model.gravity.linear), layout.moving
     rows, torque = (m, BASE_SIZE, n), (m, len(at_v), n)
     made = LinearDynamics(
@@ -104,7 +102,7 @@ def linear_dynamics(
     )
     middle.M[:] += air.added_mass
     linearise(
-        places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, nominal.crank, joints, middle,
+        layout.places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, nominal.crank, joints, middle,
         middle.ID - air.force - known, air.force, air.by_twist, force.reshape(m, -1), made,
     )  # fmt: skip
     return made

@@ -109,9 +109,9 @@ def half_step_motion(
         twist: (2, 6) of the body.
         crank: (3,) angle, rate and acceleration at the start.
         span: length of the interval [s].
-        q: (s, nq) written: configuration.
-        v: (s, nv) written: velocity.
-        a: (s, nv) written: acceleration.
+        q: (s, nq) written, as are `v` and `a` (s, nv).
+        v: velocity.
+        a: acceleration.
     """
     joints, last = np.empty((3, 2)), q.shape[0] - 1
     same = 0.0
@@ -156,7 +156,7 @@ def linearise(
     """Write the rows of `LinearDynamics` that follow from the equations of motion, and the transition.
 
     Args:
-        at: (5,) where walk, white, factor of the mass, factor of the air and crank stand; -1: not a state.
+        at: (5,) `Layout.places`.
         joints: (4,) rows of the joints.
         by_mode: (b, b) from slow states to forces.
         dt: (m,) [s].

@@ -266,13 +266,8 @@ class JointFilter:
     def _jump(self, x: Array, P: Array, score: float, h: Array, e: Array, R: Array) -> None:
         """Take samples anew with a jump of the slow states that make them likelier, one after the other.
 
-        Args:
-            x: (n,) state before the samples.
-            P: (n, n) its covariance, changes.
-            score: log-likelihood of the samples without a jump.
-            h: (k, n) rows of the samples.
-            e: (k,) samples less their prediction.
-            R: (k,) variances.
+        State `x` (n,) and covariance `P` (n, n) are those before the samples; without a jump, `score` is their
+        log-likelihood. The samples are given as in `SampleRows`.
         """
         gains, innovations = np.empty_like(h), np.empty((len(e), 2))
         variance, states = (JUMP * self.smoother.weight) ** 2, set(range(*self.layout.walk.indices(len(x))))

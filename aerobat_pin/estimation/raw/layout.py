@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, Integers
 
 POSE_ERROR, TWIST_ERROR, CRANK_ERROR = slice(0, 6), slice(6, 12), slice(12, 15)
 MOTION = 15  # the errors of the motion: pose, twist, crank
@@ -35,6 +35,7 @@ class Layout:
             [rad]; None where they are no states.
         offset_at: sensor -> where its clock offset [s] stands.
         moving, size: number of states whose change depends on other states, and of all states.
+        places: (5,) where walk, white, factor of the mass, factor of the air and crank stand; -1: not a state.
         modes: orthogonal matrix (points, points): forces of the points = modes times the slow states of each axis. The
             first mode is what the forces have in common, the others are how they differ.
         by_mode: the same (3 points, 3 points) from all slow states to all forces, point after point.
@@ -56,6 +57,8 @@ class Layout:
         self.mount_at = self._next(MOUNT_SIZE) if self.mount else None
         self.offset_at = {name: self._next(1).start for name in self.offsets}
         self.moving = self.walk.stop
+        at = [self.walk.start, self.white.start, self.mass_at, self.air_at, CRANK_ERROR.start]
+        self.places: Integers = np.array([-1 if place is None else place for place in at], dtype=np.intp)
         self.modes: Array = np.zeros((self.points, self.points))
         self.modes[:, 0] = self.points**-0.5
         for i in range(1, self.points):

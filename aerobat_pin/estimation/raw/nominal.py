@@ -59,13 +59,8 @@ class NominalMotion:
         position = self.position[0] + self.rotation[0] @ step.translation
         angle, turning, speeding = self.crank[0]
         crank = np.array([angle + dt * turning + 0.5 * dt**2 * speeding, turning + dt * speeding, speeding])
-        return NominalMotion(
-            np.append(self.time, self.time[0] + dt),
-            np.stack([self.rotation[0], rotation]),
-            np.stack([self.position[0], position]),
-            np.stack([self.twist[0], twist]),
-            np.stack([self.crank[0], crank]),
-        )
+        there = NominalMotion(self.time + dt, rotation[None], position[None], twist[None], crank[None])
+        return NominalMotion.joined([self, there])
 
     @classmethod
     def joined(cls, parts: Sequence[NominalMotion]) -> NominalMotion:

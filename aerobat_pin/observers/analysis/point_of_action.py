@@ -83,19 +83,15 @@ def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
     doubt = np.sqrt(correlation_length(z) / count) * np.einsum("ij,ik,kj->j", axes, chance, axes)
     told = values > np.maximum(FAINTEST * doubt, 1e-9 * values[-1])
     known = axes[:, told]
-    fit = (
-        least_squares(
-            lambda a: (_misfits(known @ a, scatter) @ whitener(known @ a).T).ravel(),
-            np.zeros(known.shape[1]),
-            x_scale="jac",
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-        )
-        if known.size
-        else None
-    )
-    point = known @ fit.x if fit is not None else np.zeros(3)
+
+    def weighted(place: Array) -> Array:
+        r = known @ place
+        return (_misfits(r, scatter) @ whitener(r).T).ravel()
+
+    point: Array = np.zeros(3)
+    if known.size:
+        exact = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-14)
+        point = known @ least_squares(weighted, np.zeros(known.shape[1]), x_scale="jac", **exact).x
 
     W = whitener(point)
     errors = _misfits(point, z) @ W.T
