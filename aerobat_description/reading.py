@@ -5,9 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 LARGEST = 1e30  # powers of such numbers are still finite doubles, and they fit the single precision of a mesh
+
+
+POSITIVE, NOT_NEGATIVE = "it must be positive", "it is not negative"
+Positive = Annotated[float, POSITIVE]
+NotNegative = Annotated[float, NOT_NEGATIVE]
 
 
 class MorphologyError(ValueError):
@@ -18,13 +23,6 @@ def require(holds: bool, key: str, value: object, rule: str) -> None:
     """Raise MorphologyError with key, value and rule if `holds` is False."""
     if not holds:
         raise MorphologyError(f"morphology: {key} = {value}: {rule}")
-
-
-def positive(section: object, where: str, *keys: str) -> None:
-    """Raise MorphologyError unless the values of all given keys of a section are positive."""
-    for key in keys:
-        value = getattr(section, key)
-        require(value > 0.0, f"{where}.{key}", value, "it must be positive")
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,7 +47,7 @@ def build(kind: Any, values: object, where: str) -> Any:
     if not isinstance(values, Mapping):
         raise MorphologyError(f"morphology: {where} = {values!r}: a table was expected")
     known = {field.name: field for field in fields(kind)}
-    hints = get_type_hints(kind)
+    hints = get_type_hints(kind, include_extras=True)
     for key in values:
         if key not in known:
             close = difflib.get_close_matches(str(key), known, n=1)
@@ -68,6 +66,10 @@ def build(kind: Any, values: object, where: str) -> Any:
 
 
 def _field(kind: Any, value: object, where: str) -> Any:
+    if get_origin(kind) is Annotated:
+        number, rule = build(float, value, where), kind.__metadata__[0]
+        require(number > 0.0 or (number == 0.0 and rule == NOT_NEGATIVE), where, number, rule)
+        return number
     choices = get_args(kind)
     if type(None) in choices:
         if value is None or value is False:  # `tail = false` removes the tail

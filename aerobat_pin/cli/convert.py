@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -17,18 +16,12 @@ def convert_command(
     force: Force = False,
 ) -> None:
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
-    from aerobat_pin.errors import LogError, check_file
+    from aerobat_pin.errors import check_file
     from aerobat_pin.estimation import write_flight_mcap
-    from aerobat_pin.experiments import read_estimates
-    from aerobat_pin.flight import FlightLog
+    from aerobat_pin.experiments import read_run
     from aerobat_pin.robot import load_robot
-    from aerobat_pin.scenario import load_scenario
 
-    missing = [name for name in ("scenario.toml", "flight.nc", "estimate.nc") if not os.path.isfile(run / name)]
-    if missing:
-        raise LogError(f"convert {run}: not the folder of a run: it has no {', '.join(missing)}")
     check_file(mcap, force=force)
-    robot = load_robot(load_scenario(str(run / "scenario.toml")))
-    log = FlightLog.load(run / "flight.nc")
-    write_flight_mcap(robot.model, log, read_estimates(run / "estimate.nc", log), mcap)
+    scenario, log, estimates = read_run(run)
+    write_flight_mcap(load_robot(scenario).model, log, estimates, mcap)
     typer.echo(f"written to {mcap}")

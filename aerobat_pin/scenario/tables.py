@@ -8,29 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, Field, model_validator
 
 from aerobat_pin.scenario.raw_tables import RawSection
-from aerobat_pin.scenario.section import (
-    LARGEST_NUMBER,
-    Coordinate,
-    Limits,
-    NonNegative,
-    Number,
-    Positive,
-    Section,
-    Triple,
-    Whole,
-)
-from aerobat_pin.scenario.sensor_tables import AXES_OF_SENSOR, SensorSection, SensorsSection
-
-__all__ = [
-    "AXES_OF_SENSOR",
-    "LARGEST_NUMBER",
-    "Number",
-    "Positive",
-    "Section",
-    "SensorSection",
-    "SensorsSection",
-    "Whole",
-]
+from aerobat_pin.scenario.section import Coordinate, Limits, NonNegative, Number, Positive, Section, Triple, Whole
 
 
 def _false_for_none(values: Any) -> Any:

@@ -5,7 +5,6 @@ The template of the page is `pages/report.html`; this module collects its values
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -43,7 +42,7 @@ def report_html(experiment: Experiment, images: Mapping[str, Path]) -> str:
         observers={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in experiment.estimates},
         gains=_names_and_gains(scenario),
         degrees=np.degrees,
-        images={name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in images.items()},
+        images=images,
         linkage=Markup(linkage_animation(experiment.robot.linkage, SLOWER / frequency)) if frequency > 0.0 else None,
         slower=SLOWER,
     )

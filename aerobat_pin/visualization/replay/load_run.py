@@ -6,10 +6,10 @@ from pathlib import Path
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import SUM, belief_about, estimate_log, read_log
-from aerobat_pin.experiments import estimate_dataset, flight_note, read_estimates, recorded_note
-from aerobat_pin.flight import FlightLog, log_with_motion
+from aerobat_pin.experiments import estimate_dataset, flight_note, read_run, recorded_note
+from aerobat_pin.flight import log_with_motion
 from aerobat_pin.robot import believed_robot, load_robot
-from aerobat_pin.scenario import changed_keys, changes_text, load_scenario
+from aerobat_pin.scenario import changed_keys, changes_text
 from aerobat_pin.visualization.replay.flight_replay import replay_flight
 from aerobat_pin.visualization.replay.recording import Recording
 
@@ -21,19 +21,14 @@ def replay_run(folder: Path) -> Recording:
         LogError: the folder is not that of a run, or its log cannot be read.
         AerobatError: another file in the folder cannot be read.
     """
-    names = ("scenario.toml", "flight.nc", "estimate.nc")
-    missing = [name for name in names if not (folder / name).is_file()]
-    if missing:
-        raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
-    scenario = load_scenario(str(folder / "scenario.toml"))
+    scenario, log, estimates = read_run(folder)
     robot = load_robot(scenario)
-    log = log_with_motion(FlightLog.load(folder / "flight.nc"))
-    estimates = read_estimates(folder / "estimate.nc", log)
     strangers = [
         str(name) for name in estimates["point"].values if not (robot.model.existFrame(str(name)) or name == SUM)
     ]
     if strangers:
         raise LogError(f"estimates {folder / 'estimate.nc'}: the robot has no frame {', '.join(strangers)}")
+    log = log_with_motion(log)
     recording = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
     recording.subtitle = changes_text(scenario.name, changed_keys(scenario))
     return recording

@@ -5,14 +5,13 @@ The page is a single HTML file that needs no network.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.visualization.replay.viewer import viewer_script
 from aerobat_pin.visualization.style import TRUTH
-from aerobat_pin.visualization.template import fill_template
+from aerobat_pin.visualization.template import base64_text, fill_template
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # offered speeds relative to real time, in which flaps are hard to see
 
@@ -79,7 +78,7 @@ def replay_page(
         end=end,
         speeds=[f"{speed:g}" for speed in sorted({*SPEEDS, rate})],
         scene={
-            "commands": [base64.b64encode(command).decode("ascii") for command in commands],
+            "commands": [base64_text(command) for command in commands],
             "start": start,
             "truth": TRUTH,
             "rate": rate,

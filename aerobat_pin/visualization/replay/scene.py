@@ -63,10 +63,7 @@ class Scene:
         Args:
             camera: (3,) position from which the camera looks at the origin [m].
         """
-        for node in ("/Grid", "/Axes"):
-            self.viewer[node].set_property("visible", False)
-        for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
-            self.viewer["/Background"].set_property(edge, colour)
+        clear_background(self.viewer)
         x, y, z = camera.tolist()  # meshcat expects the camera's position as (x, z, -y)
         self.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
         self.viewer.set_animation(self._animation, play=True, repetitions=10**6)
@@ -113,7 +110,7 @@ class Scene:
         rest = np.maximum(length - share * head, 1e-6)
         # Both kinds count as translucent: the page then draws the inner arrow over its halo.
         opacity = 1.0 if inner else HALO_OPACITY
-        paint = shapes.MeshLambertMaterial(color=_rgb_number(colour), opacity=opacity, transparent=True)
+        paint = shapes.MeshLambertMaterial(color=rgb_number(colour), opacity=opacity, transparent=True)
         offset = np.eye(4)
         for part, shape, middle in (
             ("shaft", shapes.Cylinder(1.0, thickness * SHAFT_RADIUS * size), 0.5),
@@ -132,19 +129,19 @@ class Scene:
 
     def line(self, node: str, points: Array, colour: str) -> None:
         """Draw a line through points (k, 3) [m]."""
-        paint = shapes.LineBasicMaterial(color=_rgb_number(colour))
+        paint = shapes.LineBasicMaterial(color=rgb_number(colour))
         self.viewer[node].set_object(shapes.Line(shapes.PointsGeometry(points.T), paint))
 
     def segments(self, node: str, ends: Array, colour: str) -> None:
         """Draw straight lines between ends (k, 2, 3) [m]."""
-        paint = shapes.LineBasicMaterial(color=_rgb_number(colour))
+        paint = shapes.LineBasicMaterial(color=rgb_number(colour))
         self.viewer[node].set_object(shapes.LineSegments(shapes.PointsGeometry(ends.reshape(-1, 3).T), paint))
 
     def ball(self, node: str, centre: Array, radius: float, colour: str) -> None:
         """Draw a ball about a point (3,) [m]."""
         transform = np.eye(4)
         transform[:3, 3] = centre
-        self.viewer[node].set_object(shapes.Sphere(radius), shapes.MeshLambertMaterial(color=_rgb_number(colour)))
+        self.viewer[node].set_object(shapes.Sphere(radius), shapes.MeshLambertMaterial(color=rgb_number(colour)))
         self.viewer[node].set_transform(transform)
 
     def sheet(self, node: str, points: Array, colours: Array) -> None:
@@ -161,6 +158,14 @@ class Scene:
         self.viewer[node].set_object(shape, paint)
 
 
-def _rgb_number(colour: str) -> int:
+def clear_background(viewer: meshcat.Visualizer) -> None:
+    """Replace meshcat's grid and axes by a light sky."""
+    for node in ("/Grid", "/Axes"):
+        viewer[node].set_property("visible", False)
+    for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
+        viewer["/Background"].set_property(edge, colour)
+
+
+def rgb_number(colour: str) -> int:
     """Convert a hexadecimal colour to a number, as three.js expects it."""
     return int(colour[1:], 16)
