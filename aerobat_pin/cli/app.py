@@ -16,12 +16,10 @@ from typing import Annotated, Any, Literal
 import typer
 
 from aerobat_pin.cli.calibrate import calibrate_command
-from aerobat_pin.cli.compare import compare_command
 from aerobat_pin.cli.console import files_in, print_files, print_version, progress_bar
-from aerobat_pin.cli.convert import convert_command
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.options import CalibrationFile, Force, NameOrFile, ObserverNames, Settings
-from aerobat_pin.cli.play import play_command
+from aerobat_pin.cli.runs import compare_command, convert_command, play_command
 from aerobat_pin.cli.seeds import run_seeds
 from aerobat_pin.cli.sweep import sweep_command
 from aerobat_pin.cli.urdf import urdf_command

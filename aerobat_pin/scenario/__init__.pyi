@@ -13,7 +13,6 @@ from .dotted_keys import assign as assign
 from .dotted_keys import with_settings as with_settings
 from .messages import explain as explain
 from .messages import explain_plainly as explain_plainly
-from .raw_tables import RawSection as RawSection
 from .scenario import Scenario as Scenario
 from .scenario import load_scenario as load_scenario
 from .scenario import parse_scenario as parse_scenario
@@ -30,6 +29,7 @@ from .sensor_tables import SensorsSection as SensorsSection
 from .size import MOST_SECONDS as MOST_SECONDS
 from .size import SECONDS_PER_STEP as SECONDS_PER_STEP
 from .tables import AirSection as AirSection
+from .tables import RawSection as RawSection
 from .tables import RobotSection as RobotSection
 from .toml import read_toml as read_toml
 from .toml import scenario_toml as scenario_toml

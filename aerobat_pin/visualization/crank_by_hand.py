@@ -20,8 +20,8 @@ from aerobat_description.position_closure import turn
 from aerobat_description.solids import Mesh
 from aerobat_description.write_urdf import MATERIALS, SIDES
 from aerobat_pin.visualization import style
+from aerobat_pin.visualization.replay.page import viewer_script
 from aerobat_pin.visualization.replay.scene import Window, clear_background, rgb_number
-from aerobat_pin.visualization.replay.viewer import viewer_script
 from aerobat_pin.visualization.template import base64_text, fill_template
 
 # Lengths that the robot's morphing control changes, and how far: shares of the length as built. Aerobat_MuJoCo,

@@ -14,7 +14,7 @@ from aerobat_pin.scenario import AirSection
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.control import thrust_forces
 from aerobat_pin.visualization.replay.recording import Recording
-from aerobat_pin.visualization.replay.sheet import Sheet
+from aerobat_pin.visualization.replay.scene import Sheet
 
 SLOW_MOTION = 0.1  # speed of a flight's replay relative to real time, in which a flap is too fast to be watched
 WAKE_LASTS = 0.5  # [s]: time for which each part of the wake is shown

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
 from typing import Any
 
 import meshcat
@@ -22,7 +24,31 @@ from aerobat_pin.visualization.replay.collada import drawable
 SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.011, 0.032, 0.09
 HALO_OPACITY = 0.65  # opacity of an arrow that can have another arrow inside
 SHEET_OPACITY = 0.5
+UNBOUNDED = 1e3  # [m]: a larger shape is treated as infinite, such as a plane
 SKY_COLOURS = ([0.97, 0.98, 0.99], [0.84, 0.87, 0.90])  # background, top and bottom
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A translucent sheet that trails behind the robot, such as its wake.
+
+    Each keyframe adds a row of points, which is then shown for a fixed time.
+
+    Attributes:
+        label: text in the legend.
+        colour: colour of the mark in the legend, hexadecimal.
+        points: (m, k, 3) points of each row where they would be without drift, world axes [m].
+        colours: (m, k, 3) red, green and blue of each point, from 0 to 1.
+        drift: (m, 3) displacement of the whole sheet at each keyframe, world axes [m].
+        lasting: time for which a row is shown [s].
+    """
+
+    label: str
+    colour: str
+    points: Array
+    colours: Array
+    drift: Array
+    lasting: float
 
 
 class Window:
@@ -156,6 +182,22 @@ class Scene:
         shape = shapes.TriangularMeshGeometry(points.reshape(-1, 3), faces.reshape(-1, 3), colours.reshape(-1, 3))
         paint = shapes.MeshBasicMaterial(opacity=SHEET_OPACITY, vertexColors=True)
         self.viewer[node].set_object(shape, paint)
+
+
+def box_corners(part: pin.GeometryObject) -> Array:
+    """Return the corners (8, 3) of a part's bounding box in the part's axes [m]; all zero for an infinite shape."""
+    part.geometry.computeLocalAABB()
+    box = part.geometry.aabb_local
+    ends = np.array([box.min_, box.max_]) * part.meshScale
+    if not np.all(np.abs(ends) < UNBOUNDED):
+        ends = np.zeros((2, 3))
+    return np.array(list(itertools.product(*ends.T)))
+
+
+def round_number_above(value: float) -> float:
+    """Return the smallest number that is 1, 2 or 5 times a power of ten and not smaller than the value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(digit * power for digit in (1.0, 2.0, 5.0, 10.0) if digit * power >= value * (1.0 - 1e-9)))
 
 
 def clear_background(viewer: meshcat.Visualizer) -> None:
