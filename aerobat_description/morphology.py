@@ -33,7 +33,7 @@ from aerobat_description.morphology_tables import (
     WingShape,
 )
 from aerobat_description.names import check_frames, check_name
-from aerobat_description.position_closure import ClosureError, elbow, reach, remedies
+from aerobat_description.position_closure import ClosureError, advice, elbow, reach, remedies
 from aerobat_description.reading import MorphologyError, build, dotted, require
 from aerobat_description.toml_text import TomlError, toml_file
 
@@ -164,10 +164,8 @@ class Morphology:
         try:
             reached = reach(self.linkage)
         except ClosureError as error:
-            lengths = remedies(self.linkage, error.dyad)
-            would = [f"{key} = {value:.6g} (now {getattr(self.linkage, key):g})" for key, value in lengths.items()]
-            advice = f"; any of these would do: {', '.join(would)}" if would else ""
-            raise MorphologyError(f"morphology: linkage: the crank cannot turn: {error}{advice}") from error
+            would = advice(self.linkage, remedies(self.linkage, error.dyad))
+            raise MorphologyError(f"morphology: linkage: the crank cannot turn: {error}{would}") from error
         for joint, (low, high) in reached.items():
             limits = getattr(self.joints, f"{joint}_limits")
             rule = f"the linkage reaches {math.floor(1e3 * low) / 1e3:.3f} to {math.ceil(1e3 * high) / 1e3:.3f} rad"

@@ -40,7 +40,6 @@ from .pinocchio_views import addresses as addresses
 from .pinocchio_views import array_at as array_at
 from .pinocchio_views import check_views as check_views
 from .pinocchio_views import doubles_at as doubles_at
-from .pinocchio_views import integers_at as integers_at
 from .pinocchio_views import motions as motions
 from .pinocchio_views import placements as placements
 from .quiet_parsing import read_robot as read_robot
