@@ -18,8 +18,7 @@ from aerobat_pin.experiments import read_run
 from aerobat_pin.flight import FlightLog
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION
-from aerobat_pin.visualization.replay.load_run import replay_run
+from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.side_by_side import side_by_side
 from aerobat_pin.visualization.template import fill_template
 

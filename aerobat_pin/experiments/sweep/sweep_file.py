@@ -134,6 +134,11 @@ class SweepFile(_Table):
         sizes = {name: values.count if isinstance(values, Span) else len(values) for name, values in chosen.items()}
         return {**sizes, **({DRAW: self.draws.count} if self.draws else {}), SEED: self.seeds}
 
+    @property
+    def size_text(self) -> str:
+        """The sizes as text, such as `5 crank.frequency x 3 seed`."""
+        return " x ".join(f"{size} {name}" for name, size in self.sizes.items())
+
     @model_validator(mode="after")
     def _distinct(self) -> SweepFile:
         names = [*self.ranges, *self.factors, *self.variants, DRAW, SEED]
