@@ -147,8 +147,8 @@ def _check_names_and_size(file: SweepFile, base: Scenario) -> None:
 
 def _too_large(file: SweepFile, count: int, days: float) -> str:
     return (
-        f"sweep {file.name}: {file.size_text} are {count} runs, about {days:.3g} days on one processor; at most {MOST_RUNS} "
-        f"runs and {MOST_DAYS:g} days are allowed"
+        f"sweep {file.name}: {file.size_text} are {count} runs, about {days:.3g} days on one processor; at most "
+        f"{MOST_RUNS} runs and {MOST_DAYS:g} days are allowed"
     )
 
 
