@@ -32,9 +32,8 @@ from aerobat_description.morphology_tables import (
     Vector,
     WingShape,
 )
-from aerobat_description.names import check_frames, check_name
 from aerobat_description.position_closure import ClosureError, advice, elbow, reach, remedies
-from aerobat_description.reading import MorphologyError, build, dotted, require
+from aerobat_description.reading import MorphologyError, build, check_frames, check_name, dotted, require
 from aerobat_description.toml_text import TomlError, toml_file
 
 STRETCH = 0.05  # allowed relative difference of the last proximal station and the elbow's distance; 2.5 % as shipped

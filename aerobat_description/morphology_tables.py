@@ -8,8 +8,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from aerobat_description.names import check_name
-from aerobat_description.reading import NotNegative, Positive, require
+from aerobat_description.reading import NotNegative, Positive, check_name, require
 
 Vector = tuple[float, ...]
 Pair = tuple[float, float]

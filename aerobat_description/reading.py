@@ -1,15 +1,21 @@
-"""Build checked dataclasses from nested plain values, as read from TOML; errors name key, value and rule."""
+"""Build checked dataclasses from nested plain values, as read from TOML, and check names.
+
+Errors name key, value and rule. Tools reject a robot in which the name of a link or joint occurs twice.
+"""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+# Links and joints of every robot, and Pinocchio's names for the world and for the joint of the free base.
+FRAMES = ("force_point", "linkage_J1", "linkage_J8")
+WING = ("proximal", "distal", "shoulder", "elbow", *FRAMES, *(f"{frame}_fixed" for frame in FRAMES))
+LONGEST_ROBOT_NAME = 100  # bytes: files are named after a robot, and no file system takes names above 255 bytes
+BUILT_IN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
 LARGEST = 1e30  # powers of such numbers are still finite doubles, and they fit the single precision of a mesh
-
-
 POSITIVE, NOT_NEGATIVE = "it must be positive", "it is not negative"
 Positive = Annotated[float, POSITIVE]
 NotNegative = Annotated[float, NOT_NEGATIVE]
@@ -101,3 +107,29 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
 def dotted(where: str, key: object) -> str:
     """Return the dotted key of `key` within the section `where`."""
     return f"{where}.{key}" if where else str(key)
+
+
+def check_name(name: str, key: str) -> None:
+    """Raise MorphologyError unless a name can be used for files, links and joints.
+
+    Args:
+        name: the name.
+        key: dotted key of the name in the morphology, for the message.
+    """
+    plain = 0 < len(name.encode()) <= LONGEST_ROBOT_NAME and all(letter.isalnum() or letter in "_-" for letter in name)
+    require(plain, key, repr(name), f"letters, digits, _ and - only, {LONGEST_ROBOT_NAME} at most")
+
+
+def check_frames(names: Sequence[str], table: str) -> None:
+    """Raise MorphologyError if adding frames with these names, and their fixed joints, would repeat a name.
+
+    Args:
+        names: names of the frames.
+        table: name of the morphology's table that contains them, for the message.
+    """
+    taken = set(BUILT_IN)
+    for i, name in enumerate(names):
+        own = {name, f"{name}_fixed"}
+        rule = "another link, joint or frame has this name or that of its joint; each needs a name of its own"
+        require(not own & taken, f"{table}[{i}].name", repr(name), rule)
+        taken |= own
