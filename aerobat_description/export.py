@@ -15,90 +15,68 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.write_mjcf import mjcf_text
 from aerobat_description.write_urdf import PACKAGE_MESHES, urdf_text
 
+Form = Literal["urdf", "mjcf"]
 MeshPaths = Literal["package", "relative", "absolute"]
 
 
-def export(morphology: Morphology, target: Path, meshes: MeshPaths = "package") -> dict[Path, bytes]:
-    """Return the files of a robot without writing them.
+def export(
+    morphology: Morphology,
+    target: Path,
+    form: Form = "urdf",
+    meshes: MeshPaths | None = None,
+    bars: BarMasses | None = None,
+) -> dict[Path, bytes]:
+    """Return the files of a robot without writing them: path -> content.
 
-    The path of the URDF is `target`; the SRDF and the folders `linkage/` and `meshes/` are in the same folder. In the
-    URDF, the paths of the meshes are `package://<folder of target>/meshes/...`, relative to the URDF, or absolute.
+    Beside the URDF are its SRDF and the folders `linkage/` and `meshes/`, beside an MJCF file is the folder `meshes/`.
 
     Args:
         morphology: the robot.
-        target: path of the URDF file.
-        meshes: kind of the mesh paths in the URDF.
-
-    Returns:
-        Path -> content of each file.
+        target: path of the URDF or MJCF file.
+        form: which of the two it is.
+        meshes: how it names its meshes: `package://<folder of target>/meshes/...` (of a URDF only, its default),
+            relative to the file, or absolute.
+        bars: of an MJCF file, masses of the linkage's bars, see `bar_bodies`; light when omitted.
     """
     target = target.absolute()
-    folder = target.parent
-    uri = {
-        "package": f"package://{folder.name}/meshes",
-        "relative": "meshes",
-        "absolute": (folder / "meshes").as_posix(),
-    }[meshes]
-    meshdir = uri if meshes == "absolute" else "meshes"
-    made = {target: urdf_text(morphology, uri, meshdir).encode()}
+    folder = target.parent / "meshes"
+    package = f"package://{target.parent.name}/meshes"
+    made = {target: _text(morphology, form, meshes, bars, package, "meshes", folder).encode()}
     for name, content in files(morphology).items():
         path = Path(name)
-        if path.parts[0] == "meshes":
-            made[folder / "meshes" / path.name] = content
-        elif path.parent.name == "linkage":  # in a subfolder: the morphology beside the URDF can have the same name
-            made[folder / "linkage" / f"{target.stem}.toml"] = content
-        elif path.suffix == ".srdf":
+        if path.parent.as_posix() == {"urdf": "meshes", "mjcf": "mjcf/meshes"}[form]:
+            made[folder / path.name] = content
+        elif form == "urdf" and path.parent.name == "linkage":  # the morphology beside the URDF can have the same name
+            made[target.parent / "linkage" / f"{target.stem}.toml"] = content
+        elif form == "urdf" and path.suffix == ".srdf":
             made[target.with_suffix(path.suffix)] = content
     return made
 
 
-def export_mjcf(
-    morphology: Morphology, target: Path, *, absolute: bool = False, bars: BarMasses = "light"
-) -> dict[Path, bytes]:
-    """Return the files of a robot with its closed linkage without writing them: the MJCF file, and meshes beside it.
+def shipped_text(
+    morphology: Morphology, form: Form = "urdf", meshes: MeshPaths | None = None, bars: BarMasses | None = None
+) -> str | None:
+    """Return the URDF or MJCF text of a shipped robot, whose meshes are in this package; None for any other robot.
 
-    Args:
-        morphology: the robot.
-        target: path of the MJCF file.
-        absolute: write the path of the meshes' folder as an absolute one.
-        bars: masses of the linkage's bars, see `bar_bodies`.
-
-    Returns:
-        Path -> content of each file.
+    The arguments are those of `export`; relative paths start at the folder `urdf` or `mjcf` of this package.
     """
-    target = target.absolute()
-    folder = target.parent / "meshes"
-    made = {target: mjcf_text(morphology, bars, folder.as_posix() if absolute else "meshes").encode()}
-    meshes = {name: content for name, content in files(morphology).items() if name.startswith("mjcf/meshes/")}
-    return made | {folder / Path(name).name: content for name, content in meshes.items()}
-
-
-def shipped_mjcf(morphology: Morphology, *, absolute: bool = False, bars: BarMasses = "light") -> str | None:
-    """Return the MJCF text of a shipped robot, whose meshes are in this package; None for any other robot.
-
-    Args:
-        morphology: the robot.
-        absolute: name the folder of the meshes by its absolute path, else from the `mjcf` folder of this package.
-        bars: masses of the linkage's bars, see `bar_bodies`.
-    """
-    if not _is_shipped(morphology):
+    if morphology.name not in MORPHOLOGIES or morphology != Morphology.load(morphology.name):
         return None
-    return mjcf_text(morphology, bars, Path(PACKAGE_PATH, "mjcf", "meshes").as_posix() if absolute else "meshes")
+    relative, folder = {"urdf": ("../meshes", "meshes"), "mjcf": ("meshes", "mjcf/meshes")}[form]
+    return _text(morphology, form, meshes, bars, PACKAGE_MESHES, relative, Path(PACKAGE_PATH, folder))
 
 
-def shipped_urdf(morphology: Morphology, meshes: MeshPaths = "package") -> str | None:
-    """Return the URDF text of a shipped robot, whose meshes are in this package; None for any other robot.
-
-    Args:
-        morphology: the robot.
-        meshes: kind of the mesh paths, as in `export`; relative paths start at the `urdf` folder of this package.
-    """
-    if not _is_shipped(morphology):
-        return None
-    absolute = Path(PACKAGE_PATH, "meshes").as_posix()
-    uri = {"package": PACKAGE_MESHES, "relative": "../meshes", "absolute": absolute}[meshes]
-    return urdf_text(morphology, uri, absolute if meshes == "absolute" else "../meshes")
-
-
-def _is_shipped(morphology: Morphology) -> bool:
-    return morphology.name in MORPHOLOGIES and morphology == Morphology.load(morphology.name)
+def _text(
+    morphology: Morphology,
+    form: Form,
+    meshes: MeshPaths | None,
+    bars: BarMasses | None,
+    package: str,
+    relative: str,
+    absolute: Path,
+) -> str:
+    """Return the text of a robot whose meshes are in a folder with these three paths."""
+    meshdir = absolute.as_posix() if meshes == "absolute" else relative
+    if form == "mjcf":
+        return mjcf_text(morphology, bars or "light", meshdir)
+    return urdf_text(morphology, package if meshes in (None, "package") else meshdir, meshdir)

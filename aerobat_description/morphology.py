@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.bar_masses import Bars
 from aerobat_description.following import laid_over
 from aerobat_description.morphology_tables import (
     Aerodynamics,
+    Bars,
     Body,
     Fin,
     FreeFlyer,
@@ -32,10 +32,8 @@ from aerobat_description.morphology_tables import (
     Vector,
     WingShape,
 )
-from aerobat_description.names import check_frames, check_name
-from aerobat_description.position_closure import ClosureError, elbow, reach, remedies
-from aerobat_description.reading import MorphologyError, build, dotted, require
-from aerobat_description.scaling import stretched
+from aerobat_description.position_closure import ClosureError, advice, elbow, reach, remedies
+from aerobat_description.reading import MorphologyError, build, check_frames, check_name, dotted, require
 from aerobat_description.toml_text import TomlError, toml_file
 
 STRETCH = 0.05  # allowed relative difference of the last proximal station and the elbow's distance; 2.5 % as shipped
@@ -165,10 +163,8 @@ class Morphology:
         try:
             reached = reach(self.linkage)
         except ClosureError as error:
-            lengths = remedies(self.linkage, error.dyad)
-            would = [f"{key} = {value:.6g} (now {getattr(self.linkage, key):g})" for key, value in lengths.items()]
-            advice = f"; any of these would do: {', '.join(would)}" if would else ""
-            raise MorphologyError(f"morphology: linkage: the crank cannot turn: {error}{advice}") from error
+            would = advice(self.linkage, remedies(self.linkage, error.dyad))
+            raise MorphologyError(f"morphology: linkage: the crank cannot turn: {error}{would}") from error
         for joint, (low, high) in reached.items():
             limits = getattr(self.joints, f"{joint}_limits")
             rule = f"the linkage reaches {math.floor(1e3 * low) / 1e3:.3f} to {math.ceil(1e3 * high) / 1e3:.3f} rad"
@@ -209,6 +205,20 @@ class Morphology:
     def wing_area(self) -> float:
         """Area of the membranes of one wing, spread flat [m2]."""
         return sum(_area(*self._outline(panel)) for panel in ("proximal", "distal"))
+
+
+def stretched(body: Body, mass: float, x: float, y: float) -> Body:
+    """Return a body with every particle (X, Y, Z) moved to (x X, y Y, Z) and made `mass` times as heavy.
+
+    The second moments of mass S = tr(J)/2 1 - J stretch as diag(x, y, 1) S diag(x, y, 1), and J = tr(S) 1 - S.
+    """
+    if mass == x == y == 1.0:
+        return body
+    jxx, jyy, jzz, jxy, jxz, jyz = body.inertia
+    sxx, syy, szz = (x * x * (jyy + jzz - jxx) / 2, y * y * (jxx + jzz - jyy) / 2, (jxx + jyy - jzz) / 2)
+    jxx, jyy, jzz, jxy, jxz, jyz = syy + szz, sxx + szz, sxx + syy, x * y * jxy, x * jxz, y * jyz
+    inertia = (mass * jxx, mass * jyy, mass * jzz, mass * jxy, mass * jxz, mass * jyz)
+    return replace(body, mass=mass * body.mass, com=(x * body.com[0], y * body.com[1], body.com[2]), inertia=inertia)
 
 
 def _area(stations: Vector, leading: Vector, trailing: Vector) -> float:

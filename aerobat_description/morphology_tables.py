@@ -8,8 +8,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from aerobat_description.names import check_name
-from aerobat_description.reading import positive, require
+from aerobat_description.reading import NotNegative, Positive, check_name, require
 
 Vector = tuple[float, ...]
 Pair = tuple[float, float]
@@ -24,13 +23,12 @@ class Body:
     The inertia (xx, yy, zz, xy, xz, yz) is taken about the centre of mass, along the axes of the link frame.
     """
 
-    mass: float
+    mass: Positive
     inertia: tuple[float, float, float, float, float, float]
     com: Vector3 = (0.0, 0.0, 0.0)
 
     def check(self, where: str) -> None:
-        """Raise MorphologyError unless the mass is positive and a body with this inertia can exist."""
-        require(self.mass > 0.0, f"{where}.mass", self.mass, "it must be positive")
+        """Raise MorphologyError unless a body with this inertia can exist."""
         # The second-moment matrix tr(I)/2 - I is positive definite exactly when every principal moment is smaller
         # than the sum of the other two; Sylvester's criterion tests it without eigenvalues.
         xx, yy, zz, xy, xz, yz = self.inertia
@@ -52,15 +50,11 @@ class Hull:
         boom: radius of the booms to tail and fin [m].
     """
 
-    length: float
-    width: float
-    height: float
+    length: Positive
+    width: Positive
+    height: Positive
     drop: float
-    boom: float
-
-    def check(self, where: str) -> None:
-        """Raise MorphologyError unless every size is positive."""
-        positive(self, where, "length", "width", "height", "boom")
+    boom: Positive
 
 
 @dataclass(frozen=True)
@@ -69,15 +63,14 @@ class Joints:
 
     shoulder_limits: Pair
     elbow_limits: Pair
-    effort: float
-    velocity: float
+    effort: Positive
+    velocity: Positive
 
     def check(self, where: str) -> None:
-        """Raise MorphologyError unless lower limits are below upper limits, and effort and velocity are positive."""
+        """Raise MorphologyError unless lower limits are below upper limits."""
         for key in ("shoulder_limits", "elbow_limits"):
             limits = getattr(self, key)
             require(limits[0] < limits[1], f"{where}.{key}", limits, "the lower limit comes first")
-        positive(self, where, "effort", "velocity")
 
 
 @dataclass(frozen=True)
@@ -87,13 +80,9 @@ class FreeFlyer:
     They apply in both directions of each axis: position [m], velocity [m/s], angular velocity [rad/s].
     """
 
-    position: float
-    velocity: float
-    angular_velocity: float
-
-    def check(self, where: str) -> None:
-        """Raise MorphologyError unless every bound is positive."""
-        positive(self, where, "position", "velocity", "angular_velocity")
+    position: Positive
+    velocity: Positive
+    angular_velocity: Positive
 
 
 @dataclass(frozen=True)
@@ -117,7 +106,7 @@ class WingShape:
     distal_stations: Vector
     distal_leading_edge: Vector
     distal_trailing_edge: Vector
-    minimum_chord: float
+    minimum_chord: Positive
     force_point: Vector3 | None = None
 
     def check(self, where: str) -> None:
@@ -136,7 +125,6 @@ class WingShape:
             ahead = all(le >= te for le, te in zip(leading, trailing, strict=True))
             rule = "it lies ahead of the trailing edge, or the planform crosses itself"
             require(ahead, f"{where}.{panel}_leading_edge", leading, rule)
-        positive(self, where, "minimum_chord")
         self._check_fit(where)
 
     def _check_fit(self, where: str) -> None:
@@ -166,30 +154,45 @@ class LinkageLengths:
     positions (outboard, up) of the pivots J1, J5 and J8 relative to the x axis of the body [m].
     """
 
-    L1: float
-    L2a: float
+    L1: Positive
+    L2a: Positive
     L2b: float
     L2c: float
-    L3a: float
-    L3b: float
+    L3a: Positive
+    L3b: Positive
     L3c: float
     alpha3: float
-    L4: float
-    L5a: float
+    L4: Positive
+    L5a: Positive
     L5b: float
     L5c: float
     L5d: float
-    L6: float
-    L7a: float
-    L7b: float
+    L6: Positive
+    L7a: Positive
+    L7b: Positive
     L7c: float
     P1: Pair
     P5: Pair
     P8: Pair
 
-    def check(self, where: str) -> None:
-        """Raise MorphologyError unless every bar has a positive length; offsets within a bar can have either sign."""
-        positive(self, where, "L1", "L2a", "L3a", "L3b", "L4", "L5a", "L6", "L7a", "L7b")
+
+@dataclass(frozen=True)
+class Bars:
+    """Masses of the linkage's bars that are not wing links, of one side [kg].
+
+    The tree of the URDF takes these bars as massless, as the paper does; the closed linkage of the MJCF has them.
+    """
+
+    L1: Positive
+    L2: Positive
+    L4: Positive
+    L5: Positive
+    L6: Positive
+
+    @property
+    def mass(self) -> float:
+        """Mass of the bars of one side [kg]."""
+        return self.L1 + self.L2 + self.L4 + self.L5 + self.L6
 
 
 @dataclass(frozen=True)
@@ -199,14 +202,13 @@ class Surface:
     Span, chord, and position of the centre relative to the body COM are in m; the incidence is positive nose up [rad].
     """
 
-    span: float
-    chord: float
+    span: Positive
+    chord: Positive
     position: Vector3
     incidence: float = 0.0
 
     def check(self, where: str) -> None:
-        """Raise MorphologyError unless span and chord are positive and the surface is centred."""
-        positive(self, where, "span", "chord")
+        """Raise MorphologyError unless the surface is centred."""
         _centred(self.position, f"{where}.position")
 
 
@@ -217,13 +219,12 @@ class Fin:
     Area [m2], lift slope [1/rad], and position of the centre relative to the body COM [m].
     """
 
-    area: float
-    lift_slope: float
+    area: Positive
+    lift_slope: Positive
     position: Vector3
 
     def check(self, where: str) -> None:
-        """Raise MorphologyError unless area and lift slope are positive and the surface is centred."""
-        positive(self, where, "area", "lift_slope")
+        """Raise MorphologyError unless the surface is centred."""
         _centred(self.position, f"{where}.position")
 
 
@@ -237,14 +238,9 @@ class Aerodynamics:
         tail_downwash_factor: downwash at the tail divided by the wing's mean downwash over the tail's span.
     """
 
-    profile_drag: float
-    body_drag_area: float
-    tail_downwash_factor: float
-
-    def check(self, where: str) -> None:
-        """Raise MorphologyError if a coefficient is negative."""
-        for key in ("profile_drag", "body_drag_area", "tail_downwash_factor"):
-            require(getattr(self, key) >= 0.0, f"{where}.{key}", getattr(self, key), "it is not negative")
+    profile_drag: NotNegative
+    body_drag_area: NotNegative
+    tail_downwash_factor: NotNegative
 
 
 @dataclass(frozen=True)
@@ -259,12 +255,11 @@ class Guard:
 
     radius: Pair
     centre: float
-    tube: float
+    tube: Positive
 
     def check(self, where: str) -> None:
-        """Raise MorphologyError unless all sizes are positive and the tube is thinner than the ring."""
+        """Raise MorphologyError unless the half axes are positive and the tube is thinner than the ring."""
         require(min(self.radius) > 0.0, f"{where}.radius", self.radius, "both half axes are positive")
-        positive(self, where, "tube")
         rule = f"it is smaller than the ring's half axes, {min(self.radius):g} m at least"
         require(self.tube < min(self.radius), f"{where}.tube", self.tube, rule)
 
@@ -284,15 +279,14 @@ class Thruster:
     name: str
     position: Vector3
     direction: Vector3
-    thrust: float
+    thrust: Positive
     torque: float = 0.0
 
     def check(self, where: str) -> None:
-        """Raise MorphologyError unless name and thrust are valid and the direction is a unit vector."""
+        """Raise MorphologyError unless the name is valid and the direction is a unit vector."""
         check_name(self.name, f"{where}.name")
         unit = abs(sum(x * x for x in self.direction) - 1.0) < 1e-9
         require(unit, f"{where}.direction", self.direction, "a unit vector was expected")
-        positive(self, where, "thrust")
 
 
 @dataclass(frozen=True)
@@ -308,14 +302,10 @@ class Scale:
         body_mass: factor of mass and inertia of the body.
     """
 
-    span: float = 1.0
-    chord: float = 1.0
-    wing_mass: float = 1.0
-    body_mass: float = 1.0
-
-    def check(self, where: str) -> None:
-        """Raise MorphologyError unless every factor is positive."""
-        positive(self, where, "span", "chord", "wing_mass", "body_mass")
+    span: Positive = 1.0
+    chord: Positive = 1.0
+    wing_mass: Positive = 1.0
+    body_mass: Positive = 1.0
 
 
 def _centred(position: Vector3, where: str) -> None:

@@ -145,6 +145,12 @@ def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
     return {key: value for key, value in found.items() if value is not None}
 
 
+def advice(bars: LinkageLengths, lengths: Mapping[str, float]) -> str:
+    """Return the end of a message: what `remedies` found, or nothing if it found nothing."""
+    would = ", ".join(f"{key} = {value:.6g} (now {getattr(bars, key):g})" for key, value in lengths.items())
+    return f"; any of these would do: {would}" if would else ""
+
+
 def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
     """Return a crank angle [rad] at which the linkage cannot close, or None; the angle `first` is tried first."""
     for angle in (first, *CRANK_ANGLES):

@@ -1,13 +1,24 @@
-"""Build checked dataclasses from nested plain values, as read from TOML; errors name key, value and rule."""
+"""Build checked dataclasses from nested plain values, as read from TOML, and check names.
+
+Errors name key, value and rule. Tools reject a robot in which the name of a link or joint occurs twice.
+"""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+# Links and joints of every robot, and Pinocchio's names for the world and for the joint of the free base.
+FRAMES = ("force_point", "linkage_J1", "linkage_J8")
+WING = ("proximal", "distal", "shoulder", "elbow", *FRAMES, *(f"{frame}_fixed" for frame in FRAMES))
+LONGEST_ROBOT_NAME = 100  # bytes: files are named after a robot, and no file system takes names above 255 bytes
+BUILT_IN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
 LARGEST = 1e30  # powers of such numbers are still finite doubles, and they fit the single precision of a mesh
+POSITIVE, NOT_NEGATIVE = "it must be positive", "it is not negative"
+Positive = Annotated[float, POSITIVE]
+NotNegative = Annotated[float, NOT_NEGATIVE]
 
 
 class MorphologyError(ValueError):
@@ -18,13 +29,6 @@ def require(holds: bool, key: str, value: object, rule: str) -> None:
     """Raise MorphologyError with key, value and rule if `holds` is False."""
     if not holds:
         raise MorphologyError(f"morphology: {key} = {value}: {rule}")
-
-
-def positive(section: object, where: str, *keys: str) -> None:
-    """Raise MorphologyError unless the values of all given keys of a section are positive."""
-    for key in keys:
-        value = getattr(section, key)
-        require(value > 0.0, f"{where}.{key}", value, "it must be positive")
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,7 +53,7 @@ def build(kind: Any, values: object, where: str) -> Any:
     if not isinstance(values, Mapping):
         raise MorphologyError(f"morphology: {where} = {values!r}: a table was expected")
     known = {field.name: field for field in fields(kind)}
-    hints = get_type_hints(kind)
+    hints = get_type_hints(kind, include_extras=True)
     for key in values:
         if key not in known:
             close = difflib.get_close_matches(str(key), known, n=1)
@@ -68,6 +72,10 @@ def build(kind: Any, values: object, where: str) -> Any:
 
 
 def _field(kind: Any, value: object, where: str) -> Any:
+    if get_origin(kind) is Annotated:
+        number, rule = build(float, value, where), kind.__metadata__[0]
+        require(number > 0.0 or (number == 0.0 and rule == NOT_NEGATIVE), where, number, rule)
+        return number
     choices = get_args(kind)
     if type(None) in choices:
         if value is None or value is False:  # `tail = false` removes the tail
@@ -99,3 +107,29 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
 def dotted(where: str, key: object) -> str:
     """Return the dotted key of `key` within the section `where`."""
     return f"{where}.{key}" if where else str(key)
+
+
+def check_name(name: str, key: str) -> None:
+    """Raise MorphologyError unless a name can be used for files, links and joints.
+
+    Args:
+        name: the name.
+        key: dotted key of the name in the morphology, for the message.
+    """
+    plain = 0 < len(name.encode()) <= LONGEST_ROBOT_NAME and all(letter.isalnum() or letter in "_-" for letter in name)
+    require(plain, key, repr(name), f"letters, digits, _ and - only, {LONGEST_ROBOT_NAME} at most")
+
+
+def check_frames(names: Sequence[str], table: str) -> None:
+    """Raise MorphologyError if adding frames with these names, and their fixed joints, would repeat a name.
+
+    Args:
+        names: names of the frames.
+        table: name of the morphology's table that contains them, for the message.
+    """
+    taken = set(BUILT_IN)
+    for i, name in enumerate(names):
+        own = {name, f"{name}_fixed"}
+        rule = "another link, joint or frame has this name or that of its joint; each needs a name of its own"
+        require(not own & taken, f"{table}[{i}].name", repr(name), rule)
+        taken |= own

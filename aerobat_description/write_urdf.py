@@ -6,6 +6,7 @@ another simulator. The numbers of the URDF are printed such that reading them gi
 
 from __future__ import annotations
 
+import cmath
 import itertools
 import math
 from xml.etree import ElementTree as ET
@@ -13,7 +14,7 @@ from xml.etree import ElementTree as ET
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body, Vector
-from aerobat_description.poses import poses
+from aerobat_description.position_closure import Pose, turn
 from aerobat_description.shapes import hull_box, on_side, spaced, wing_boxes
 
 PACKAGE_MESHES = "package://aerobat_description/meshes"
@@ -88,6 +89,31 @@ def srdf_text(morphology: Morphology) -> str:
         ET.SubElement(robot, "disable_collisions", link1=pair[0], link2=pair[1], reason=reason)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def poses(morphology: Morphology) -> dict[str, tuple[float, float]]:
+    """Return the reference configurations: name -> (shoulder angle, elbow angle) [rad], equal on both sides.
+
+    In `neutral` both angles are zero: the wing is spread flat, which the linkage does not allow. The linkage reaches
+    all others: in `glide` the tips are farthest from the body, in `folded` nearest to it, and in `mid_downstroke` and
+    `mid_upstroke` the shoulder angle is halfway between its extremes.
+    """
+    cycle = turn(morphology.linkage)
+    tip = morphology.wing.distal_stations[-1]
+
+    def reach(pose: Pose) -> float:
+        return (pose.pins["J6"] + cmath.rect(tip, pose.angles["L7"])).real
+
+    angles = [pose.theta_s for pose in cycle]
+    middle = 0.5 * (min(angles) + max(angles))
+    after = list(itertools.pairwise([*cycle, cycle[0]]))
+    found = {
+        "glide": max(cycle, key=reach),
+        "mid_downstroke": next(a for a, b in after if a.theta_s >= middle > b.theta_s),
+        "mid_upstroke": next(a for a, b in after if a.theta_s <= middle < b.theta_s),
+        "folded": min(cycle, key=reach),
+    }
+    return {"neutral": (0.0, 0.0)} | {name: (pose.theta_s, pose.theta_e) for name, pose in found.items()}
 
 
 def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> None:

@@ -18,7 +18,7 @@ from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.write_all import write_figures_and_pages
+from aerobat_pin.visualization.run_pages import write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
     signal.signal(signal.SIGINT, lambda *_: None)  # tests ignore Ctrl-C further on, the programs that they start do not

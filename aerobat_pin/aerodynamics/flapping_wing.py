@@ -124,7 +124,7 @@ class LineFlight:
     circulation: Array
 
 
-@guarded(time="any", added_mass="not negative")
+@guarded(time=("2+",), added_mass="not negative", about=(3,))
 def fly(
     line: LiftingLine,
     motion: Callable[[float], Halves],
@@ -152,12 +152,9 @@ def fly(
     """
     from scipy.integrate import solve_ivp  # takes as long to import as everything else together
 
-    instants = np.asarray(time, float)
-    if instants.ndim != 1 or len(instants) < 2 or not (np.all(np.isfinite(instants)) and np.all(np.diff(instants) > 0)):
-        raise ShapeError("time: at least two finite, rising instants in seconds were expected")
-    if not (np.isfinite(added_mass) and added_mass >= 0.0):
-        raise ShapeError(f"added_mass = {added_mass}: a factor, not negative, was expected; 0 leaves it out")
-    point = shaped(about, (3,), "about")
+    instants, point = np.asarray(time, float), np.asarray(about, float)
+    if not np.all(np.diff(instants) > 0.0):
+        raise ShapeError("time: rising instants in seconds were expected")
     half = np.where(line.y > -1e-9 * line.span, 0, 1)
     near = min(0.1 * float(np.min(np.diff(instants))), NEAR)
 

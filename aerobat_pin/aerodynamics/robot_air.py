@@ -33,13 +33,11 @@ from aerobat_pin.aerodynamics.strip_forces import (
     strip_loads,
     strip_rows,
 )
-from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, fields_of, guarded, inner, new_memory
 from aerobat_pin.robot import LINKS, Wing
 
 Model = Literal["lifting_line", "quasi_steady"]
 NO_SURFACES = Surfaces(0.0, 0.0, np.zeros(3), 1.0, 0.0, 0.0, np.zeros(3), 0.0)
-MODELS: tuple[Model, ...] = ("lifting_line", "quasi_steady")
 
 
 @inner
@@ -79,11 +77,11 @@ class RobotAir:
         added_mass: G of each link (5, 3, 3) [kg, kg m, kg m2].
 
     Raises:
-        ShapeError: the model is unknown, the number of strips or the density is not positive, the lift limit is not
-            positive, or the factor is negative.
+        ArgumentError: the model is unknown.
+        ShapeError: the number of strips, the density or the lift limit is not positive, or the factor is negative.
     """
 
-    @guarded()
+    @guarded(air_density="positive", lift_limit="positive", added_mass="not negative")
     def __init__(
         self,
         wing: Wing,
@@ -95,12 +93,6 @@ class RobotAir:
         added_mass: float = 1.0,
     ) -> None:
         """Place the strips on the links."""
-        if model not in MODELS:
-            raise ShapeError(f"model = {model!r}: one of {', '.join(MODELS)} was expected")
-        if lift_limit is not None and not (np.isfinite(lift_limit) and lift_limit > 0.0):
-            raise ShapeError(f"lift_limit = {lift_limit}: a finite positive lift coefficient, or None, was expected")
-        if not (np.isfinite(added_mass) and added_mass >= 0.0):
-            raise ShapeError(f"added_mass = {added_mass}: a finite factor, not negative, was expected")
         shape = wing.morphology
         self.model: Model = model
         self.lift_limit = lift_limit

@@ -11,19 +11,15 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from aerobat_pin.cli.calibrate import calibrate_command
-from aerobat_pin.cli.compare import compare_command
-from aerobat_pin.cli.console import files_in, print_files, print_scores, print_version, progress_bar
-from aerobat_pin.cli.convert import convert_command
-from aerobat_pin.cli.crank import crank_command
-from aerobat_pin.cli.describe import describe_command
+from aerobat_pin.cli.console import files_in, print_files, print_version, progress_bar
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.options import CalibrationFile, Force, NameOrFile, ObserverNames, Settings
-from aerobat_pin.cli.play import play_command
+from aerobat_pin.cli.runs import compare_command, convert_command, play_command
 from aerobat_pin.cli.seeds import run_seeds
 from aerobat_pin.cli.sweep import sweep_command
 from aerobat_pin.cli.urdf import urdf_command
@@ -99,7 +95,7 @@ def run_command(
 
             write_figures_and_pages(experiment, folder, show)
         files = files_in(folder)
-    print_scores(experiment.scores)
+    typer.echo(f"\n{experiment.scores}")
     print_files(target, files)
     if diverged is not None:
         raise diverged
@@ -150,7 +146,22 @@ def trim_command(
 
 
 app.command("urdf")(urdf_command)
-app.command("crank")(crank_command)
+
+
+@app.command("crank")
+def crank_command(
+    morphology: NameOrFile = "aerobat",
+    output: Annotated[Path, typer.Option("--output", "-o", help="The page, an HTML file.")] = Path("crank.html"),
+    force: Force = False,
+) -> None:
+    """Write a page on which one turns the crank by hand and changes the linkage's lengths; it needs no network."""
+    from aerobat_pin.errors import check_file, write_text
+    from aerobat_pin.robot import load_morphology
+    from aerobat_pin.visualization import crank_page
+
+    check_file(output, force=force)
+    write_text(output, crank_page(load_morphology(morphology)))
+    typer.echo(f"written to {output}")
 
 
 @app.command("linkage")
@@ -191,7 +202,18 @@ def doctor_command() -> None:
     raise typer.Exit(0 if all(finding.ok for finding in findings) else 1)
 
 
-app.command("describe")(describe_command)
+@app.command("describe")
+def describe_command(
+    what: Annotated[Literal["scenario", "map"], typer.Argument(help="What to describe.")],
+    key: Annotated[
+        str | None, typer.Argument(help="One table or key alone, such as crank or observers.gain; else all of them.")
+    ] = None,
+) -> None:
+    """Print all keys of a scenario file or of a recording's map, or one, with type, unit, default and meaning."""
+    from aerobat_pin.estimation import describe_map
+    from aerobat_pin.scenario import describe_scenario
+
+    typer.echo({"scenario": describe_scenario, "map": describe_map}[what](key), nl=False)
 
 
 @app.command("list")

@@ -8,14 +8,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
 from aerobat_pin.errors import cleaned
-
-if TYPE_CHECKING:
-    from aerobat_pin.estimation import Scores
 
 LINE_EVERY = 10.0  # [s] between lines about the same work, without a terminal
 QUIET = 2.0  # [s]: a command that is faster says nothing about its stages
@@ -72,11 +68,6 @@ class _StageLines:
         """Print a line."""
         typer.echo(text, err=True)
         self._last = time.monotonic()
-
-
-def print_scores(scores: Scores) -> None:
-    """Print the table of scores, with what was changed above it and hints below it."""
-    typer.echo(f"\n{scores}")
 
 
 def print_version(wanted: bool) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import files_in, print_files, print_scores, progress_bar
+from aerobat_pin.cli.console import files_in, print_files, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
 
@@ -101,7 +101,7 @@ def estimate_command(
         write_figures_and_pages(estimated, folder, show)
         files = files_in(folder)
     _print_inputs(estimated.scores)
-    print_scores(estimated.scores)
+    typer.echo(f"\n{estimated.scores}")
     print_files(target, files)
 
 

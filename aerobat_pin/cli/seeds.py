@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
-from statistics import fmean
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 MOST_SEEDS = 1000
 SEED_TABLE = "seeds.csv"
-SEED_SCORES = ("r2", "r2_noise_free", "rmse", "lag_s")
+AXIS = ["observer", "point", "axis"]
+SEED_SCORES = ["r2", "r2_noise_free", "rmse", "lag_s"]
 
 
 def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run: Callable[[int, Path], None]) -> None:
@@ -33,6 +35,8 @@ def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run:
         ScenarioError: the seeds are no list of whole numbers, or `--seed` is given too.
         SimulationError: a flight diverged; raised after all others were run, and their results are there.
     """
+    import pandas as pd
+
     from aerobat_pin.errors import ScenarioError, SimulationError, write_text
 
     if seed is not None:
@@ -49,12 +53,9 @@ def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run:
             failed = failed or error
         typer.echo(f"seed {number}: {folder}/")
         rows += _scores(number, json.loads((folder / "metrics.json").read_text(encoding="utf-8")))
-    file = io.StringIO()
-    table = csv.DictWriter(file, ("seed", "observer", "point", "axis", *SEED_SCORES), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    write_text(target / SEED_TABLE, file.getvalue())
-    typer.echo(f"\n{summary(rows)}\n\nresults in {target}/\nopen {target / SEED_TABLE}")
+    table = pd.DataFrame(rows, columns=["seed", *AXIS, *SEED_SCORES])
+    write_text(target / SEED_TABLE, table.to_csv(index=False, lineterminator="\n"))
+    typer.echo(f"\n{summary(table)}\n\nresults in {target}/\nopen {target / SEED_TABLE}")
     if failed is not None:
         raise failed
 
@@ -77,19 +78,16 @@ def seeds_of(text: str) -> list[int]:
     return list(seeds)
 
 
-def summary(rows: list[dict[str, Any]]) -> str:
-    """Return mean and range of R2 and the mean error of each axis over the seeds, as a table."""
-    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault((row["observer"], row["point"], row["axis"]), []).append(row)
+def summary(table: pd.DataFrame) -> str:
+    """Return mean and least R2 and the mean error of each axis over the seeds, as text."""
     lines = [
         f"{'observer':<12} {'point':<12} {'axis':<4} {'seeds':>5} {'R2 mean':>9} {'R2 least':>9} {'error rms':>10}"
     ]
-    for (observer, point, axis), group in groups.items():
-        r2 = [row["r2"] for row in group if row["r2"] is not None]
-        shown = (f"{fmean(r2):9.5f}", f"{min(r2):9.5f}") if r2 else ("no signal", "no signal")
-        error = f"{1e3 * fmean(row['rmse'] for row in group):.2f} mN"
-        lines.append(f"{observer:<12} {point:<12} {axis:<4} {len(group):>5} {shown[0]} {shown[1]} {error:>10}")
+    for (observer, point, axis), group in table.groupby(AXIS, sort=False):
+        r2 = group["r2"].dropna()
+        shown = f"{r2.mean():9.5f} {r2.min():9.5f}" if len(r2) else "no signal no signal"
+        error = f"{1e3 * group['rmse'].mean():.2f} mN"
+        lines.append(f"{observer:<12} {point:<12} {axis:<4} {len(group):>5} {shown} {error:>10}")
     return "\n".join(lines)
 
 

@@ -32,8 +32,7 @@ def sweep_command(
 
     planned = load_sweep(sweep)
     target = out or Path("runs") / planned.file.name
-    size = " x ".join(f"{len(dimension.labels)} {dimension.name}" for dimension in planned.dimensions)
-    typer.echo(f"{planned.file.name}: {size} = {len(planned.scenarios)} runs of {planned.base.name}")
+    typer.echo(f"{planned.file.name}: {planned.file.size_text} = {len(planned.scenarios)} runs of {planned.base.name}")
     processes = len(os.sched_getaffinity(0)) if jobs is None else jobs
     with progress_bar() as bar:
         progress = _SweepProgress(bar if sys.stderr is not None and sys.stderr.isatty() else None)

@@ -1,7 +1,4 @@
-"""From a log and a belief to forces: known inputs, calibrations, raw sensors, recordings of any robot, and scores.
-
-A name is imported when it is first used, as `__init__.pyi` lists them (SPEC 1 of Scientific Python).
-"""
+"""From a log and a belief to forces: known inputs, calibrations, raw sensors, recordings of any robot, and scores."""
 
 import lazy_loader
 

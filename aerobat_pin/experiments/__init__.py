@@ -1,7 +1,4 @@
-"""Run a scenario (simulate the flight, estimate the forces, score and write the results), or a sweep of many.
-
-A name is imported when it is first used, as `__init__.pyi` lists them (SPEC 1 of Scientific Python).
-"""
+"""Run a scenario (simulate the flight, estimate the forces, score and write the results), or a sweep of many."""
 
 import lazy_loader
 

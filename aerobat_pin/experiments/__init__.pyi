@@ -9,7 +9,7 @@ from .notes import recorded_note as recorded_note
 from .recorded_results import RECORDED_RESULTS as RECORDED_RESULTS
 from .recorded_results import write_recorded as write_recorded
 from .result_tables import estimate_dataset as estimate_dataset
-from .result_tables import read_estimates as read_estimates
+from .result_tables import read_run as read_run
 from .sweep.plan import load_sweep as load_sweep
 from .sweep.run_sweep import run_sweep as run_sweep
 from .sweep.sweep_file import shipped_sweeps as shipped_sweeps

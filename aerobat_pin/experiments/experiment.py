@@ -12,6 +12,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
@@ -95,10 +97,8 @@ class Experiment:
 
     def _repr_html_(self) -> str:
         """Return the table of scores as HTML, for notebooks."""
-        head = "".join(f"<th>{escape(cell)}</th>" for cell in TABLE_HEADER)
-        rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self.scores.rows())
-        body = "".join(f"<tr>{row}</tr>" for row in rows)
-        return f"<p>{escape(self.scores.title)}</p><table><tr>{head}</tr>{body}</table>"
+        table = pd.DataFrame(list(self.scores.rows()), columns=list(TABLE_HEADER)).to_html(index=False)
+        return f"<p>{escape(self.scores.title)}</p>{table}"
 
 
 @guarded()
@@ -121,7 +121,10 @@ def run(
         AerobatError: the scenario cannot be run, for instance because it names an unknown observer.
     """
     check_names(scenario.observers.names)
-    robot, believed = loaded(scenario) if robots is None else robots
+    if robots is None:
+        flies = load_robot(scenario)
+        robots = flies, flies if scenario.believed_robot == scenario.robot else believed_robot(scenario)
+    robot, believed = robots
     pilot = None if scenario.control is None else Controller(scenario, believed)
 
     def judged(log: FlightLog) -> Experiment:
@@ -199,16 +202,6 @@ def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[floa
         progress(f"estimating with {names[at]}", share * len(names) - at)
 
     return show
-
-
-def loaded(scenario: Scenario) -> tuple[Aerobat, Aerobat]:
-    """Load the robot that flies and the robot that the observers assume, one object if both are equal.
-
-    Raises:
-        AerobatError: one of the robots cannot be loaded.
-    """
-    robot = load_robot(scenario)
-    return robot, robot if scenario.believed_robot == scenario.robot else believed_robot(scenario)
 
 
 @cache

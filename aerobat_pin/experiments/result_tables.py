@@ -1,7 +1,8 @@
-"""Convert estimates to labelled tables, for NetCDF and CSV files, and read them again."""
+"""Convert estimates to labelled tables, for NetCDF and CSV files, and read the folder of a run again."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.flight import FlightLog, read_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
+from aerobat_pin.scenario import Scenario, load_scenario
 
 FORCE_DIMS = ("observer", "interval", "point", "axis")
 
@@ -23,6 +25,21 @@ def estimate_dataset(estimates: dict[str, Estimate]) -> xr.Dataset:
     All estimates must belong to the same log and have the same components.
     """
     return xr.concat([estimate.to_xarray() for estimate in estimates.values()], "observer", join="exact")
+
+
+def read_run(folder: Path) -> tuple[Scenario, FlightLog, xr.Dataset]:
+    """Read scenario, flight log and estimated forces from the folder of a run.
+
+    Raises:
+        LogError: the folder is not that of a run, or its log or estimates cannot be read.
+        ScenarioError: its scenario cannot be read.
+    """
+    names = ("scenario.toml", "flight.nc", "estimate.nc")
+    missing = [name for name in names if not os.path.isfile(folder / name)]  # False for names that no file can have
+    if missing:
+        raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
+    scenario, log = load_scenario(str(folder / "scenario.toml")), FlightLog.load(folder / "flight.nc")
+    return scenario, log, read_estimates(folder / "estimate.nc", log)
 
 
 def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:

@@ -1,22 +1,6 @@
 """Recorded flights as text tables: one row per sample, one named column per quantity, units in the header.
 
-| column | unit | |
-|---|---|---|
-| `time` | s | rising |
-| `x`, `y`, `z` | m | position of the body COM in world axes, z up |
-| `qx`, `qy`, `qz`, `qw` | - | attitude: quaternion, body to world |
-| `vx`, `vy`, `vz` | m/s | optional, all or none: velocity of the body COM in body axes |
-| `wx`, `wy`, `wz` | rad/s | optional, all or none: angular velocity from a gyro, body axes |
-| `crank_angle` | rad | absolute crank angle t1, wrapped or not; required unless the four joint angles are given |
-| `crank_rate` | rad/s | optional, only with `crank_angle`: from a tachometer, or from the smoothed angle |
-| `left_shoulder`, ... | rad | joint angles, all four or none; likewise their rates `<joint>_rate` [rad/s] |
-| `airspeed` | m/s | optional: speed of the air that meets the body from ahead, along the body's x axis |
-| `wind_x`, `wind_y`, `wind_z` | m/s | optional: velocity of the air over ground, world axes |
-| `crank_torque` | N m | optional: motor torque at the crank |
-| `torque_<joint>` | N m | optional, all four or none: motor torque at the joints |
-| `thrust_fx` ... `thrust_mz` | N, N m | optional, all six or none: known wrench at the body COM, body axes |
-
-A table of raw samples has other columns, and empty cells: see `raw_csv`.
+The page docs/recorded.md lists the columns; a table of raw samples has other ones, and empty cells: see `raw_csv`.
 
 A header cell is a column name, optionally with its unit as in `x [m]`. A table holds forces and torques as samples, a
 log holds them as interval means: reading averages the samples at both ends of an interval, and writing averages the
@@ -51,7 +35,17 @@ from aerobat_pin.flight.channels import (
     is_unit,
 )
 from aerobat_pin.flight.flight_log import FlightLog
-from aerobat_pin.flight.raw_csv import ACCELEROMETER, RAW_UNITS, is_raw, raw_log, raw_table
+from aerobat_pin.flight.raw_csv import (
+    ACCELEROMETER,
+    POSITION,
+    QUATERNION,
+    RAW_UNITS,
+    THRUST,
+    is_raw,
+    raw_log,
+    raw_table,
+    samples_of,
+)
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
@@ -67,16 +61,16 @@ class ColumnGroup:
 
     Attributes:
         channels: names of the log channels that can contain these columns; reading creates the last one.
-        columns: column names by unit, separated by blanks.
+        columns: column names by unit.
     """
 
     channels: tuple[str, ...]
-    columns: dict[str, str]
+    columns: dict[str, list[str]]
 
     @cached_property
     def units(self) -> dict[str, str]:
         """Unit of each column, by column name."""
-        return {name: unit for unit, names in self.columns.items() for name in names.split()}
+        return {name: unit for unit, names in self.columns.items() for name in names}
 
     @property
     def row(self) -> Channel:
@@ -94,20 +88,17 @@ class ColumnGroup:
         return self.row.dims[0] == "interval"
 
 
-QUATERNION = "qx qy qz qw"
-RATES, TORQUES = " ".join(f"{name}_rate" for name in JOINTS), " ".join(f"torque_{name}" for name in JOINTS)
-THRUST = {"N": "thrust_fx thrust_fy thrust_fz", "N m": "thrust_mx thrust_my thrust_mz"}
 GROUPS = (
-    ColumnGroup(("q", "pose"), {"m": "x y z", "-": QUATERNION}),
-    ColumnGroup(("v", "twist"), {"m/s": "vx vy vz", "rad/s": "wx wy wz"}),
-    ColumnGroup(("crank_angle",), {"rad": "crank_angle"}),
-    ColumnGroup(("crank_rate",), {"rad/s": "crank_rate"}),
-    ColumnGroup(("q", "joint_angle"), {"rad": " ".join(JOINTS)}),
-    ColumnGroup(("v", "joint_rate"), {"rad/s": RATES}),
-    ColumnGroup(("airspeed",), {"m/s": "airspeed"}),
-    ColumnGroup(("wind_W",), {"m/s": "wind_x wind_y wind_z"}),
-    ColumnGroup(("crank_torque",), {"N m": "crank_torque"}),
-    ColumnGroup(("motor_torque", "joint_torque"), {"N m": TORQUES}),
+    ColumnGroup(("q", "pose"), {"m": POSITION, "-": QUATERNION}),
+    ColumnGroup(("v", "twist"), {"m/s": ["vx", "vy", "vz"], "rad/s": ["wx", "wy", "wz"]}),
+    ColumnGroup(("crank_angle",), {"rad": ["crank_angle"]}),
+    ColumnGroup(("crank_rate",), {"rad/s": ["crank_rate"]}),
+    ColumnGroup(("q", "joint_angle"), {"rad": list(JOINTS)}),
+    ColumnGroup(("v", "joint_rate"), {"rad/s": [f"{name}_rate" for name in JOINTS]}),
+    ColumnGroup(("airspeed",), {"m/s": ["airspeed"]}),
+    ColumnGroup(("wind_W",), {"m/s": ["wind_x", "wind_y", "wind_z"]}),
+    ColumnGroup(("crank_torque",), {"N m": ["crank_torque"]}),
+    ColumnGroup(("motor_torque", "joint_torque"), {"N m": [f"torque_{name}" for name in JOINTS]}),
     ColumnGroup((THRUSTERS,), THRUST),
 )
 UNITS = {"time": "s"} | {name: unit for group in GROUPS for name, unit in group.units.items()} | RAW_UNITS
@@ -126,8 +117,8 @@ def read_csv(path: str | Path) -> FlightLog:
         _check_time(columns, text)
         return raw_log(columns, text)
     _check(columns, text)
-    quaternion = np.array([columns[name] for name in QUATERNION.split()])
-    columns |= dict(zip(QUATERNION.split(), quaternion / np.linalg.norm(quaternion, axis=0), strict=True))
+    quaternion = np.array([columns[name] for name in QUATERNION])
+    columns |= dict(zip(QUATERNION, quaternion / np.linalg.norm(quaternion, axis=0), strict=True))
     if "crank_angle" in columns:
         columns["crank_angle"] = np.unwrap(columns["crank_angle"])
     time = columns["time"]
@@ -168,7 +159,7 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
     for group in GROUPS:
         for values in (log.measured[name] for name in group.channels if name in log.measured):
             array = values.sel({values.dims[1]: list(group.labels)}).values if group.labels else values.values[:, None]
-            columns |= dict(zip(group.units, (_samples(array) if group.means else array).T, strict=True))
+            columns |= dict(zip(group.units, (samples_of(array) if group.means else array).T, strict=True))
     _write(pd.DataFrame({f"{name} [{UNITS[name]}]": values for name, values in columns.items()}), path)
 
 
@@ -226,7 +217,7 @@ def _check(columns: dict[str, Array], text: TextTable) -> None:
         raise LogError(f"log {path}: neither crank_angle nor the joints {', '.join(JOINTS)} are there")
     _check_time(columns, text)
     steps = np.diff(columns["time"])
-    norm = np.linalg.norm([columns[name] for name in QUATERNION.split()], axis=0)
+    norm = np.linalg.norm([columns[name] for name in QUATERNION], axis=0)
     if np.any(np.abs(norm - 1.0) > QUATERNION_ERROR):
         row = int(np.argmax(np.abs(norm - 1.0) > QUATERNION_ERROR))
         raise LogError(f"log {path}, line {text.line(row)}: the quaternion has length {norm[row]:.3g}: 1 was expected")
@@ -250,9 +241,3 @@ def _check_time(columns: dict[str, Array], text: TextTable) -> None:
     step = float(np.median(steps))
     if step > LONGEST_SAMPLE_TIME:
         raise LogError(f"log {path}: time rises by {step:g} from row to row: seconds were expected")
-
-
-def _samples(means: Array) -> Array:
-    """Return samples (m + 1, c) from interval means (m, c): mean of both neighbours, extrapolated at the two ends."""
-    inside = 0.5 * (means[1:] + means[:-1])
-    return np.concatenate([2.0 * means[:1] - inside[:1], inside, 2.0 * means[-1:] - inside[-1:]])

@@ -9,10 +9,10 @@ import xarray as xr
 
 from aerobat_pin.aerodynamics import strips_of
 from aerobat_pin.flight.channels import (
-    KNOWN,
     KNOWN_FORCE,
     LABELS,
     MEASURED,
+    THRUSTERS,
     TRUE_CHANNELS,
     channel,
     filled,
@@ -37,17 +37,16 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
         "time": channel(time, ("time",), "s", "sample time"),
         "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
-    thrusters = f"{KNOWN}thrusters"
     measured = {
         "q": flown.q,
         "v": flown.v,
         "crank_angle": flown.crank_angle,
         "airspeed": _airspeed(plant, time, flown),
         "motor_torque": mean.motor,
-        thrusters: mean.thrusters,
+        THRUSTERS: mean.thrusters,
     }
     if record is not None:
-        measured[thrusters] = np.pad(record.modelled, ((0, 0), (0, plant.model.nv - record.modelled.shape[1])))
+        measured[THRUSTERS] = np.pad(record.modelled, ((0, 0), (0, plant.model.nv - record.modelled.shape[1])))
         measured["thruster_command"] = record.command
     attributes = {
         "scenario": scenario.name,
@@ -106,7 +105,7 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
         truth = truth.assign_coords(event=list(names), event_point=("event", list(points)))
         truth["event_start"] = filled("event_start", starts, TRUE_CHANNELS)
         truth["event_end"] = filled("event_end", ends, TRUE_CHANNELS)
-    table = MEASURED | {thrusters: KNOWN_FORCE}
+    table = MEASURED | {THRUSTERS: KNOWN_FORCE}
     seen = {name: filled(name, values, table) for name, values in measured.items()}
     labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}
     return FlightLog(xr.Dataset(seen, coords={**coords, **labels}, attrs=attributes), truth)

@@ -1,14 +1,6 @@
 """Raw samples as text tables: each row is a time, and an empty cell means that the channel has no sample there.
 
-| column | unit | |
-|---|---|---|
-| `time` | s | rising |
-| `x` ... `qw` | m, - | pose of the body from motion capture: COM, or markers whose place is believed |
-| `wx`, `wy`, `wz` | rad/s | optional: gyro, body axes |
-| `ax`, `ay`, `az` | m/s2 | optional: accelerometer, specific force in body axes; +9.81 along z when level |
-| `crank_angle` | rad | encoder: absolute crank angle t1, wrapped or not |
-| `torque_<joint>`, `crank_torque` | N m | optional: motor torque at the joints, or at the crank |
-| `thrust_fx` ... `thrust_mz` | N, N m | optional: known wrench at the body COM; straight lines between its samples |
+The page docs/recorded.md lists the columns.
 """
 
 from __future__ import annotations
@@ -20,34 +12,26 @@ import pandas as pd
 import xarray as xr
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight.channels import LABELS, MEASURED, THRUST_CHANNEL, THRUSTERS, channel
+from aerobat_pin.flight.channels import LABELS, MEASURED, THRUST_CHANNEL, THRUSTERS, channel, filled
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.numerics import Array, Integers
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import TextTable
 
-POSE_COLUMNS, GYRO, ACCELEROMETER = "x y z qx qy qz qw".split(), "wx wy wz".split(), "ax ay az".split()
-THRUST_COLUMNS = "thrust_fx thrust_fy thrust_fz thrust_mx thrust_my thrust_mz".split()
+POSITION, QUATERNION = "x y z".split(), "qx qy qz qw".split()
+GYRO, ACCELEROMETER = "wx wy wz".split(), "ax ay az".split()
+THRUST = {"N": "thrust_fx thrust_fy thrust_fz".split(), "N m": "thrust_mx thrust_my thrust_mz".split()}  # by unit
 RAW_COLUMNS = {  # channel -> its columns
-    "mocap_position": POSE_COLUMNS[:3],
-    "mocap_quaternion": POSE_COLUMNS[3:],
+    "mocap_position": POSITION,
+    "mocap_quaternion": QUATERNION,
     "gyro": GYRO,
     "accelerometer": ACCELEROMETER,
     "encoder": ["crank_angle"],
     "joint_torque_sample": [f"torque_{name}" for name in JOINTS],
     "crank_torque_sample": ["crank_torque"],
 }
-RAW_UNITS = {
-    **dict.fromkeys(["x", "y", "z"], "m"),
-    **dict.fromkeys(POSE_COLUMNS[3:], "-"),
-    **dict.fromkeys(GYRO, "rad/s"),
-    **dict.fromkeys(ACCELEROMETER, "m/s2"),
-    "crank_angle": "rad",
-    **dict.fromkeys([*RAW_COLUMNS["joint_torque_sample"], "crank_torque"], "N m"),
-    **dict.fromkeys(THRUST_COLUMNS[:3], "N"),
-    **dict.fromkeys(THRUST_COLUMNS[3:], "N m"),
-    "time": "s",
-}
+RAW_UNITS = {"time": "s"} | {cell: MEASURED[name].unit for name, cells in RAW_COLUMNS.items() for cell in cells}
+RAW_UNITS |= {cell: unit for unit, cells in THRUST.items() for cell in cells}
 FEWEST_RAW_SAMPLES = 8
 
 
@@ -67,7 +51,7 @@ def raw_log(columns: dict[str, Array], text: TextTable) -> FlightLog:
         LogError: columns are missing, or a channel has too few samples.
     """
     path = text.path
-    missing = [name for name in ("time", *POSE_COLUMNS, "crank_angle") if name not in columns]
+    missing = [name for name in ("time", *POSITION, *QUATERNION, "crank_angle") if name not in columns]
     if missing:
         raise LogError(f"log {path}: no column named {', '.join(missing)}")
     time = columns["time"]
@@ -77,7 +61,7 @@ def raw_log(columns: dict[str, Array], text: TextTable) -> FlightLog:
     coords: dict[str, Any] = {}
     stamps: dict[str, Array] = {}
     for name, cells in RAW_COLUMNS.items():
-        table = _group_of_cells(name, cells, columns, text)
+        table = _group_of_cells(cells, columns, text)
         if table is None:
             continue
         rows, values = table
@@ -88,24 +72,20 @@ def raw_log(columns: dict[str, Array], text: TextTable) -> FlightLog:
             coords[row.dims[1]] = list(LABELS[row.dims[1]])
         if name == "mocap_quaternion":
             values = values / np.linalg.norm(values, axis=1, keepdims=True)
-        values = values if len(row.dims) > 1 else values[:, 0]
-        made[name] = xr.Variable(row.dims, values, {"units": row.unit, "long_name": row.meaning})
+        made[name] = filled(name, values if len(row.dims) > 1 else values[:, 0])
     grid = max(stamps.values(), key=len)
     coords["time"] = channel(grid, ("time",), "s", "knots: the stamps of the channel with most samples")
     coords["interval"] = channel(grid[:-1], ("interval",), "s", "start of the interval")
-    thrust = _group_of_cells(THRUSTERS, THRUST_COLUMNS, columns, text)
+    thrust = _group_of_cells([*THRUST["N"], *THRUST["N m"]], columns, text)
     if thrust is not None:
         rows, values = thrust
         at = np.column_stack([np.interp(grid, time[rows], column) for column in values.T])
         coords["twist_axis"] = list(LABELS["twist_axis"])
-        attributes = {"units": THRUST_CHANNEL.unit, "long_name": THRUST_CHANNEL.meaning}
-        made[THRUSTERS] = xr.Variable(THRUST_CHANNEL.dims, 0.5 * (at[1:] + at[:-1]), attributes)
+        made[THRUSTERS] = filled(THRUSTERS, 0.5 * (at[1:] + at[:-1]), {THRUSTERS: THRUST_CHANNEL})
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": path.stem}), name=f"log {path}")
 
 
-def _group_of_cells(
-    name: str, cells: list[str], columns: dict[str, Array], text: TextTable
-) -> tuple[Integers, Array] | None:
+def _group_of_cells(cells: list[str], columns: dict[str, Array], text: TextTable) -> tuple[Integers, Array] | None:
     """Return the rows (k,) in which a channel has a sample, and the samples (k, c); None without columns."""
     there = [cell for cell in cells if cell in columns]
     if not there:
@@ -140,12 +120,16 @@ def raw_table(log: FlightLog) -> pd.DataFrame:
             values = np.asarray(data.values, float).reshape(data.shape[0], -1)
             parts.append(pd.DataFrame(values, index=data[data.dims[0]].values, columns=cells))
     if THRUSTERS in log.measured:
-        means = np.asarray(log.measured[THRUSTERS].values, float)[:, :6]
-        inside = 0.5 * (means[1:] + means[:-1])
-        values = np.concatenate([2.0 * means[:1] - inside[:1], inside, 2.0 * means[-1:] - inside[-1:]])
-        parts.append(pd.DataFrame(values, index=log.time, columns=THRUST_COLUMNS))
+        values = samples_of(np.asarray(log.measured[THRUSTERS].values, float)[:, :6])
+        parts.append(pd.DataFrame(values, index=log.time, columns=[*THRUST["N"], *THRUST["N m"]]))
     for part in parts:
         part.index = pd.Index(np.round(part.index.to_numpy(float), 9))
     table = pd.concat(parts, axis=1).sort_index()
     table.insert(0, "time", table.index)
     return table.rename(columns={name: f"{name} [{RAW_UNITS[name]}]" for name in table.columns})
+
+
+def samples_of(means: Array) -> Array:
+    """Return samples (m + 1, c) from interval means (m, c): mean of both neighbours, extrapolated at the two ends."""
+    inside = 0.5 * (means[1:] + means[:-1])
+    return np.concatenate([2.0 * means[:1] - inside[:1], inside, 2.0 * means[-1:] - inside[-1:]])

@@ -11,7 +11,6 @@ the orbit are the factors by which small disturbances grow per flap.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,13 +59,12 @@ class Trim:
 
 
 @guarded()
-def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Trim:
+def find_trim(scenario: Scenario) -> Trim:
     """Find the periodic flight nearest to a scenario's start.
 
     Args:
         scenario: robot, wind, horizontal velocity over ground, and first guesses of frequency, offset, pitch, vertical
             speed and pitch rate.
-        progress: called with the residual after each simulated flap.
 
     Raises:
         TrimError: the crank does not turn steadily, the flight is not symmetric, or no periodic flight was found.
@@ -98,12 +96,9 @@ def find_trim(scenario: Scenario, progress: Callable[[float], None] | None = Non
 
     def miss(unknowns: Array) -> Array:
         try:
-            found = _flap_miss(scenario, unknowns)
+            return _flap_miss(scenario, unknowns)
         except AerobatError:
             return np.full_like(unknowns, 1e3)
-        if progress is not None:
-            progress(float(np.max(np.abs(found))))
-        return found
 
     def slopes(unknowns: Array) -> Array:
         here = miss(unknowns)

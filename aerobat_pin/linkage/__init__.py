@@ -17,23 +17,6 @@ series, which the kernel `joints_at` evaluates. `SculptureDynamics` is the form 
 angular accelerations that an integrator turns into angles.
 """
 
-from aerobat_pin.linkage.arms import ANGLES, PINS
-from aerobat_pin.linkage.closure import Closure
-from aerobat_pin.linkage.joint_series import joint_series, joints_along, joints_at
-from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
-from aerobat_pin.linkage.sculpture_dynamics import SculptureDynamics
-from aerobat_pin.linkage.sensitivity import Sensitivity
-from aerobat_pin.linkage.series_sculpture import SeriesSculpture
+import lazy_loader
 
-__all__ = [
-    "ANGLES",
-    "PINS",
-    "Closure",
-    "KineticSculpture",
-    "SculptureDynamics",
-    "Sensitivity",
-    "SeriesSculpture",
-    "joint_series",
-    "joints_along",
-    "joints_at",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,12 +12,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_description.position_closure import elbow
-from aerobat_pin.linkage.moving import Complex
 from aerobat_pin.numerics import Array
 
+Complex = NDArray[np.complex128]
 ANGLES = ("t1", "t2", "t3", "t5", "t6", "t8", "t9")  # each is numbered like the pin at which its bar begins
 PINS = tuple(f"J{i}" for i in range(1, 11))
 T1, T2, T3, T5, T6, T8, T9 = np.eye(7)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_pin.linkage.arms import ANGLES, loops
-from aerobat_pin.linkage.moving import Angle, Pin, opening, wrapped
+from aerobat_pin.linkage.chain import Angle, Pin, opening, wrapped
 from aerobat_pin.numerics import Array, guarded, together
 
 DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}  # pin: the pins at the other ends of its two bars

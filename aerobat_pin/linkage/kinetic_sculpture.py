@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import LinkageLengths
-from aerobat_description.position_closure import CRANK_ANGLES, remedies
+from aerobat_description.position_closure import CRANK_ANGLES, ClosureError, advice, remedies
 from aerobat_pin.errors import LinkageError, NearSingularWarning
 from aerobat_pin.linkage.arms import ANGLES, bent_arms
 from aerobat_pin.linkage.chain import close_dyads
@@ -92,15 +92,8 @@ class KineticSculpture:
         reach = {"J4": (bars.L2a, arm.J5_J4), "J7": (bars.L4, arm.J8_J7), "J10": (bars.L6, arm.J6_J10)}[dyad]
         crank_angle, span = float(np.ravel(closed.crank_angle)[first]), abs(end[first] - start[first])
         nearest = remedies(bars, dyad)
-        advice = ", or ".join(
-            f"{bar} = {1e3 * value:.3f} mm instead of {1e3 * getattr(bars, bar):.3f}" for bar, value in nearest.items()
-        )
-        message = (
-            f"the linkage cannot close at {dyad} for a crank angle of {np.degrees(crank_angle):.1f} deg: its bars of "
-            f"{1e3 * abs(reach[0]):.3f} and {1e3 * abs(reach[1]):.3f} mm cannot span {1e3 * span:.3f} mm"
-            + (f"; nearest lengths with which the crank turns, the others as they are: {advice}" if nearest else "")
-        )
-        return LinkageError(message, dyad, crank_angle, nearest)
+        error = ClosureError(dyad, crank_angle, span, (abs(reach[0]), abs(reach[1])))
+        return LinkageError(f"{error}{advice(bars, nearest)}", dyad, crank_angle, nearest)
 
     def _judge(self, closed: Closure) -> None:
         """Warn of the worst transmission angle if it is nearly singular, at most once for each linkage."""

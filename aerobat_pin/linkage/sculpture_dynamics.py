@@ -5,15 +5,8 @@
 (paper, section II-A). J4, J7 and J10 are each reached along two chains of bars. Equal accelerations along both chains
 are six equations, J t'' = W t'^2 e in the notation of `aerobat_pin.linkage.arms`, for the six angles other than t1.
 
-Names. The paper numbers nine angles q1..q9 like the pins J1..J9, without further definition. Seven bars have seven
-angles; here each angle is numbered like the pin at which its bar begins:
-
-    q1 = t1 crank    q2 = t2 (L2)    q3 = t3 (L4)    q5 = t5 (L3, shoulder)    q6 = t6 (L7, elbow)
-    q8 = t8 (L5)     q9 = t9 (L6)    q4, q7: at J4 and J7 two of these bars meet, no bar begins
-
-q4 and q7 can only be the relative angles t5 - t2 and t8 - t3; as separate states they would be two degrees of freedom
-without equations. The paper prints the output y = [q6'', q7''], "at the shoulder and elbow joints". Here the output is
-[theta_s'', theta_e''] = [t5'', t6'' - t5''], because shoulder and elbow are J5 and J6.
+The output is y = [theta_s'', theta_e''] = [t5'', t6'' - t5'']; docs/conventions.md compares angles and output with the
+paper's.
 
 Equal accelerations do not close a gap that rounding or the integrator has opened, so the loops drift apart. The
 stabilisation of Baumgarte (Computer Methods in Applied Mechanics and Engineering 1, 1972) closes the gaps at the rate

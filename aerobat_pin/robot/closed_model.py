@@ -75,8 +75,9 @@ def closed_model(
     model.armature = np.zeros(model.nv)
     limit_free_flyer(model, shape.free_flyer)
     _limit_joints(model, shape)
+    corrector = pin.BaumgarteCorrectorParameters(CLOSING_RATE**2, 2.0 * CLOSING_RATE)  # gap'' = -2 s gap' - s^2 gap
     for one in constraints:
-        one.setBaumgarteCorrectorParameters(_corrector())
+        one.setBaumgarteCorrectorParameters(corrector)
     model.referenceConfigurations["closed"] = closed_state(model, KineticSculpture(shape.linkage), -0.5 * np.pi)[0]
     return model, constraints
 
@@ -88,26 +89,21 @@ def closed_settings() -> pin.ProximalSettings:
 
 @guarded()
 def closed_state(
-    model: pin.Model,
-    linkage: KineticSculpture,
-    crank_angle: float,
-    crank_velocity: float = 0.0,
-    crank_acceleration: float = 0.0,
+    model: pin.Model, linkage: KineticSculpture, crank_angle: float, crank_velocity: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """Return q, v and a of a closed model with the base at rest at the origin and both cranks alike.
+    """Return q, v and a of a closed model with the base at rest at the origin and both cranks alike, at constant rates.
 
     Args:
         model: model that `closed_model` returns.
         linkage: linkage of the same morphology.
         crank_angle: absolute crank angle t1 [rad].
         crank_velocity: its rate [rad/s].
-        crank_acceleration: its acceleration [rad/s2].
 
     Raises:
         FrameNotFoundError: the model is not one of a closed linkage.
         LinkageError: the linkage cannot close.
     """
-    closure = linkage.solve(crank_angle, crank_velocity, crank_acceleration)
+    closure = linkage.solve(crank_angle, crank_velocity)
     q, v, a = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
     for side in ("left", "right"):
         for name, (bar, carrier) in BAR_JOINTS.items():
@@ -125,11 +121,6 @@ def closed_state(
             relative = crank_angle if name == "crank" else float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
             q[index.idx_q], v[index.idx_v], a[index.idx_v] = relative, rate, change
     return q, v, a
-
-
-def _corrector() -> pin.BaumgarteCorrectorParameters:
-    """Return gap'' = -2 s gap' - s^2 gap, for a point."""
-    return pin.BaumgarteCorrectorParameters(CLOSING_RATE**2, 2.0 * CLOSING_RATE)
 
 
 def _limit_joints(model: pin.Model, shape: Morphology) -> None:

@@ -21,28 +21,26 @@ BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # bar
 
 
 @guarded()
-def bar_placements(robot: Aerobat, crank_angle: float, base: pin.SE3 | None = None) -> dict[str, pin.SE3]:
-    """Return the frames of the bars L1, L2, L4, L5 and L6 of both wings, named `left_L1`, `right_L1` and so on.
+def bar_placements(robot: Aerobat, crank_angle: float) -> dict[str, pin.SE3]:
+    """Return the frames, in `base_link`, of the bars L1, L2, L4, L5 and L6 of both wings, named `left_L1` and so on.
 
     A frame has its origin at the bar's first pin and its y axis along the bar; right frames mirror left frames.
 
     Args:
         robot: the robot with the linkage.
         crank_angle: absolute t1 [rad].
-        base: placement of `base_link`; when omitted, the frames are relative to `base_link`.
 
     Raises:
         LinkageError: the linkage cannot close.
         ShapeError: the crank angle is not finite.
     """
-    base = pin.SE3.Identity() if base is None else base
     closure = robot.linkage.solve(crank_angle)
     placed = {}
     for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
         sign = 1.0 if side == "left" else -1.0
         outboard, up = closure.pins[bar.origin]
         turn = pin.utils.rotate("x", sign * float(closure.angles[BAR_ANGLES[bar.name]]))
-        placed[name] = base * pin.SE3(turn, np.array([robot.morphology.wing.offset_x, sign * outboard, up]))
+        placed[name] = pin.SE3(turn, np.array([robot.morphology.wing.offset_x, sign * outboard, up]))
     return placed
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, frame_id, guarded
 
 
@@ -33,18 +32,16 @@ def joint_wrench(
         FrameNotFoundError: the model has no such frame.
         ShapeError: the wrench is not six finite numbers.
     """
-    vector = np.asarray(wrench, float)
-    if vector.shape != (6,) or not np.all(np.isfinite(vector)):
-        raise ShapeError(f"wrench of shape {vector.shape}: six finite numbers were expected, force first")
+    force = pin.Force(np.asarray(wrench, float))
     item = model.frames[frame_id(model, frame)]
     joint = int(item.parentJoint)
     placement = data.oMi[joint] * item.placement
     if reference_frame == pin.ReferenceFrame.LOCAL:
-        local = pin.Force(vector)
+        local = force
     elif reference_frame == pin.ReferenceFrame.LOCAL_WORLD_ALIGNED:
-        local = pin.SE3(placement.rotation, np.zeros(3)).actInv(pin.Force(vector))
+        local = pin.SE3(placement.rotation, np.zeros(3)).actInv(force)
     else:
-        local = placement.actInv(pin.Force(vector))
+        local = placement.actInv(force)
     return joint, item.placement.act(local)
 
 

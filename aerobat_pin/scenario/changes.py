@@ -19,9 +19,8 @@ def changed_keys(scenario: Scenario) -> dict[str, Any]:
 
     Empty if no such scenario is shipped. A list of another length than the shipped one counts as one value.
     """
-    if not os.path.isfile(SHIPPED_SCENARIOS / f"{scenario.name}.toml"):
-        return {}
-    return differing_keys(_shipped(scenario.name), scenario)
+    shipped = _shipped(scenario.name)
+    return {} if shipped is None else differing_keys(shipped, scenario)
 
 
 def differing_keys(old: Scenario, new: Scenario) -> dict[str, Any]:
@@ -43,9 +42,7 @@ def described(scenario: Scenario) -> Scenario:
 
     A description of the user's own stays.
     """
-    if not os.path.isfile(SHIPPED_SCENARIOS / f"{scenario.name}.toml"):
-        return scenario
-    shipped, begin = _shipped(scenario.name).description, f"changed from {scenario.name}: "
+    shipped, begin = shipped_description(scenario.name), f"changed from {scenario.name}: "
     if scenario.description != shipped and not scenario.description.startswith(begin):
         return scenario
     text = changes_text(scenario.name, changed_keys(scenario)) or shipped
@@ -54,7 +51,8 @@ def described(scenario: Scenario) -> Scenario:
 
 def shipped_description(name: str) -> str:
     """Return the description of the shipped scenario of a name; nothing if there is none."""
-    return _shipped(name).description if os.path.isfile(SHIPPED_SCENARIOS / f"{name}.toml") else ""
+    shipped = _shipped(name)
+    return "" if shipped is None else shipped.description
 
 
 def keys_text(changed: Mapping[str, Any]) -> str:
@@ -66,8 +64,9 @@ def keys_text(changed: Mapping[str, Any]) -> str:
 
 
 @cache
-def _shipped(name: str) -> Scenario:
-    return load_scenario(name)
+def _shipped(name: str) -> Scenario | None:
+    """Return the shipped scenario of a name, or None."""
+    return load_scenario(name) if os.path.isfile(SHIPPED_SCENARIOS / f"{name}.toml") else None
 
 
 def _altered(old: Any, new: Any, given: Any, path: str) -> Iterator[tuple[str, Any]]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import itertools
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -85,22 +87,7 @@ class TextTable:
             AerobatError: of the class given on creation: a cell is neither empty nor a finite number, or a row is too
                 short or too long.
         """
-        rows = []
-        for line, row in list(self._rows())[1:]:
-            if len(row) != len(self.header):
-                raise self._error(f"{self._name}, line {line}: {len(row)} values: {len(self.header)} were expected")
-            values = []
-            for name, cell in zip(self.names, row, strict=True):
-                try:
-                    values.append(float(cell) if cell.strip() else float("nan"))
-                except ValueError:
-                    rule = f"{name} = {cell!r}: a number, or an empty cell, was expected"
-                    raise self._error(f"{self._name}, line {line}: {rule}") from None
-                if cell.strip() and not np.isfinite(values[-1]):
-                    rule = f"{name} = {cell.strip()}: a number, or an empty cell for no sample, was expected"
-                    raise self._error(f"{self._name}, line {line}: {rule}")
-            rows.append(values)
-        return np.array(rows, float).reshape(len(rows), len(self.header))
+        return self._numbers_by_cell(range(len(self.header)), gaps=True)
 
     def has_gaps(self) -> bool:
         """Return whether a cell below the header is empty."""
@@ -110,27 +97,33 @@ class TextTable:
         """Return the line number, counted from 1, of a row of data; row 0 is the first one below the header."""
         return [line for line, _ in self._rows()][row + 1]
 
-    def _numbers_by_cell(self, columns: list[int]) -> Array:
-        """Read the numbers cell by cell: slower than `numbers`, but with a message for each kind of mistake."""
-        rows = []
-        infinite: list[tuple[int, str]] = []
-        for line, row in list(self._rows())[1:]:
+    def _numbers_by_cell(self, columns: Sequence[int], gaps: bool = False) -> Array:
+        """Read the numbers cell by cell: slower than `numbers`, but with a message for each kind of mistake.
+
+        Args:
+            columns: indices of the columns to read.
+            gaps: whether a cell may be empty, which becomes NaN.
+        """
+        rows, infinite, names = [], [], self.names
+        for line, row in itertools.islice(self._rows(), 1, None):
+            where = f"{self._name}, line {line}"
             if len(row) != len(self.header):
-                raise self._error(f"{self._name}, line {line}: {len(row)} values: {len(self.header)} were expected")
+                raise self._error(f"{where}: {len(row)} values: {len(self.header)} were expected")
+            values = []
             for k in columns:
+                is_gap = gaps and not row[k].strip()
                 try:
-                    float(row[k])
+                    values.append(math.nan if is_gap else float(row[k]))
                 except ValueError:
-                    rule = f"{self.names[k]} = {row[k]!r}: a number was expected"
-                    raise self._error(f"{self._name}, line {line}: {rule}") from None
-            rows.append([float(row[k]) for k in columns])
-            infinite += [(line, self.names[k]) for k in columns if not np.isfinite(float(row[k]))][:1]
+                    rule = f"{names[k]} = {row[k]!r}: a number{', or an empty cell,' * gaps} was expected"
+                    raise self._error(f"{where}: {rule}") from None
+                if not (is_gap or math.isfinite(values[-1])):
+                    infinite.append((where, names[k]))
+            rows.append(values)
         if infinite:
-            line, name = infinite[0]
-            raise self._error(
-                f"{self._name}, line {line}: {name} is not finite ({len(infinite)} such rows): leave those rows out; "
-                "gaps in time are allowed"
-            )
+            (where, name), count = infinite[0], len(dict(infinite))
+            advice = "leave its cell empty where there is no sample" if gaps else "leave those rows out"
+            raise self._error(f"{where}: {name} is not finite ({count} such rows): {advice}; gaps in time are allowed")
         return np.array(rows, float).reshape(len(rows), len(columns))
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:

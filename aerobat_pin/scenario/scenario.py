@@ -19,6 +19,8 @@ from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.control_tables import ControlSection, ThrustersSection
 from aerobat_pin.scenario.dotted_keys import with_settings
 from aerobat_pin.scenario.messages import explain
+from aerobat_pin.scenario.section import Section
+from aerobat_pin.scenario.sensor_tables import SensorsSection
 from aerobat_pin.scenario.size import FlightSize, check_size, flight_size
 from aerobat_pin.scenario.tables import (
     AirSection,
@@ -28,8 +30,6 @@ from aerobat_pin.scenario.tables import (
     HoldSection,
     ObserverSection,
     RobotSection,
-    Section,
-    SensorsSection,
     SimulationSection,
 )
 from aerobat_pin.scenario.toml import read_toml, shipped_names

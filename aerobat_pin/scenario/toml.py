@@ -13,7 +13,7 @@ import tomli_w
 from aerobat_description.toml_text import TomlError, toml_file
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import guarded
-from aerobat_pin.scenario.tables import Section
+from aerobat_pin.scenario.section import Section
 
 PLAIN_LIST = re.compile(r"\[\n((?: +[^\n\[\]{}]+,\n)+) *\]")  # a list as tomli_w writes it, with one value on each line
 

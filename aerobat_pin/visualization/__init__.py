@@ -1,7 +1,4 @@
-"""Show a flight: figures, an HTML report, and a replay in the browser.
-
-A name is imported when it is first used, as `__init__.pyi` lists them (SPEC 1 of Scientific Python).
-"""
+"""Show a flight: figures, an HTML report, and a replay in the browser."""
 
 import lazy_loader
 

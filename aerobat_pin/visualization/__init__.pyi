@@ -2,13 +2,13 @@ from .comparison import compare_runs as compare_runs
 from .crank_by_hand import crank_page as crank_page
 from .figures.estimation import draw_estimation as draw_estimation
 from .figures.linkage import draw_linkage as draw_linkage
+from .figures.linkage import linkage_animation as linkage_animation
 from .figures.linkage import range_table as range_table
-from .figures.linkage_svg import linkage_animation as linkage_animation
 from .recording_pages import write_recording_pages as write_recording_pages
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight
-from .replay.load_run import replay_log as replay_log
-from .replay.load_run import replay_run as replay_run
+from .replay.flight_replay import replay_log as replay_log
+from .replay.flight_replay import replay_run as replay_run
 from .replay.motion_csv import replay_table as replay_table
 from .replay.open_robot import RobotView as RobotView
 from .replay.open_robot import open_robot as open_robot
@@ -16,7 +16,7 @@ from .replay.recording import Recording as Recording
 from .replay.recording import record as record
 from .replay.serve import serve as serve
 from .replay.snapshots import snapshots as snapshots
+from .run_pages import draw_all as draw_all
+from .run_pages import write_figures_and_pages as write_figures_and_pages
 from .style import render_figure as render_figure
 from .style import save_figure as save_figure
-from .write_all import draw_all as draw_all
-from .write_all import write_figures_and_pages as write_figures_and_pages

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,17 +14,13 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import point_label, true_force
-from aerobat_pin.experiments import read_estimates
+from aerobat_pin.experiments import read_run
 from aerobat_pin.flight import FlightLog
-from aerobat_pin.scenario import Scenario, differing_keys, keys_text, load_scenario
+from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION
-from aerobat_pin.visualization.replay.load_run import replay_run
+from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.side_by_side import side_by_side
 from aerobat_pin.visualization.template import fill_template
-
-HEADER = ("observer", "point", "axis", "R2", "R2", "error rms", "error rms")
-NEEDED = ("scenario.toml", "flight.nc", "estimate.nc", "metrics.json")
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,16 +46,12 @@ class ComparedRun:
     @classmethod
     def load(cls, folder: Path, label: str) -> ComparedRun:
         """Read a run's folder. Raises LogError if it is none."""
-        missing = [name for name in NEEDED if not (folder / name).is_file()]
-        if missing:
-            raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
+        scenario, log, estimates = read_run(folder)
         try:
             observers = dict(json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["observers"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise LogError(f"metrics {folder / 'metrics.json'}: the scores of a run were expected") from error
-        log = FlightLog.load(folder / "flight.nc")
-        scenario = load_scenario(str(folder / "scenario.toml"))
-        return cls(label, folder, scenario, log, read_estimates(folder / "estimate.nc", log), observers)
+        return cls(label, folder, scenario, log, estimates, observers)
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,8 +67,14 @@ class Comparison:
         """Dotted key -> value in the second run's scenario, of all that differs from the first one's."""
         return differing_keys(self.first.scenario, self.second.scenario)
 
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns of the table of scores."""
+        a, b = self.first.label, self.second.label
+        return "observer", "point", "axis", f"R2 {a}", f"R2 {b}", f"error rms {a}", f"error rms {b}"
+
     def rows(self) -> Iterator[tuple[str, ...]]:
-        """Yield the rows of the table with the columns of `HEADER`: the scores that both runs have."""
+        """Yield the rows of the table with the columns of `header`: the scores that both runs have."""
         for name, found in self.first.observers.items():
             for point, axes in found.items():
                 for axis in axes if isinstance(axes, dict) and "Fx" in axes else ():
@@ -91,9 +88,8 @@ class Comparison:
         a, b = self.first, self.second
         lines = [f"{run.label}: {run.folder}" for run in (a, b)]
         lines.append(f"in {b.label}: {keys_text(self.differences)}" if self.differences else "the scenarios are equal")
-        heads = (*HEADER[:3], f"R2 {a.label}", f"R2 {b.label}", f"error {a.label}", f"error {b.label}")
-        for name, point, axis, *numbers in (heads, *self.rows()):
-            lines.append(f"{name:<12} {point:<12} {axis:<4} " + " ".join(f"{number:>11}" for number in numbers))
+        for name, point, axis, *numbers in (self.header, *self.rows()):
+            lines.append(f"{name:<12} {point:<12} {axis:<4} " + " ".join(f"{number:>14}" for number in numbers))
         return "\n".join(lines)
 
     def draw(self) -> Figure:
@@ -132,9 +128,7 @@ class Comparison:
     def write(self, folder: Path) -> None:
         """Write `comparison.html`, `comparison.csv`, the figure of the forces and a replay of both into a folder."""
         style.save_figure(self.draw(), folder / "forces")
-        a, b = self.first.label, self.second.label
-        head = ",".join((*HEADER[:3], f"R2 {a}", f"R2 {b}", f"error rms {a}", f"error rms {b}"))
-        lines = [head, *(",".join(row) for row in self.rows())]
+        lines = [",".join(row) for row in (self.header, *self.rows())]
         (folder / "comparison.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         both = [path.name for path in sorted((self.first.folder / "figures").glob("*.png"))]
         both = [name for name in both if (self.second.folder / "figures" / name).is_file()]
@@ -142,16 +136,16 @@ class Comparison:
             "comparison.html",
             runs=(self.first, self.second),
             differences=keys_text(self.differences),
-            header=HEADER,
+            header=self.header,
             rows=list(self.rows()),
-            forces=_embedded(folder / "forces.png"),
+            forces=folder / "forces.png",
             figures={
-                Path(name).stem: [_embedded(run.folder / "figures" / name) for run in (self.first, self.second)]
-                for name in both
+                Path(name).stem: [run.folder / "figures" / name for run in (self.first, self.second)] for name in both
             },
         )
         (folder / "comparison.html").write_text(page, encoding="utf-8")
-        flights = side_by_side(replay_run(self.first.folder), replay_run(self.second.folder), (a, b), SLOW_MOTION)
+        labels = self.first.label, self.second.label
+        flights = side_by_side(replay_run(self.first.folder), replay_run(self.second.folder), labels, SLOW_MOTION)
         (folder / "replay.html").write_text(flights, encoding="utf-8")
 
 
@@ -160,7 +154,3 @@ def compare_runs(first: Path, second: Path) -> Comparison:
     names = [folder.resolve().name for folder in (first, second)]
     labels = names if names[0] != names[1] else ["first", "second"]
     return Comparison(*(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True)))
-
-
-def _embedded(file: Path) -> str:
-    return base64.b64encode(file.read_bytes()).decode("ascii")

@@ -6,15 +6,12 @@ The page is a single HTML file that needs no network. It closes the linkage itse
 
 from __future__ import annotations
 
-import base64
 from dataclasses import asdict
-from importlib import resources
 from typing import Any
 
 import meshcat
 import meshcat.geometry as shapes
 import numpy as np
-from markupsafe import Markup
 
 from aerobat_description.bars import BOSS_RADIUS, BOSS_THICKNESS, HALF_WIDTH, THICKNESS, Bar, layer, linkage_bars
 from aerobat_description.meshes import parts
@@ -23,8 +20,9 @@ from aerobat_description.position_closure import turn
 from aerobat_description.solids import Mesh
 from aerobat_description.write_urdf import MATERIALS, SIDES
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.scene import SKY_COLOURS, Window
-from aerobat_pin.visualization.template import fill_template
+from aerobat_pin.visualization.replay.page import viewer_script
+from aerobat_pin.visualization.replay.scene import Window, clear_background, rgb_number
+from aerobat_pin.visualization.template import base64_text, fill_template
 
 # Lengths that the robot's morphing control changes, and how far: shares of the length as built. Aerobat_MuJoCo,
 # symbolic_functions_faster/parameter.py. Within them the crank turns; the sliders go further, to where it gets stuck.
@@ -47,7 +45,7 @@ def crank_page(morphology: Morphology) -> str:
         window=_window(morphology),
         sliders=[_slider(morphology, key) for key in MORPHING],
         scene={
-            "commands": [base64.b64encode(one).decode("ascii") for one in _commands(morphology, bars)],
+            "commands": [base64_text(command) for command in _commands(morphology, bars)],
             "lengths": asdict(morphology.linkage),
             "offset": morphology.wing.offset_x,
             "bars": {name: _struts(bar) for name, bar in bars.items()},
@@ -57,7 +55,7 @@ def crank_page(morphology: Morphology) -> str:
             "colours": style.BAR_COLOURS,
             "straight": STRAIGHT_DEG,
         },
-        meshcat=Markup((resources.files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")),
+        meshcat=viewer_script(),
     )
 
 
@@ -89,10 +87,7 @@ def _commands(morphology: Morphology, bars: dict[str, Bar]) -> list[bytes]:
     """
     window = Window()
     viewer = meshcat.Visualizer(window=window)
-    for node in ("/Grid", "/Axes"):
-        viewer[node].set_property("visible", False)
-    for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
-        viewer["/Background"].set_property(edge, colour)
+    clear_background(viewer)
     for name, part in parts(morphology).items():
         if not name.endswith(("_L3", "_L7")):
             viewer[f"world/robot/{part.link}/{name}"].set_object(_triangles(part.mesh), _paint(part.material))
@@ -100,7 +95,7 @@ def _commands(morphology: Morphology, bars: dict[str, Bar]) -> list[bytes]:
     sideways[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # a cylinder's axis from y to x
     for side, sign in SIDES:
         for name, bar in bars.items():
-            paint = shapes.MeshLambertMaterial(color=int(style.BAR_COLOURS[name][1:], 16))
+            paint = shapes.MeshLambertMaterial(color=rgb_number(style.BAR_COLOURS[name]))
             node = viewer[f"world/robot/{side}_{name}"]
             for k in range(len(bar.struts)):
                 place = np.eye(4)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from pathlib import Path
 
 import coal
@@ -58,7 +57,7 @@ def recording_report(found: RecordingEstimate, images: dict[str, Path]) -> str:
         score_header=SCORE_HEADER,
         score_rows=_score_rows(found),
         toml=tomli_w.dumps(values),
-        images={name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in images.items()},
+        images=images,
     )
 
 

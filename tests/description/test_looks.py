@@ -42,7 +42,7 @@ def pins_of(one: Aerobat, crank_angle: float, base: pin.SE3) -> dict[tuple[str, 
     """Return every pin of every bar in world axes by side, bar and pin: L3 and L7 from the tree, the rest as placed."""
     data = one.model.createData()
     pin.framesForwardKinematics(one.model, data, configuration(one, crank_angle, base))
-    placed, found = bar_placements(one, crank_angle, base), {}
+    placed, found = {bar: base * place for bar, place in bar_placements(one, crank_angle).items()}, {}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for name, bar in linkage_bars(one.morphology.linkage).items():
             if name in LINK_OF:

@@ -11,11 +11,10 @@ import pinocchio as pin
 import pytest
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_description.morphology import Morphology
+from aerobat_description.morphology import Morphology, stretched
 from aerobat_description.morphology_tables import Body, LinkageLengths
-from aerobat_description.poses import poses
 from aerobat_description.position_closure import CRANK_ANGLES, ClosureError, close_linkage, remedies
-from aerobat_description.scaling import stretched
+from aerobat_description.write_urdf import poses
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.robot.aerobat import load_aerobat

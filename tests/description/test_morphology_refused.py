@@ -12,8 +12,7 @@ from support.commands import aerobat
 from support.readers import URDF
 
 from aerobat_description.morphology import Morphology
-from aerobat_description.names import BUILT_IN
-from aerobat_description.reading import MorphologyError
+from aerobat_description.reading import BUILT_IN, MorphologyError
 from aerobat_pin.robot.aerobat import load_aerobat
 
 EDGES = {"proximal_leading_edge": [0.0635, 0.07, 0.0765], "proximal_trailing_edge": [-0.0956, -0.1, -0.111]}

@@ -20,7 +20,7 @@ from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import believed_robot, load_robot
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
-from aerobat_pin.visualization.report import report_html
+from aerobat_pin.visualization.run_pages import report_html
 
 
 @pytest.fixture(scope="module")

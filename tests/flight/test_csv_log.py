@@ -200,7 +200,7 @@ def test_raw_samples_come_back_at_their_own_rows(tmp_path: Path) -> None:
     lines = (tmp_path / "raw.csv").read_text().splitlines()
     header, first, *rest = (line.split(",") for line in lines)
     for cell, text, message in (
-        (8, "nan", "wx.* = nan: a number, or an empty cell"),
+        (8, "nan", r"wx is not finite \(1 such rows\): leave its cell empty"),
         (1, "", "line 2: x is empty: all"),
     ):
         wrong = [first.copy(), *rest]

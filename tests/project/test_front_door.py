@@ -21,7 +21,10 @@ from aerobat_pin.estimation import known_inputs
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
 NAMES = ("load_aerobat", "Aerobat", "load_scenario", "Scenario", "simulate", "run", "FlightLog")
-DOORS = ("aerobat_pin", "aerobat_pin.estimation", "aerobat_pin.experiments", "aerobat_pin.visualization")
+DOORS = (
+    "aerobat_pin",
+    *sorted(f"aerobat_pin.{path.parent.name}" for path in (ROOT / "aerobat_pin").glob("*/__init__.pyi")),
+)
 
 
 @pytest.mark.parametrize("name", NAMES)

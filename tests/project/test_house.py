@@ -84,7 +84,11 @@ def imports() -> dict[str, set[str]]:
         for package in ("aerobat_description", "aerobat_pin")
         for path in (ROOT / package).rglob("*.py")
     }
-    named = {module: list(named_imports(module, path)) for module, path in files.items()}
+    listed = {module: path.with_suffix(".pyi") for module, path in files.items()}  # of a door that loads names lazily
+    named = {
+        module: list(named_imports(module, listed[module] if listed[module].is_file() else path))
+        for module, path in files.items()
+    }
 
     def home(module: str, name: str) -> str:
         """Return the module that defines what a module calls by a name."""
@@ -104,7 +108,7 @@ def imports() -> dict[str, set[str]]:
 
 def named_imports(module: str, path: Path) -> Iterator[tuple[str, str]]:
     """Yield module and name of every import of a file, wherever it stands; the name is empty for a whole module."""
-    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    package = module if path.stem == "__init__" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom):
             source = importlib.util.resolve_name("." * node.level + (node.module or ""), package)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from aerobat_pin.visualization.replay.viewer import viewer_script
+from aerobat_pin.visualization.replay.page import viewer_script
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

@@ -329,13 +329,7 @@ def calls() -> dict[str, Call]:
         "closed_model": (robot.closed_model, {"morphology": "aerobat", "bars": "light", "gravity": 9.81}),
         "closed_state": (
             robot.closed_state,
-            {
-                "model": robot.closed_model()[0],
-                "linkage": sculpture,
-                "crank_angle": 0.1,
-                "crank_velocity": 1.0,
-                "crank_acceleration": 1.0,
-            },
+            {"model": robot.closed_model()[0], "linkage": sculpture, "crank_angle": 0.1, "crank_velocity": 1.0},
         ),
         "place_bars": (robot.place_bars, {"robot": bat, "picture": shown, "crank_angle": 0.1}),
         "visual_model_with_bars": (robot.visual_model_with_bars, {"robot": bat}),
@@ -482,7 +476,7 @@ MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kerne
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
-INNER = """checksums netcdf_bytes read_netcdf netcdf_variables read_estimates contradictions joint_series moving_weight
+INNER = """checksums netcdf_bytes read_netcdf netcdf_variables read_run contradictions joint_series moving_weight
 AllBut redundancy_of slow_part describe_tables explain fit_friction ClosedLoop LaggedThrust Sensing
 Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys changes_text differing_keys
 keys_text described log_with_motion shipped_description"""  # called by other rooms, with what these have checked

@@ -12,7 +12,7 @@ import pytest
 from support.bad_robots import ARM, COLLADA, PICTURE, SECRET, SHAPE, stl
 
 from aerobat_description import PACKAGE_PATH
-from aerobat_description.export import shipped_urdf
+from aerobat_description.export import shipped_text
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import LogError
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
@@ -51,7 +51,7 @@ def test_meshes_of_the_robots_own_folders_are_drawn(folder: Path) -> None:
         if deeper != "urdf":
             (folder / "package.xml").touch()
         page_of(place, os.path.relpath(folder / "meshes" / "bar.stl", place))
-    absolute = shipped_urdf(Morphology.load("aerobat"), "absolute")
+    absolute = shipped_text(Morphology.load("aerobat"), meshes="absolute")
     assert absolute is not None
     (folder / "bird.urdf").write_text(absolute)  # printed by `aerobat urdf --meshes absolute` and saved anywhere
     _, visual_model = load_any_robot(folder / "bird.urdf", 11, folder / "motion.csv")

@@ -18,8 +18,7 @@ from aerobat_pin.experiments.experiment import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.paper import draw_states
-from aerobat_pin.visualization.report import report_html
-from aerobat_pin.visualization.write_all import draw_all, write_figures_and_pages
+from aerobat_pin.visualization.run_pages import draw_all, report_html, write_figures_and_pages
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:

@@ -120,7 +120,7 @@ def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connection
 
 def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
     """Neither the command nor what it calls."""
-    modules = "load_run, motion_csv, page, recording, flight_replay, scene, serve, snapshots"
+    modules = "motion_csv, page, recording, flight_replay, scene, serve, snapshots"
     code = f"""
 import os
 import aerobat_pin.cli

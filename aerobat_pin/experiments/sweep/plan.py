@@ -54,12 +54,7 @@ class Sweep:
     dimensions: tuple[Dimension, ...]
 
     def __repr__(self) -> str:
-        return f"Sweep {self.file.name}: {self.sizes} runs of {self.base.name}\n  {self.file.description}"
-
-    @property
-    def sizes(self) -> str:
-        """The size of the sweep as text, such as `5 crank.frequency x 3 seed`."""
-        return " x ".join(f"{len(dimension.labels)} {dimension.name}" for dimension in self.dimensions)
+        return f"Sweep {self.file.name}: {self.file.size_text} runs of {self.base.name}\n  {self.file.description}"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -130,7 +125,7 @@ def load_sweep(source: str | Path) -> Sweep:
     sweep = Sweep(file, base, tuple(dimensions))
     days = sum(scenario.size.seconds for scenario in sweep.scenarios) / DAY
     if days > MOST_DAYS:
-        raise SweepError(_too_large(file, sweep.sizes, len(sweep.scenarios), days))
+        raise SweepError(_too_large(file, len(sweep.scenarios), days))
     return sweep
 
 
@@ -147,14 +142,13 @@ def _check_names_and_size(file: SweepFile, base: Scenario) -> None:
             raise SweepError(f"sweep {file.name}: dimension {name!r}: {rule}")
     count = math.prod(file.sizes.values())
     if count > MOST_RUNS:
-        sizes = " x ".join(f"{size} {name}" for name, size in file.sizes.items())
-        raise SweepError(_too_large(file, sizes, count, count * base.size.seconds / DAY))
+        raise SweepError(_too_large(file, count, count * base.size.seconds / DAY))
 
 
-def _too_large(file: SweepFile, sizes: str, count: int, days: float) -> str:
+def _too_large(file: SweepFile, count: int, days: float) -> str:
     return (
-        f"sweep {file.name}: {sizes} are {count} runs, about {days:.3g} days on one processor; at most {MOST_RUNS} "
-        f"runs and {MOST_DAYS:g} days are allowed"
+        f"sweep {file.name}: {file.size_text} are {count} runs, about {days:.3g} days on one processor; at most "
+        f"{MOST_RUNS} runs and {MOST_DAYS:g} days are allowed"
     )
 
 
@@ -188,5 +182,4 @@ def _draw_dimension(draws: Draws) -> Dimension:
 
 def _plain(scenario: Scenario) -> dict[str, Any]:
     """Return a scenario as nested dictionaries and lists, in which dotted keys can be set."""
-    values: dict[str, Any] = json.loads(scenario.model_dump_json(exclude_none=True))
-    return values
+    return scenario.model_dump(mode="json", exclude_none=True)

@@ -1,16 +1,7 @@
 """Read and check sweep files, which name a base scenario and the quantities that are varied in it.
 
-| table or key | meaning |
-|---|---|
-| `base`, `[set]` | the scenario that every run starts from, and dotted keys that are set in it |
-| `[ranges]` | each dotted key is a dimension: a list of values, or `{from, to, count, spacing}` |
-| `[factors.NAME]` | a dimension NAME: each of `values` multiplies the reference values of all keys in `of` |
-| `[variants.NAME]` | a dimension NAME: each label stands for a set of dotted keys |
-| `[draws]` | the dimension `draw`: `count` random draws of the keys in `[draws.values]` |
-| `seeds` | the dimension `seed`: number of seeds, counted up from the seed of the base scenario |
-
-The sweep runs every combination of the dimensions; the draws are the same in all combinations. A `*` in a key stands
-for every item of a list of tables, as in `unknown_force.*.noise`.
+The page docs/studies.md explains their tables and keys. The sweep runs every combination of the dimensions; the draws
+are the same in all combinations.
 """
 
 from __future__ import annotations
@@ -142,6 +133,11 @@ class SweepFile(_Table):
         chosen = {**self.ranges, **{name: factors.values for name, factors in self.factors.items()}, **self.variants}
         sizes = {name: values.count if isinstance(values, Span) else len(values) for name, values in chosen.items()}
         return {**sizes, **({DRAW: self.draws.count} if self.draws else {}), SEED: self.seeds}
+
+    @property
+    def size_text(self) -> str:
+        """The sizes as text, such as `5 crank.frequency x 3 seed`."""
+        return " x ".join(f"{size} {name}" for name, size in self.sizes.items())
 
     @model_validator(mode="after")
     def _distinct(self) -> SweepFile:

@@ -86,7 +86,7 @@ def _forces(found: RecordingEstimate) -> Figure:
     figure = Figure(figsize=(max(6.5, 3.2 * len(points)), 1.9 * rows + 1.0), layout="constrained")
     figure.suptitle(f"Unknown forces in {found.log.name}, interval means")
     grid = figure.subplots(rows, len(points), sharex=True, squeeze=False)
-    start = found.record.start
+    start, free = found.record.start, found.record.map.use.free
     side = next(iter(found.compared.values()), None)
     measured = None if side is None else _sensor_lines(side, start, 0, len(side.start))
     lines = {observer: _estimate_lines(estimate, start) for observer, estimate in found.stored.items()}
@@ -102,18 +102,12 @@ def _forces(found: RecordingEstimate) -> Figure:
             for i, (observer, (time, values)) in enumerate(lines.items()):
                 axis.plot(time, values[:, k], color=style.ESTIMATES[i % 4], label=observer, linewidth=0.9)
             axis.set_ylabel(f"{name} [{first.units[k]}]")
-            _shade(axis, found)
+            if free is not None:
+                axis.axvspan(free[0], free[1], color=style.FAINT, alpha=0.4, zorder=0)
         grid[rows - 1][column].set_xlabel("time [s]")
     handles, names = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=5)
     return figure
-
-
-def _shade(axis: object, found: RecordingEstimate) -> None:
-    """Mark the stretch that the map calls free of contact."""
-    free = found.record.map.use.free
-    if free is not None:
-        axis.axvspan(free[0], free[1], color=style.FAINT, alpha=0.4, zorder=0)  # type: ignore[attr-defined]
 
 
 def _draw_sensor(found: RecordingEstimate) -> Figure:
@@ -192,7 +186,11 @@ def _motion(found: RecordingEstimate) -> Figure:
         names = channel.names
         if key.startswith("joints"):
             names = record.driven if key == "joints.effort" else record.joints
-        time, values = thinned(len(channel.time), _reader(channel, record.start))
+
+        def read(first: int, last: int, channel: LogChannel = channel) -> Lines:
+            return channel.time[first:last] - record.start, channel.values[first:last]
+
+        time, values = thinned(len(channel.time), read)
         for k, name in enumerate(names[:8]):
             axis.plot(
                 time,
@@ -207,11 +205,6 @@ def _motion(found: RecordingEstimate) -> Figure:
             axis.axvspan(first * record.dt, last * record.dt, color=style.FAINT, alpha=0.25, zorder=0)
     figure.get_axes()[-1].set_xlabel("time [s]; grey: used")
     return figure
-
-
-def _reader(channel: LogChannel, start: float) -> Callable[[int, int], Lines]:
-    """Return a function that reads the samples of a channel from one index to another."""
-    return lambda first, last: (channel.time[first:last] - start, channel.values[first:last])
 
 
 def _unexplained(found: RecordingEstimate) -> Figure:

@@ -1,20 +1,36 @@
-"""Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake."""
+"""Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake.
+
+The flight is that of a run's folder, or a recorded one with the forces estimated from it.
+"""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.estimation import motion, point_label, true_events, true_force
-from aerobat_pin.flight import FlightLog, Wake, wake_of
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation import (
+    SUM,
+    belief_about,
+    estimate_log,
+    motion,
+    point_label,
+    read_log,
+    true_events,
+    true_force,
+)
+from aerobat_pin.experiments import estimate_dataset, flight_note, read_run, recorded_note
+from aerobat_pin.flight import FlightLog, Wake, log_with_motion, wake_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, place_bars, visual_model_with_bars
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.robot import Aerobat, believed_robot, load_robot, place_bars, visual_model_with_bars
+from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.control import thrust_forces
 from aerobat_pin.visualization.replay.recording import Recording
-from aerobat_pin.visualization.replay.sheet import Sheet
+from aerobat_pin.visualization.replay.scene import Sheet
 
 SLOW_MOTION = 0.1  # speed of a flight's replay relative to real time, in which a flap is too fast to be watched
 WAKE_LASTS = 0.5  # [s]: time for which each part of the wake is shown
@@ -93,3 +109,42 @@ def _add_wake(recording: Recording, wake: Wake) -> None:
     colours = PALEST + np.abs(share) * (np.where(share > 0.0, lift, downforce) - PALEST)
     label = "shed wake, blue: of lift, orange: of downforce"
     recording.sheet = Sheet(label, style.WAKE_COLOURS[0], points, colours, drifted, WAKE_LASTS)
+
+
+def replay_run(folder: Path) -> Recording:
+    """Prepare the replay of the flight in a run's folder.
+
+    Raises:
+        LogError: the folder is not that of a run, or its log cannot be read.
+        AerobatError: another file in the folder cannot be read.
+    """
+    scenario, log, estimates = read_run(folder)
+    robot = load_robot(scenario)
+    strangers = [
+        str(name) for name in estimates["point"].values if not (robot.model.existFrame(str(name)) or name == SUM)
+    ]
+    if strangers:
+        raise LogError(f"estimates {folder / 'estimate.nc'}: the robot has no frame {', '.join(strangers)}")
+    log = log_with_motion(log)
+    recording = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
+    recording.subtitle = changes_text(scenario.name, changed_keys(scenario))
+    return recording
+
+
+def replay_log(file: Path, morphology: str | None = None) -> Recording:
+    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
+
+    Args:
+        file: flight log, `.nc` or `.csv`.
+        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
+            the robot noted in the log, or the default robot if the log notes none.
+
+    Raises:
+        AerobatError: the log or the morphology cannot be read.
+    """
+    log = read_log(file)
+    belief = belief_about(log, file.stem, morphology, [], [])
+    robot = believed_robot(belief)
+    inputs, estimates = estimate_log(log, robot, belief)
+    log = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
+    return replay_flight(robot, log, belief.believed_air, estimate_dataset(estimates), recorded_note(log, robot))

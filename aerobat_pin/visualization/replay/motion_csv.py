@@ -1,13 +1,8 @@
 """Replay any motion of any robot from a CSV file.
 
-| column | unit | meaning |
-|---|---|---|
-| `time` | s | time, never decreasing |
-| any other name | m, rad | entries of the configuration `q`: one column for each entry of the model, in its order |
-| `<frame>.Fx`, `<frame>.Fy`, `<frame>.Fz` | N | optional: force at a frame, world axes; all three or none |
-
-If the table has seven columns more than the joints need, the base is free. The first seven columns are then its
-placement: position, then quaternion with w last.
+Its columns are `time` [s], the entries of the configuration q in the model's order under any names, and, for a force at
+a frame, `<frame>.Fx`, `<frame>.Fy`, `<frame>.Fz` [N], world axes. If the table has seven columns more than the joints
+need, the base is free. The first seven columns are then its placement: position, then quaternion with w last.
 """
 
 from __future__ import annotations

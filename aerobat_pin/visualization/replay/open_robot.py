@@ -15,7 +15,7 @@ from pinocchio.visualize import MeshcatVisualizer
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import CRANK_START, Aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.visualization.replay.recording import CAMERA
-from aerobat_pin.visualization.replay.scene import SKY_COLOURS
+from aerobat_pin.visualization.replay.scene import clear_background
 
 CLOSE_UP = 1.2  # distance of the camera for each distance in `CAMERA`, both in sizes of the robot
 
@@ -37,10 +37,7 @@ class RobotView:
         self.visualizer.initViewer(viewer=viewer)
         self.visualizer.loadViewerModel(rootNodeName="aerobat")
         self.turn(CRANK_START)
-        for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
-            viewer["/Background"].set_property(edge, colour)
-        for node in ("/Grid", "/Axes"):
-            viewer[node].set_property("visible", False)
+        clear_background(viewer)
         x, y, z = CLOSE_UP * _reach(robot) * np.array(CAMERA)
         viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])  # meshcat's order
 

@@ -5,14 +5,16 @@ The page is a single HTML file that needs no network.
 
 from __future__ import annotations
 
-import base64
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import resources
+
+from markupsafe import Markup
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.visualization.replay.viewer import viewer_script
 from aerobat_pin.visualization.style import TRUTH
-from aerobat_pin.visualization.template import fill_template
+from aerobat_pin.visualization.template import base64_text, fill_template
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)  # offered speeds relative to real time, in which flaps are hard to see
 
@@ -79,7 +81,7 @@ def replay_page(
         end=end,
         speeds=[f"{speed:g}" for speed in sorted({*SPEEDS, rate})],
         scene={
-            "commands": [base64.b64encode(command).decode("ascii") for command in commands],
+            "commands": [base64_text(command) for command in commands],
             "start": start,
             "truth": TRUTH,
             "rate": rate,
@@ -89,3 +91,15 @@ def replay_page(
         },
         meshcat=viewer_script(),
     )
+
+
+def viewer_script() -> Markup:
+    """Return meshcat's viewer as installed, behind a comment with the notices of all that was built into it."""
+    folder = resources.files("meshcat") / "viewer"
+    notices = ["meshcat\n\n" + (folder / "LICENSE").read_text(encoding="utf-8")]
+    parts = folder / "dist" / "main.min.js.THIRD_PARTY_LICENSES.json"
+    if parts.is_file():
+        for part in json.loads(parts.read_text(encoding="utf-8")):
+            notices.append(f"{part['name']} {part['version']}: {part['license']}\n\n{part['licenseText'] or ''}")
+    said = "\n\n".join(notices).replace("*/", "* /").replace("</", "< /")
+    return Markup(f"/*\n{said}\n*/\n") + Markup((folder / "dist" / "main.min.js").read_text(encoding="utf-8"))

@@ -20,10 +20,15 @@ from scipy.signal import savgol_filter
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, frame_id, shaped
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.measures import box_corners, round_number_above
 from aerobat_pin.visualization.replay.page import LegendLine, Zone, replay_page
-from aerobat_pin.visualization.replay.scene import HALO_OPACITY, SHEET_OPACITY, Scene
-from aerobat_pin.visualization.replay.sheet import Sheet
+from aerobat_pin.visualization.replay.scene import (
+    HALO_OPACITY,
+    SHEET_OPACITY,
+    Scene,
+    Sheet,
+    box_corners,
+    round_number_above,
+)
 
 KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75 Hz
 MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion

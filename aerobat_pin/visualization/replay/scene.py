@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
 from typing import Any
 
 import meshcat
@@ -22,7 +24,31 @@ from aerobat_pin.visualization.replay.collada import drawable
 SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.011, 0.032, 0.09
 HALO_OPACITY = 0.65  # opacity of an arrow that can have another arrow inside
 SHEET_OPACITY = 0.5
+UNBOUNDED = 1e3  # [m]: a larger shape is treated as infinite, such as a plane
 SKY_COLOURS = ([0.97, 0.98, 0.99], [0.84, 0.87, 0.90])  # background, top and bottom
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A translucent sheet that trails behind the robot, such as its wake.
+
+    Each keyframe adds a row of points, which is then shown for a fixed time.
+
+    Attributes:
+        label: text in the legend.
+        colour: colour of the mark in the legend, hexadecimal.
+        points: (m, k, 3) points of each row where they would be without drift, world axes [m].
+        colours: (m, k, 3) red, green and blue of each point, from 0 to 1.
+        drift: (m, 3) displacement of the whole sheet at each keyframe, world axes [m].
+        lasting: time for which a row is shown [s].
+    """
+
+    label: str
+    colour: str
+    points: Array
+    colours: Array
+    drift: Array
+    lasting: float
 
 
 class Window:
@@ -63,10 +89,7 @@ class Scene:
         Args:
             camera: (3,) position from which the camera looks at the origin [m].
         """
-        for node in ("/Grid", "/Axes"):
-            self.viewer[node].set_property("visible", False)
-        for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
-            self.viewer["/Background"].set_property(edge, colour)
+        clear_background(self.viewer)
         x, y, z = camera.tolist()  # meshcat expects the camera's position as (x, z, -y)
         self.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
         self.viewer.set_animation(self._animation, play=True, repetitions=10**6)
@@ -113,7 +136,7 @@ class Scene:
         rest = np.maximum(length - share * head, 1e-6)
         # Both kinds count as translucent: the page then draws the inner arrow over its halo.
         opacity = 1.0 if inner else HALO_OPACITY
-        paint = shapes.MeshLambertMaterial(color=_rgb_number(colour), opacity=opacity, transparent=True)
+        paint = shapes.MeshLambertMaterial(color=rgb_number(colour), opacity=opacity, transparent=True)
         offset = np.eye(4)
         for part, shape, middle in (
             ("shaft", shapes.Cylinder(1.0, thickness * SHAFT_RADIUS * size), 0.5),
@@ -132,19 +155,19 @@ class Scene:
 
     def line(self, node: str, points: Array, colour: str) -> None:
         """Draw a line through points (k, 3) [m]."""
-        paint = shapes.LineBasicMaterial(color=_rgb_number(colour))
+        paint = shapes.LineBasicMaterial(color=rgb_number(colour))
         self.viewer[node].set_object(shapes.Line(shapes.PointsGeometry(points.T), paint))
 
     def segments(self, node: str, ends: Array, colour: str) -> None:
         """Draw straight lines between ends (k, 2, 3) [m]."""
-        paint = shapes.LineBasicMaterial(color=_rgb_number(colour))
+        paint = shapes.LineBasicMaterial(color=rgb_number(colour))
         self.viewer[node].set_object(shapes.LineSegments(shapes.PointsGeometry(ends.reshape(-1, 3).T), paint))
 
     def ball(self, node: str, centre: Array, radius: float, colour: str) -> None:
         """Draw a ball about a point (3,) [m]."""
         transform = np.eye(4)
         transform[:3, 3] = centre
-        self.viewer[node].set_object(shapes.Sphere(radius), shapes.MeshLambertMaterial(color=_rgb_number(colour)))
+        self.viewer[node].set_object(shapes.Sphere(radius), shapes.MeshLambertMaterial(color=rgb_number(colour)))
         self.viewer[node].set_transform(transform)
 
     def sheet(self, node: str, points: Array, colours: Array) -> None:
@@ -161,6 +184,30 @@ class Scene:
         self.viewer[node].set_object(shape, paint)
 
 
-def _rgb_number(colour: str) -> int:
+def box_corners(part: pin.GeometryObject) -> Array:
+    """Return the corners (8, 3) of a part's bounding box in the part's axes [m]; all zero for an infinite shape."""
+    part.geometry.computeLocalAABB()
+    box = part.geometry.aabb_local
+    ends = np.array([box.min_, box.max_]) * part.meshScale
+    if not np.all(np.abs(ends) < UNBOUNDED):
+        ends = np.zeros((2, 3))
+    return np.array(list(itertools.product(*ends.T)))
+
+
+def round_number_above(value: float) -> float:
+    """Return the smallest number that is 1, 2 or 5 times a power of ten and not smaller than the value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(digit * power for digit in (1.0, 2.0, 5.0, 10.0) if digit * power >= value * (1.0 - 1e-9)))
+
+
+def clear_background(viewer: meshcat.Visualizer) -> None:
+    """Replace meshcat's grid and axes by a light sky."""
+    for node in ("/Grid", "/Axes"):
+        viewer[node].set_property("visible", False)
+    for edge, colour in zip(("top_color", "bottom_color"), SKY_COLOURS, strict=True):
+        viewer["/Background"].set_property(edge, colour)
+
+
+def rgb_number(colour: str) -> int:
     """Convert a hexadecimal colour to a number, as three.js expects it."""
     return int(colour[1:], 16)

@@ -1,4 +1,4 @@
-"""The command `aerobat play`."""
+"""The commands about runs that are there: `aerobat play`, `aerobat compare` and `aerobat convert`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from aerobat_pin.cli.console import files_in
 from aerobat_pin.cli.options import BelievedMorphology, Force
 
 if TYPE_CHECKING:
@@ -81,3 +82,39 @@ def _recording(source: Path | None, morphology: str | None, table: Path | None, 
     if source is None and table is not None and urdf is not None:
         return visualization.replay_table(table, urdf)
     raise LogError("play: a run or a log was expected, or --from-csv FILE with --urdf FILE")
+
+
+def compare_command(
+    first: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    second: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of another run.")],
+    out: Annotated[Path | None, typer.Option(help="Output folder; default runs/compare-<first>-<second>.")] = None,
+    force: Force = False,
+) -> None:
+    """Set two runs side by side: what differs between their scenarios, their scores and their figures."""
+    from aerobat_pin.errors import output_folder
+    from aerobat_pin.visualization import compare_runs
+
+    comparison = compare_runs(first, second)
+    typer.echo(str(comparison))
+    target = out or Path("runs") / f"compare-{first.resolve().name}-{second.resolve().name}"
+    with output_folder(target, force=force, replaces=comparison.FILES) as folder:
+        comparison.write(folder)
+        files = files_in(folder)
+    typer.echo(f"\nresults in {target}/: {', '.join(map(str, files))}\nopen {target / 'comparison.html'}")
+
+
+def convert_command(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, with flight.nc and estimate.nc.")],
+    mcap: Annotated[Path, typer.Option(help="MCAP file for Foxglove, PlotJuggler, rerun, ROS 2.")],
+    force: Force = False,
+) -> None:
+    """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
+    from aerobat_pin.errors import check_file
+    from aerobat_pin.estimation import write_flight_mcap
+    from aerobat_pin.experiments import read_run
+    from aerobat_pin.robot import load_robot
+
+    check_file(mcap, force=force)
+    scenario, log, estimates = read_run(run)
+    write_flight_mcap(load_robot(scenario).model, log, estimates, mcap)
+    typer.echo(f"written to {mcap}")
