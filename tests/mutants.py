@@ -94,7 +94,7 @@ MUTANTS = (
            "values = section.sign * (", "values = (", RECORDINGS),
     Mutant("a learnt mass dropped", "estimation/recordings/map_calibration.py",
            "robot=record.robot.heavier(self.values.mass))", "robot=record.robot)", CALIBRATIONS),
-    Mutant("one number for two dimensions", "flight/netcdf.py",
+    Mutant("one number for two dimensions", "flight/write_netcdf.py",
            "next(numbers)", "len(scales)", "tests/flight/test_netcdf_library.py"),
     Mutant("steering late instead of ahead", "control/controller.py", "(1.0 - 1j * self._crank_rate * believed.lag)",
            "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),

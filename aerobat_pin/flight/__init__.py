@@ -6,7 +6,7 @@ from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMot
 from aerobat_pin.flight.csv_log import read_csv, write_csv
 from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
-from aerobat_pin.flight.netcdf import StoredVariable, checksums, netcdf_bytes, netcdf_variables, read_netcdf
+from aerobat_pin.flight.netcdf import StoredVariable, netcdf_variables, read_netcdf
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
@@ -16,6 +16,7 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.flight.trim import Trim, find_trim
 from aerobat_pin.flight.wake import Wake, wake_of
+from aerobat_pin.flight.write_netcdf import checksums, netcdf_bytes
 
 __all__ = [
     "KNOWN",

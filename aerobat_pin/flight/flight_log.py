@@ -34,7 +34,8 @@ from aerobat_pin.flight.channels import (
     REQUIRED_TRUTH,
     checked_channels,
 )
-from aerobat_pin.flight.netcdf import netcdf_bytes, read_netcdf
+from aerobat_pin.flight.netcdf import read_netcdf
+from aerobat_pin.flight.write_netcdf import netcdf_bytes
 from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection

@@ -90,7 +90,7 @@ def check_arrows(time: int, update: Any) -> None:
 def test_a_suggested_map_is_a_map(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of a table and of a bag; with its questions answered, it estimates."""
+    """Of a table and of a bag; with its questions answered, it estimates, in whatever folder it is."""
     pytest.importorskip("rosbags")
     import tomllib
 
@@ -105,8 +105,9 @@ def test_a_suggested_map_is_a_map(
         values["robot"]["points"] = list(FEET)
         if "wrench" in values["check"]:
             values["check"]["wrench"]["point"] = "FL_FOOT"
-        (folder / "suggested.toml").write_text(tomli_w.dumps(values))
-        assert call(monkeypatch, "estimate", log, "--map", "suggested.toml", "--out", f"out_{log}") == 0
+        (folder / "maps").mkdir(exist_ok=True)
+        (folder / "maps" / "suggested.toml").write_text(tomli_w.dumps(values))
+        assert call(monkeypatch, "estimate", log, "--map", "maps/suggested.toml", "--out", f"out_{log}") == 0
         found = json.loads((folder / f"out_{log}" / "metrics.json").read_text())["observers"]["force_level"]
         assert found["FL_FOOT"]["Fz"]["r2"] > 0.99
         capsys.readouterr()

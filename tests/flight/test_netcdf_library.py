@@ -9,10 +9,14 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pytest
 import xarray as xr
 from support.tools import need
 
+from aerobat_pin.errors import LogError
 from aerobat_pin.flight import netcdf_bytes, read_netcdf
+
+SEAL_SIZE = 12  # bytes at the end of a file
 
 # In a process of its own, because the library brings another HDF5 than h5py. Prints group -> what it holds.
 READER = """
@@ -100,6 +104,23 @@ def test_the_netcdf_library_reads_the_same(tmp_path: Path, paper_folder: Path) -
                     assert values == item.values.ravel().tolist(), key
                 notes_of = {label: value for label, value in own.items() if label != "coordinates"}
                 assert notes_of == {label: np.asarray(value).tolist() for label, value in item.attrs.items()}, key
+
+
+def test_the_seal_notices_damage_before_the_library_reads_and_goes_when_the_library_writes(tmp_path: Path) -> None:
+    """Any changed byte before the seal is damage; an edit by HDF5 leaves a file without a seal, which is read."""
+    path, content = tmp_path / "kinds.nc", netcdf_bytes(*parts())
+    rng = np.random.default_rng(0)
+    for place in rng.integers(len(content) - SEAL_SIZE, size=30):
+        damaged = bytearray(content)
+        damaged[place] ^= int(rng.integers(1, 256))
+        path.write_bytes(damaged)
+        with pytest.raises(LogError, match=r"kinds\.nc: cannot be read as NetCDF-4: it is damaged"):
+            read_netcdf(path, "log", ["truth"])
+    for edit in (lambda file: file["number"].write_direct(np.array(7.0)), lambda file: file.attrs.create("seen", 1)):
+        path.write_bytes(content)
+        with h5py.File(path, "r+") as file:
+            edit(file)
+        xr.testing.assert_equal(read_netcdf(path, "log", ["truth"])["truth"], parts()[1])
 
 
 def test_what_the_library_needs_to_tell_dimensions_apart() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator
@@ -132,7 +133,7 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
     known = ", ".join(frame.name for frame in model.frames.tolist()[1:][:60])
     return [
         "[robot]",
-        f'urdf = "{urdf}"',
+        f"urdf = {json.dumps(str(urdf.absolute()), ensure_ascii=False)}",  # whole, as the map may be in another folder
         f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
         f"points = {listed(ends)}  # where may something push? Its frames: {known}",
     ]

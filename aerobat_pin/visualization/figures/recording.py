@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.estimation import Compared, LogChannel, RecordingEstimate, StoredEstimate
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Redundancy, slow_part
 from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
@@ -208,25 +209,26 @@ def _motion(found: RecordingEstimate) -> Figure:
 
 
 def _unexplained(found: RecordingEstimate) -> Figure:
-    """Draw what no force explains, and what is allowed."""
+    """Draw the slow part of what no force explains, by which the belief is judged, and the limit of its rms."""
     figure = Figure(figsize=(8.0, 2.6), layout="constrained")
     axis = figure.add_subplot()
     start = found.record.start
     for i, (name, estimate) in enumerate(found.stored.items()):
         check = estimate.redundancy
 
-        def read(first: int, last: int, estimate: StoredEstimate = estimate) -> Lines:
+        def read(first: int, last: int, estimate: StoredEstimate = estimate, check: Redundancy = check) -> Lines:
             part = estimate.between(first, last)
-            return part.time[:-1] - start, part.redundancy_series[:, None]
+            slow = slow_part(part.time, part.unexplained)
+            return part.time[:-1] - start, np.linalg.norm(slow, axis=1)[:, None] / max(check.redundant, 1) ** 0.5
 
         time, values = thinned(len(estimate), read)
         axis.plot(time, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
         axis.axhline(
-            check.allowed,
+            np.hypot(check.allowed, check.sensors),
             color=style.MUTED,
             linestyle="--",
-            label="allowed, of its slow part" if i == 0 else None,
+            label="limit of its rms, sensors' noise included" if i == 0 else None,
         )
-    axis.set(xlabel="time [s]", ylabel="unexplained a row [N]", title="What no force at the points explains")
+    axis.set(xlabel="time [s]", ylabel="unexplained a row [N]", title="What no force at the points explains, behind two low-passes of 10 ms")
     style.legend_on_top(axis, ncols=3)
     return figure
