@@ -100,9 +100,7 @@ class Controller:
         self._robot, self._crank_rate = robot, 2.0 * np.pi * scenario.crank.frequency
         self._observer = disturbance
         if disturbance is None and self.control.feedforward:
-            self._observer = DisturbanceObserver(
-                robot, scenario.believed_air, self.control, nominal, self.dt, self._crank_rate
-            )
+            self._observer = DisturbanceObserver(robot, scenario, nominal, self.dt)
         self._memory = new_memory(law_in, len(self.thrusters.limit), len(nominal.swing) // 2)
         self._law = law = fields_of(law_in, self._memory)
         self.disturbance, self.wanted, self.unrealised = law.disturbance, law.wanted, law.unrealised

@@ -7,6 +7,14 @@ rows of the base count: the residual there is the wrench of all that is unknown.
 It is filtered as a wrench at the robot's mean centre of mass, each component by a gain of its own, and given at the
 body's centre of mass, c away, where thrusters count. About the body's centre of mass, the angular momentum has a part
 m c x v, whose noise would be that of the velocity.
+
+What it sees is part noise, and counts only as far as it passes that, so that nothing is answered where nothing pushes:
+
+    counted = seen max(0, 1 - (NOISE deviation / smooth)^2)            smooth: seen, filtered by K once more
+
+Momenta whose samples, dt apart, have a deviation s leave in `smooth` a variance s^2 K^3 dt / 4; and the first one, with
+which the observer begins, (s K^2 t exp(-K t))^2. s is that of velocity and gyro, as the tables of the sensors say, by
+the momentum that the robot has per velocity. The push of a gust is a hundred times the deviation.
 """
 
 from __future__ import annotations
@@ -16,14 +24,15 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.control.nominal import Nominal
+from aerobat_pin.control.nominal import Nominal, control_of
 from aerobat_pin.estimation import AirStream
 from aerobat_pin.flight import Plant
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import Application, ForceLevelObserver
 from aerobat_pin.robot import BASE_SIZE, Aerobat
-from aerobat_pin.scenario import AirSection, ControlSection
+from aerobat_pin.scenario import AirSection, ControlSection, Scenario, SensorSection
 
+NOISE = 3.0  # standard deviations of noise that do not count
 CENTRE = "mean_centre_of_mass"  # frame of the body
 
 
@@ -59,6 +68,35 @@ def move(wrench: Array, lever: Array, there: Array) -> None:
     there[3] = wrench[3] + y * fz - z * fy
     there[4] = wrench[4] + z * fx - x * fz
     there[5] = wrench[5] + x * fy - y * fx
+
+
+def sample_variance(sensor: SensorSection | None, dt: float) -> tuple[Array, float]:
+    """Return the variance (3,) of a sensor's samples, of its noise alone, and the time between them [s], at least dt."""
+    if sensor is None:
+        return np.zeros(3), dt
+    variance = np.array(sensor.noise) ** 2 + sensor.quantum**2 / 12.0
+    return variance * np.ones(3), dt if sensor.rate is None else max(dt, 1.0 / sensor.rate)
+
+
+@kernel
+def count(seen: Array, follow: Array, noise: Array, state: Array, counted: Array) -> None:
+    """Write what counts (6,) of what is seen (6,).
+
+    Args:
+        seen: what the observer sees.
+        follow: (6,) share by which a filter follows in a sample.
+        noise: (2, 6) variance that noise has in what is smoothed: always, and, by the square of a fading factor, of
+            the first sample.
+        state: (3, 6) what is smoothed; then exp(-K t) and K t exp(-K t), which begin as 1 and 0.
+        counted: written.
+    """
+    smooth, fading, faded = state
+    for i in range(seen.shape[0]):
+        smooth[i] += follow[i] * (seen[i] - smooth[i])
+        fading[i] -= follow[i] * fading[i]
+        faded[i] += follow[i] * (fading[i] - faded[i])
+        signal, variance = smooth[i] * smooth[i], noise[0, i] + noise[1, i] * faded[i] * faded[i]
+        counted[i] = seen[i] * (1.0 - variance / signal) if signal > variance else 0.0
 
 
 @kernel
@@ -125,31 +163,36 @@ class DisturbanceObserver:
 
     Args:
         robot: the believed robot.
-        air: the believed air.
-        control: gains; and whether the air is known along the motion, or by its mean only.
-        nominal: the robot's mean centre of mass, and the air's mean wrench, which is used in the second case.
+        scenario: the believed air, the sensors, and of the table `control` gains, and whether the air is known along
+            the motion, or by its mean only.
+        nominal: the robot's mean centre of mass and momentum, and the air's mean wrench, used in the second case.
         dt: time between samples [s].
-        crank_rate: of the crank before the flight [rad/s].
     """
 
-    def __init__(
-        self, robot: Aerobat, air: AirSection, control: ControlSection, nominal: Nominal, dt: float, crank_rate: float
-    ) -> None:
+    def __init__(self, robot: Aerobat, scenario: Scenario, nominal: Nominal, dt: float) -> None:
         """Set up observer and air; `reset` starts them."""
         model = pin.Model(robot.model)
         body = model.joints[1]
         centre = pin.SE3(np.eye(3), nominal.centre)
         model.addFrame(pin.Frame(CENTRE, body.id, 0, centre, pin.FrameType.OP_FRAME))
         unknown = [Application(CENTRE, kind="wrench", axes="frame")]
-        self.observer = ForceLevelObserver(model, unknown, observer_gains(control), rows="base")
-        self._stream = AirStream(robot, air, dt) if control.air else None
-        self._rate, self._centre = crank_rate, nominal.centre
+        control, sensors = control_of(scenario), scenario.sensors
+        gains = observer_gains(control)
+        self.observer = ForceLevelObserver(model, unknown, gains, rows="base")
+        self._stream = AirStream(robot, scenario.believed_air, dt) if control.air else None
+        self._rate, self._centre = 2.0 * np.pi * scenario.crank.frequency, nominal.centre
+        samples = [sample_variance(one, dt) for one in (sensors.velocity, sensors.gyro)]
+        density = nominal.momentum**2 @ np.concatenate([variance * period for variance, period in samples])
+        first = nominal.momentum**2 @ np.concatenate([variance for variance, _ in samples])
+        self._noise = (NOISE * gains) ** 2 * np.array([gains / 4.0 * density, first])
+        self._follow, self._state, self._counted = 1.0 - np.exp(-gains * dt), np.zeros((3, 6)), np.zeros(BASE_SIZE)
         self._tau, self._known = np.zeros(model.nv), {"air and thrusters": np.zeros(model.nv)}
         self._mean = np.append(nominal.air, np.zeros(model.nv - BASE_SIZE))[None]
 
     def reset(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
         """Start at a sample."""
         self.observer.reset(q, v, time)
+        self._state[:] = np.array([[0.0], [1.0], [0.0]])
         if self._stream is not None:
             self._stream.reset(time, q, v, crank_angle, self._rate)
 
@@ -157,4 +200,6 @@ class DisturbanceObserver:
         """Take a sample and the thrusters' mean wrench (6,) since the last one; return the unknown wrench (6,)."""
         air = self._mean if self._stream is None else self._stream.update(time, q, v)
         add_thrust(air, thrust, self._known["air and thrusters"])
-        return moved(self.observer.update(time, q, v, self._tau, self._known).components, self._centre)
+        seen = self.observer.update(time, q, v, self._tau, self._known).components
+        count(seen, self._follow, self._noise, self._state, self._counted)
+        return moved(self._counted, self._centre)

@@ -48,6 +48,7 @@ class Nominal:
         inertia: (3,) of the whole robot about its centre of mass, body axes, mean over a flap [kg m2].
         centre: (3,) the robot's centre of mass from the body's, body axes, mean over a flap [m].
         mass: of the robot [kg].
+        momentum: (6, 6) momentum about `centre` per body twist, body axes; root mean square over a flap, entry by entry.
         quaternion: (4,) attitude xyzw to keep: heading of the start, and the pitch of the table `control`.
         swing: (2 OVERTONES, 12) the body's motion about its course: rows as `waves` has them of the crank angle;
             columns position and velocity over ground, world axes, turn and body rate, body axes [m, m/s, rad, rad/s].
@@ -59,6 +60,7 @@ class Nominal:
     inertia: Array
     centre: Array
     mass: float
+    momentum: Array
     quaternion: Array
     swing: Array
     steering: Array
@@ -118,6 +120,8 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
             accelerations[:-1] -= np.linalg.solve(inertias, miss[:, :, None])[:, :, 0]
             accelerations[-1] = accelerations[0]
             twists, placements = _without_drift(accelerations, twist, placement, np.array(flight.velocity), time)
+    about_centre = np.eye(BASE_SIZE)
+    about_centre[3:, :3] = -pin.skew(centre)
     swing = _about_the_course(placements, twists, quaternion, np.array(flight.velocity), time)
     return Nominal(
         wrench=wrench,
@@ -125,6 +129,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         inertia=inertia,
         centre=centre,
         mass=robot.mass,
+        momentum=np.sqrt(np.mean((about_centre @ inertias) ** 2, axis=0)),
         quaternion=quaternion,
         swing=_of_waves(swing[:-1], beat),
         steering=steering,

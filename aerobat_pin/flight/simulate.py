@@ -64,6 +64,7 @@ def simulate(
         samples = len(flown.q)
         record = None if loop is None else loop.record(samples - 1)
         log = flight_log_of(plant, time[:samples], flown, record)
+        plant.flight = None  # the two know each other, so its tables would stay until the garbage collector comes
         return recorded(log, plant.robot, scenario.sensors, settings.seed)
 
     held = interval_means(plant.forces, time, settings.seed)

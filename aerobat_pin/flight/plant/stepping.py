@@ -66,7 +66,7 @@ class SteppedFlight:
         tables, at = self.tables, self.done - self._window
         if tables.free:
             return float(tables.states[at, BASE_SIZE + self.plant.air.state_size])
-        return float(tables.closed.crank_angle[2 * tables.parts * at])
+        return float(tables.crank_angle[2 * tables.parts * at])
 
     @property
     def is_hopeless(self) -> bool:

@@ -94,6 +94,7 @@ class FlightTables:
     Attributes:
         motion: (half, 3, 2) angle, rate and acceleration of shoulder and elbow. A free crank's flight writes its own
             motion after the first row.
+        crank_angle, crank_rate: (half,) of a crank that a drive turns [rad, rad/s].
         wind: (half, 2, 3) velocity of the air and its rate of change, world axes [m/s, m/s2].
         means: (n, size) sums of the forces' means over the steps of an interval, see `split_forces`.
         loads: (n, 9, N) strip loads at the start of each interval.
@@ -109,12 +110,13 @@ class FlightTables:
         halves = np.arange(first, first + 2 * steps + 1) * 0.5 * self.step
         self.free = len(plant.crank_start) > 0
         self.wind = plant.wind(halves)
-        self.closed = (
+        closed = (
             plant.robot.linkage.solve(*np.tile(start.crank[:2, None], len(halves)))
             if self.free
             else plant.closure(halves)
         )
-        self.motion = joint_table(self.closed)
+        self.crank_angle, self.crank_rate = closed.crank_angle, closed.crank_velocity
+        self.motion = joint_table(closed)
         size = len(plant.fields.start)
         self.means = np.zeros((self.intervals, sum(part.size for part in plant.fields.forces)))
         self.loads = np.zeros((self.intervals, STRIP_ROWS, plant.air.line.strips))
@@ -125,11 +127,10 @@ class FlightTables:
         robot, free = self.plant.robot, self.free
         placement, states, air = self.placement[:kept], self.states[:kept], BASE_SIZE + self.plant.air.state_size
         samples, whole = slice(None, 2 * self.parts * kept, 2 * self.parts), slice(max(kept - 1, 0))
-        joints, closed = self.motion[samples], self.closed
-        crank = (closed.crank_angle[samples], closed.crank_velocity[samples])
+        joints = self.motion[samples]
         return Flown(
-            crank_angle=states[:, air] if free else crank[0],
-            crank_rate=states[:, air + 1] if free else crank[1],
+            crank_angle=states[:, air] if free else self.crank_angle[samples],
+            crank_rate=states[:, air + 1] if free else self.crank_rate[samples],
             q=robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
             v=robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
             air=states[:, BASE_SIZE:air],

@@ -51,15 +51,20 @@ class Sheet:
     lasting: float
 
 
+def packed(values: Any) -> bytes:
+    """Return values as msgpack, in single precision."""
+    return bytes(umsgpack.packb(values, force_float_precision="single"))
+
+
 class Window:
-    """A replacement for meshcat's window: it stores the commands sent to it, in single precision."""
+    """A replacement for meshcat's window: it stores the commands sent to it."""
 
     def __init__(self) -> None:
         self.commands: list[bytes] = []
 
     def send(self, command: Any) -> None:
         """Store one command."""
-        self.commands.append(umsgpack.packb(command.lower(), force_float_precision="single"))
+        self.commands.append(packed(command.lower()))
 
 
 class Scene:
@@ -73,15 +78,16 @@ class Scene:
         self.window = Window()
         self.viewer = meshcat.Visualizer(window=self.window)
         self._keys = time.tolist()
-        self._animation = meshcat.animation.Animation(default_framerate=1)  # so that keys are in seconds
+        self._clips: dict[str, bytes] = {}  # packed node by node: as objects, numbers take ten times the memory
 
     def move(self, node: str, **tracks: Array) -> None:
         """Animate `position` (m, 3), `quaternion` (m, 4, xyzw) or `scale` (m, 3) of a node."""
-        clip = meshcat.animation.AnimationClip(fps=1)
+        clip = meshcat.animation.AnimationClip(fps=1)  # so that keys are in seconds
         for name, rows in tracks.items():
             kind = "quaternion" if name == "quaternion" else "vector3"
             clip.tracks[name] = meshcat.animation.AnimationTrack(name, kind, self._keys, rows.tolist())
-        self._animation.clips[self.viewer[node].path] = clip
+        path = self.viewer[node].path.lower()
+        self._clips[path] = packed({"path": path, "clip": clip.lower()})
 
     def commands(self, camera: Array) -> list[bytes]:
         """Return all commands of the scene; its animation repeats.
@@ -92,8 +98,11 @@ class Scene:
         clear_background(self.viewer)
         x, y, z = camera.tolist()  # meshcat expects the camera's position as (x, z, -y)
         self.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
-        self.viewer.set_animation(self._animation, play=True, repetitions=10**6)
-        return self.window.commands
+        self.viewer.set_animation(meshcat.animation.Animation(), play=True, repetitions=10**6)
+        count, commands = len(self._clips), self.window.commands
+        before, after = commands.pop().split(packed("animations") + packed([]))
+        head = before + packed("animations") + packed([None] * count)[:-count]  # an array's length, then its entries
+        return [*commands, b"".join([head, *self._clips.values(), after])]
 
     def robot(self, model: pin.Model, visual_model: pin.GeometryModel, placements: Array) -> None:
         """Draw a robot whose visible parts move.
