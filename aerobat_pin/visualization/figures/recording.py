@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.estimation import Compared, LogChannel, RecordingEstimate, StoredEstimate
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate
 from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
@@ -55,12 +56,12 @@ def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
     return np.concatenate(times), np.concatenate(values)
 
 
-def _estimate_lines(estimate: StoredEstimate, start: float) -> Lines:
-    """Return the components of an estimate over the time after the start of the record."""
+def _estimate_lines(estimate: StoredEstimate, start: float, values_of: Callable[[Estimate], Array]) -> Lines:
+    """Return values (n, k) of the intervals of an estimate over the time after the start of the record."""
 
     def read(first: int, last: int) -> Lines:
         part = estimate.between(first, last)
-        return part.time[:-1] - start, part.components
+        return part.time[:-1] - start, values_of(part)
 
     return thinned(len(estimate), read)
 
@@ -89,7 +90,10 @@ def _forces(found: RecordingEstimate) -> Figure:
     start, free = found.record.start, found.record.map.use.free
     side = next(iter(found.compared.values()), None)
     measured = None if side is None else _sensor_lines(side, start, 0, len(side.start))
-    lines = {observer: _estimate_lines(estimate, start) for observer, estimate in found.stored.items()}
+    lines = {
+        observer: _estimate_lines(estimate, start, lambda part: part.components)
+        for observer, estimate in found.stored.items()
+    }
     for column, point in enumerate(points):
         grid[0][column].set_title(point)
         own = [label for label in labels if label.startswith(f"{point}.")]
@@ -211,18 +215,11 @@ def _unexplained(found: RecordingEstimate) -> Figure:
     """Draw what no force explains, and what is allowed."""
     figure = Figure(figsize=(8.0, 2.6), layout="constrained")
     axis = figure.add_subplot()
-    start = found.record.start
     for i, (name, estimate) in enumerate(found.stored.items()):
-        check = estimate.redundancy
-
-        def read(first: int, last: int, estimate: StoredEstimate = estimate) -> Lines:
-            part = estimate.between(first, last)
-            return part.time[:-1] - start, part.redundancy_series[:, None]
-
-        time, values = thinned(len(estimate), read)
+        time, values = _estimate_lines(estimate, found.record.start, lambda part: part.redundancy_series[:, None])
         axis.plot(time, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
         axis.axhline(
-            check.allowed,
+            estimate.redundancy.allowed,
             color=style.MUTED,
             linestyle="--",
             label="allowed, of its slow part" if i == 0 else None,
