@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from aerobat_description.reading import NotNegative, Positive, check_name, require
+from aerobat_description.reading import AboveZero, NotNegative, check_name, require
 
 Vector = tuple[float, ...]
 Pair = tuple[float, float]
@@ -23,7 +23,7 @@ class Body:
     The inertia (xx, yy, zz, xy, xz, yz) is taken about the centre of mass, along the axes of the link frame.
     """
 
-    mass: Positive
+    mass: AboveZero
     inertia: tuple[float, float, float, float, float, float]
     com: Vector3 = (0.0, 0.0, 0.0)
 
@@ -50,11 +50,11 @@ class Hull:
         boom: radius of the booms to tail and fin [m].
     """
 
-    length: Positive
-    width: Positive
-    height: Positive
+    length: AboveZero
+    width: AboveZero
+    height: AboveZero
     drop: float
-    boom: Positive
+    boom: AboveZero
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Joints:
 
     shoulder_limits: Pair
     elbow_limits: Pair
-    effort: Positive
-    velocity: Positive
+    effort: AboveZero
+    velocity: AboveZero
 
     def check(self, where: str) -> None:
         """Raise MorphologyError unless lower limits are below upper limits."""
@@ -80,9 +80,9 @@ class FreeFlyer:
     They apply in both directions of each axis: position [m], velocity [m/s], angular velocity [rad/s].
     """
 
-    position: Positive
-    velocity: Positive
-    angular_velocity: Positive
+    position: AboveZero
+    velocity: AboveZero
+    angular_velocity: AboveZero
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class WingShape:
     distal_stations: Vector
     distal_leading_edge: Vector
     distal_trailing_edge: Vector
-    minimum_chord: Positive
+    minimum_chord: AboveZero
     force_point: Vector3 | None = None
 
     def check(self, where: str) -> None:
@@ -154,22 +154,22 @@ class LinkageLengths:
     positions (outboard, up) of the pivots J1, J5 and J8 relative to the x axis of the body [m].
     """
 
-    L1: Positive
-    L2a: Positive
+    L1: AboveZero
+    L2a: AboveZero
     L2b: float
     L2c: float
-    L3a: Positive
-    L3b: Positive
+    L3a: AboveZero
+    L3b: AboveZero
     L3c: float
     alpha3: float
-    L4: Positive
-    L5a: Positive
+    L4: AboveZero
+    L5a: AboveZero
     L5b: float
     L5c: float
     L5d: float
-    L6: Positive
-    L7a: Positive
-    L7b: Positive
+    L6: AboveZero
+    L7a: AboveZero
+    L7b: AboveZero
     L7c: float
     P1: Pair
     P5: Pair
@@ -183,11 +183,11 @@ class Bars:
     The tree of the URDF takes these bars as massless, as the paper does; the closed linkage of the MJCF has them.
     """
 
-    L1: Positive
-    L2: Positive
-    L4: Positive
-    L5: Positive
-    L6: Positive
+    L1: AboveZero
+    L2: AboveZero
+    L4: AboveZero
+    L5: AboveZero
+    L6: AboveZero
 
     @property
     def mass(self) -> float:
@@ -202,8 +202,8 @@ class Surface:
     Span, chord, and position of the centre relative to the body COM are in m; the incidence is positive nose up [rad].
     """
 
-    span: Positive
-    chord: Positive
+    span: AboveZero
+    chord: AboveZero
     position: Vector3
     incidence: float = 0.0
 
@@ -219,8 +219,8 @@ class Fin:
     Area [m2], lift slope [1/rad], and position of the centre relative to the body COM [m].
     """
 
-    area: Positive
-    lift_slope: Positive
+    area: AboveZero
+    lift_slope: AboveZero
     position: Vector3
 
     def check(self, where: str) -> None:
@@ -255,7 +255,7 @@ class Guard:
 
     radius: Pair
     centre: float
-    tube: Positive
+    tube: AboveZero
 
     def check(self, where: str) -> None:
         """Raise MorphologyError unless the half axes are positive and the tube is thinner than the ring."""
@@ -279,7 +279,7 @@ class Thruster:
     name: str
     position: Vector3
     direction: Vector3
-    thrust: Positive
+    thrust: AboveZero
     torque: float = 0.0
 
     def check(self, where: str) -> None:
@@ -302,10 +302,10 @@ class Scale:
         body_mass: factor of mass and inertia of the body.
     """
 
-    span: Positive = 1.0
-    chord: Positive = 1.0
-    wing_mass: Positive = 1.0
-    body_mass: Positive = 1.0
+    span: AboveZero = 1.0
+    chord: AboveZero = 1.0
+    wing_mass: AboveZero = 1.0
+    body_mass: AboveZero = 1.0
 
 
 def _centred(position: Vector3, where: str) -> None:

@@ -30,17 +30,11 @@ class ClosureError(ValueError):
     Attributes:
         dyad: name of the pin that should join the bars.
         crank_angle: crank angle at which they cannot be joined [rad].
+
+    The message also gives the `span` between their ends and their lengths, the `reaches` [m].
     """
 
     def __init__(self, dyad: str, crank_angle: float, span: float, reaches: tuple[float, float]) -> None:
-        """Build the message.
-
-        Args:
-            dyad: name of the pin that should join the bars.
-            crank_angle: crank angle [rad].
-            span: distance that the two bars should span [m].
-            reaches: lengths of the two bars [m].
-        """
         first, second = (1e3 * reach for reach in reaches)
         super().__init__(
             f"the linkage cannot close at {dyad} for a crank angle of {math.degrees(crank_angle):.1f} deg: its bars "

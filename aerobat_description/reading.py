@@ -17,7 +17,7 @@ LONGEST_ROBOT_NAME = 100  # bytes: files are named after a robot, and no file sy
 BUILT_IN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
 LARGEST = 1e30  # powers of such numbers are still finite doubles, and they fit the single precision of a mesh
 POSITIVE, NOT_NEGATIVE = "it must be positive", "it is not negative"
-Positive = Annotated[float, POSITIVE]
+AboveZero = Annotated[float, POSITIVE]
 NotNegative = Annotated[float, NOT_NEGATIVE]
 
 

@@ -21,7 +21,6 @@ class LinkageError(AerobatError, ValueError):
     """
 
     def __init__(self, message: str, dyad: str, crank_angle: float, nearest: dict[str, float]) -> None:
-        """Store the message, the pin, the crank angle and the lengths that would help."""
         super().__init__(message)
         self.dyad = dyad
         self.crank_angle = crank_angle
@@ -42,7 +41,6 @@ class NearSingularWarning(UserWarning):
     """
 
     def __init__(self, dyad: str, transmission: float, crank_angle: float) -> None:
-        """Build the message from the pin and the two angles."""
         super().__init__(
             f"the linkage is nearly singular at {dyad}: its bars make {math.degrees(transmission):.1f} deg at a crank "
             f"angle of {math.degrees(crank_angle):.1f} deg; it locks at 0 and 180"
@@ -56,7 +54,6 @@ class FrameNotFoundError(AerobatError, KeyError):
     """The model has no frame of the requested name; the attribute `known` lists the frames of the model."""
 
     def __init__(self, name: str, known: list[str]) -> None:
-        """Build the message from the requested name and the names of the model's frames."""
         super().__init__(f"no frame named '{name}' in the model; it has: {', '.join(known)}")
         self.name = name
         self.known = known
@@ -128,7 +125,6 @@ class SimulationError(AerobatError, ArithmeticError):
     """
 
     def __init__(self, message: str, diverged_at: float, kept: object = None) -> None:
-        """Store the message, the time and what was flown."""
         super().__init__(message)
         self.diverged_at = diverged_at
         self.kept = kept

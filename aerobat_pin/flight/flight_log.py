@@ -95,7 +95,6 @@ class FlightLog:
         _check_attributes(measured.attrs, name)
 
     def __repr__(self) -> str:
-        """Name the flight, its duration and its channels."""
         time, truth = self.time, self.truth
         name = self.measured.attrs.get("scenario", "recorded flight")
         return (

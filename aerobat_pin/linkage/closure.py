@@ -65,7 +65,6 @@ class Closure:
     theta_e_ddot = _JointPart("elbow", "acceleration", "Elbow acceleration [rad/s2].")
 
     def __repr__(self) -> str:
-        """Give the number of crank angles, the ranges of the joint angles, and the residual."""
         if np.size(self.crank_angle) == 0:
             return "Closure(no crank angle)"
         ranges = {"t1": self.crank_angle, "theta_s": self.theta_s, "theta_e": self.theta_e}

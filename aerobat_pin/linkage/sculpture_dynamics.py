@@ -38,7 +38,6 @@ class SculptureDynamics:
 
     @guarded(stabilisation="not negative")
     def __init__(self, lengths: LinkageLengths | None = None, stabilisation: float = 0.0) -> None:
-        """Set up the loop equations and the output matrix."""
         self.sculpture = KineticSculpture(lengths)
         self.stabilisation = stabilisation
         self._loops = loops(self.sculpture.lengths)

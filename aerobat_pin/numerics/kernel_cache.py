@@ -41,7 +41,6 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
     """
 
     def __init__(self, function: Callable[..., Any], stamp: object) -> None:
-        """Name the files."""
         super().__init__(function)
         self._cache_file = SealedFiles(self.cache_path, self._impl.filename_base, stamp)
         self.by_one_process = self._cache_file.by_one_process
@@ -62,7 +61,6 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
     """
 
     def __init__(self, folder: str, name: str, stamp: object) -> None:
-        """Name the files."""
         super().__init__(cache_path=folder, filename_base=name, source_stamp=stamp)
         # A new version also avoids unpickling outdated entries, whose signatures can name classes that no longer exist.
         self._version = f"{numba.__version__} {stamp}"

@@ -48,7 +48,6 @@ class Aerobat:
     idx_v: tuple[int, ...]
 
     def __repr__(self) -> str:
-        """Name the morphology, mass, span and size of the Pinocchio model."""
         return (
             f"Aerobat({self.morphology.name!r}, {1e3 * self.mass:.1f} g, span {1e3 * self.wing.span:.0f} mm, "
             f"nq {self.model.nq}, nv {self.model.nv})"

@@ -18,7 +18,7 @@ def test_the_notebook_runs_and_shows_what_it_says(tmp_path: Path) -> None:
     code = [cell for cell in book.cells if cell.cell_type == "code"]
     shown = [{kind: text for one in cell.outputs for kind, text in one.get("data", {}).items()} for cell in code]
     printed = ["".join(one.get("text", "") for one in cell.outputs) for cell in code]
-    assert "<table>" in shown[0]["text/html"]
+    assert "<th>R2</th>" in shown[0]["text/html"]
     assert "<td>crank_angle</td>" in shown[1]["text/html"]
     assert len(shown[2]["image/png"]) > 10_000
     assert "all torques: rank 6\nno torque: rank 5 equal and opposite along the line" in printed[3]

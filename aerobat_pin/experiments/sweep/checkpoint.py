@@ -43,7 +43,6 @@ class Checkpoint:
     """
 
     def __init__(self, folder: Path, sweep: Sweep, *, force: bool) -> None:
-        """Lock the folder, and resume or start the sweep."""
         self.folder = folder = Path(os.path.abspath(folder))
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"output {folder}: is a file; a folder was expected")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import matplotlib as mpl
 import numpy as np
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.estimation import Compared, LogChannel, RecordingEstimate, StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Redundancy, slow_part
+from aerobat_pin.observers import Estimate, Redundancy, slow_part
 from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
@@ -56,12 +57,12 @@ def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
     return np.concatenate(times), np.concatenate(values)
 
 
-def _estimate_lines(estimate: StoredEstimate, start: float) -> Lines:
-    """Return the components of an estimate over the time after the start of the record."""
+def _estimate_lines(estimate: StoredEstimate, start: float, values_of: Callable[[Estimate], Array]) -> Lines:
+    """Return values (n, k) of the intervals of an estimate over the time after the start of the record."""
 
     def read(first: int, last: int) -> Lines:
         part = estimate.between(first, last)
-        return part.time[:-1] - start, part.components
+        return part.time[:-1] - start, values_of(part)
 
     return thinned(len(estimate), read)
 
@@ -90,7 +91,10 @@ def _forces(found: RecordingEstimate) -> Figure:
     start, free = found.record.start, found.record.map.use.free
     side = next(iter(found.compared.values()), None)
     measured = None if side is None else _sensor_lines(side, start, 0, len(side.start))
-    lines = {observer: _estimate_lines(estimate, start) for observer, estimate in found.stored.items()}
+    lines = {
+        observer: _estimate_lines(estimate, start, lambda part: part.components)
+        for observer, estimate in found.stored.items()
+    }
     for column, point in enumerate(points):
         grid[0][column].set_title(point)
         own = [label for label in labels if label.startswith(f"{point}.")]
@@ -212,16 +216,9 @@ def _unexplained(found: RecordingEstimate) -> Figure:
     """Draw the slow part of what no force explains, by which the belief is judged, and the limit of its rms."""
     figure = Figure(figsize=(8.0, 2.6), layout="constrained")
     axis = figure.add_subplot()
-    start = found.record.start
     for i, (name, estimate) in enumerate(found.stored.items()):
         check = estimate.redundancy
-
-        def read(first: int, last: int, estimate: StoredEstimate = estimate, check: Redundancy = check) -> Lines:
-            part = estimate.between(first, last)
-            slow = slow_part(part.time, part.unexplained)
-            return part.time[:-1] - start, np.linalg.norm(slow, axis=1)[:, None] / max(check.redundant, 1) ** 0.5
-
-        time, values = thinned(len(estimate), read)
+        time, values = _estimate_lines(estimate, found.record.start, partial(_slow_unexplained, check=check))
         axis.plot(time, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
         axis.axhline(
             np.hypot(check.allowed, check.sensors),
@@ -236,3 +233,9 @@ def _unexplained(found: RecordingEstimate) -> Figure:
     )
     style.legend_on_top(axis, ncols=3)
     return figure
+
+
+def _slow_unexplained(part: Estimate, check: Redundancy) -> Array:
+    """Return the slow part (n, 1) of what no force explains, a row [N]."""
+    slow = slow_part(part.time, part.unexplained)
+    return np.asarray(np.linalg.norm(slow, axis=1)[:, None] / max(check.redundant, 1) ** 0.5)
