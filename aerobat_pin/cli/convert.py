@@ -13,7 +13,7 @@ from aerobat_pin.cli.options import Force
 
 def convert_command(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, with flight.nc and estimate.nc.")],
-    mcap: Annotated[Path, typer.Option(help="MCAP file for Foxglove, PlotJuggler, rerun, ROS 2.")],
+    mcap: Annotated[Path, typer.Option(help="MCAP file, for Foxglove, rerun, ROS 2.")],
     force: Force = False,
 ) -> None:
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
