@@ -1,10 +1,11 @@
-"""Try the robot's files in other people's tools, each in an environment of its own, and write the table of the README.
+"""Try the robot's files, and MCAP files, in other people's tools, each in an environment of its own, and write tables.
 
     make tools                                          # all; ARGS="--only drake viser" for some
     python benchmarks/other_tools.py --only mujoco
 
-Each tool runs its block of aerobat_description/README.md as it stands, then, where there is one, its check in
-benchmarks/tools/, which compares it with Pinocchio. Environments are kept in `.venv-tools/`.
+Each tool of the robot runs its block of aerobat_description/README.md as it stands, then, where there is one, its check
+in benchmarks/tools/, which compares it with Pinocchio. Those for MCAP files, of docs/recordings.md, have checks alone,
+which compare what is read with what was written. Environments are kept in `.venv-tools/`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "aerobat_description" / "README.md"
 CHECKS = ROOT / "benchmarks" / "tools"
 PLACES = ROOT / ".venv-tools"
 BEGIN, END = "<!-- tools: written by benchmarks/other_tools.py -->", "<!-- end of tools -->"
@@ -71,6 +71,37 @@ TOOLS = (
 )
 
 
+MCAP_TOOLS = (
+    Tool(
+        "Foxglove",
+        "npm @foxglove/schemas @mcap/core @foxglove/rosmsg @foxglove/rosmsg2-serialization",
+        "check_foxglove.mjs",
+        "these are the libraries that its window reads by",
+    ),
+    Tool(
+        "rerun",
+        "rerun-sdk",
+        "check_rerun_mcap.py",
+        "draws no arrows from `/scene` or `/arrows`: plain values",
+    ),
+    Tool("mcap", "mcap mcap-ros2-support", "check_mcap.py", "needs `mcap-ros2-support` to decode messages"),
+)
+
+
+class Suite(NamedTuple):
+    """Tools that read the same files: page of the table, what writes the reference of their checks, the tools."""
+
+    page: Path
+    reference: str
+    tools: tuple[Tool, ...]
+
+
+SUITES = (
+    Suite(ROOT / "aerobat_description" / "README.md", "reference.py", TOOLS),
+    Suite(ROOT / "docs" / "recordings.md", "mcap_reference.py", MCAP_TOOLS),
+)
+
+
 def slug(title: str) -> str:
     """Return a title as a folder, or the anchor of its heading, has it."""
     return re.sub(r"[^a-z0-9_-]", "", title.lower().replace(" ", "-"))
@@ -87,9 +118,9 @@ def run(*words: str | Path, cwd: Path) -> str:
     return done.stdout
 
 
-def blocks() -> dict[str, str]:
-    """Return title -> code of the Python blocks of the README."""
-    return dict(re.findall(r"^### ([^\n]*)\n(?:(?!^##).)*?```python\n(.*?)```", PAGE.read_text(), flags=re.M | re.S))
+def blocks(page: Path) -> dict[str, str]:
+    """Return title -> code of the Python blocks of a page's sections."""
+    return dict(re.findall(r"^### ([^\n]*)\n(?:(?!^##).)*?```python\n(.*?)```", page.read_text(), flags=re.M | re.S))
 
 
 def prepared(tool: Tool) -> tuple[Path, str]:
@@ -113,51 +144,58 @@ def prepared(tool: Tool) -> tuple[Path, str]:
     return python, run(python, "-c", asked, cwd=ROOT).strip()
 
 
-def tried(tool: Tool, reference: Path) -> tuple[bool, str]:
-    """Run a tool's block and check; return whether they succeed, and the tool's row of the table."""
-    version, found = "?", "its block runs"
+def tried(tool: Tool, page: Path, reference: Path) -> tuple[bool, str]:
+    """Run a tool's block, if the page has any, and its check; return whether they succeed, and its row of the table."""
+    version, found, code = "?", "its block runs", blocks(page)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         try:
             program, version = prepared(tool)
-            if program.name != "node":
-                run(program, "-c", blocks()[tool.title], cwd=folder)
+            if code and program.name != "node":
+                run(program, "-c", code[tool.title], cwd=folder)
             if tool.check:
                 check = CHECKS / tool.check
                 if program.name == "node":  # which looks for packages beside the script
                     check = Path(shutil.copy(check, PLACES / slug(tool.title)))
-                said = run(program, check, reference, PAGE.parent, cwd=folder).splitlines()
+                said = run(program, check, reference, page.parent, cwd=folder).splitlines()
                 found = next(line for line in said if line.startswith("found: ")).removeprefix("found: ")
             good = True
         except (RuntimeError, OSError) as error:
             good, found = False, f"**fails**: {error}"
-    return good, f"| [{tool.title}](#{slug(tool.title)}) | {version} | {found} | {tool.trap} |"
+    title = f"[{tool.title}](#{slug(tool.title)})" if code else tool.title
+    return good, f"| {title} | {version} | {found} | {tool.trap} |"
+
+
+def write_table(page: Path, rows: list[str]) -> None:
+    """Write the table into a page."""
+    now = datetime.datetime.now(tz=datetime.UTC).date()
+    title = f"Tried on {now}, Python {sys.version_info[0]}.{sys.version_info[1]}, by `make tools`:"
+    table = ["| tool | version | what was found | trap |", "|---|---|---|---|", *rows]
+    text = page.read_text()
+    start, end = text.index(BEGIN) + len(BEGIN), text.index(END)
+    page.write_text("\n".join([text[:start], title, "", *table, text[end:]]))
 
 
 def main() -> None:
-    """Try tools, and write the table unless only some were tried; exit with an error if one fails."""
-    parser = argparse.ArgumentParser(description="Try the robot's files in other people's tools.")
-    parser.add_argument("--only", nargs="+", metavar="TOOL", help="try these, and print their rows instead")
+    """Try tools, and write the tables of which all were tried; exit with an error if one fails."""
+    parser = argparse.ArgumentParser(description="Try the robot's files, and MCAP files, in other people's tools.")
+    parser.add_argument("--only", nargs="+", metavar="TOOL", help="try these, and print their rows")
     only = parser.parse_args().only
-    chosen = [tool for tool in TOOLS if only is None or slug(tool.title) in map(slug, only)]
-    rows, bad = [], []
-    with tempfile.TemporaryDirectory() as name:
-        reference = Path(name, "reference.json")
-        run(sys.executable, CHECKS / "reference.py", reference, cwd=ROOT)
-        for tool in chosen:
-            good, row = tried(tool, reference)
-            rows.append(row)
-            bad += [] if good else [tool.title]
-            print(row, flush=True)
-    if only is None:
-        now = datetime.datetime.now(tz=datetime.UTC).date()
-        title = (
-            f"Tried on {now}, Python {sys.version_info[0]}.{sys.version_info[1]}, all three robots, by `make tools`:"
-        )
-        table = ["| tool | version | what was found | trap |", "|---|---|---|---|", *rows]
-        page = PAGE.read_text()
-        start, end = page.index(BEGIN) + len(BEGIN), page.index(END)
-        PAGE.write_text("\n".join([page[:start], title, "", *table, page[end:]]))
+    bad = []
+    for suite in SUITES:
+        chosen = tuple(tool for tool in suite.tools if only is None or slug(tool.title) in map(slug, only))
+        rows = []
+        with tempfile.TemporaryDirectory() as name:
+            reference = Path(name, "reference")
+            if chosen:
+                run(sys.executable, CHECKS / suite.reference, reference, cwd=ROOT)
+            for tool in chosen:
+                good, row = tried(tool, suite.page, reference)
+                rows.append(row)
+                bad += [] if good else [tool.title]
+                print(row, flush=True)
+        if chosen == suite.tools:
+            write_table(suite.page, rows)
     if bad:
         sys.exit(f"failed: {', '.join(bad)}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,7 +42,7 @@ class CalibrationParts:
         """Return texts; none if there is no such part."""
         return tuple(str(text) for text in np.atleast_1d(self._data[key].values) if str(text)) if key in self else ()
 
-    def some_of(self, key: str, known: Sequence[str], what: str) -> tuple[str, ...]:
+    def some_of(self, key: str, known: Collection[str], what: str) -> tuple[str, ...]:
         """Return texts that must all be known ones."""
         found = self.texts(key)
         if not set(found) <= set(known):
@@ -63,11 +63,9 @@ class CalibrationParts:
         if "friction" not in self:
             return None
         shape = joints, len(FRICTION_COEFFICIENTS)
-        return JointFriction(
-            *self.numbers("friction", *shape).T,
-            rate=float(self.attributes["friction_rate"]),
-            deviation=self.numbers("friction_deviation", *shape, finite=False),
-        )
+        coulomb, viscous, inertia, offset = self.numbers("friction", *shape).T
+        deviation = self.numbers("friction_deviation", *shape, finite=False)
+        return JointFriction(coulomb, viscous, inertia, offset, float(self.attributes["friction_rate"]), deviation)
 
 
 def parts_bytes(

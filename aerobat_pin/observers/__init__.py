@@ -13,7 +13,7 @@ from aerobat_pin.observers.analysis.noise_and_lag import (
 from aerobat_pin.observers.analysis.point_of_action import PointOfAction, locate_series
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
-from aerobat_pin.observers.friction import FRICTION_COEFFICIENTS, JointFriction, fit_friction
+from aerobat_pin.observers.friction import FRICTION_COEFFICIENTS, SMOOTH_RATE, JointFriction, fit_friction
 from aerobat_pin.observers.identifiability import Identifiability
 from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample, SmootherObserver
 from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
@@ -39,6 +39,7 @@ __all__ = [
     "FRICTION_COEFFICIENTS",
     "MOMENT_ARM",
     "OBSERVERS",
+    "SMOOTH_RATE",
     "AllBut",
     "Application",
     "Bias",

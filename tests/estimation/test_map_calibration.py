@@ -55,7 +55,7 @@ def arm() -> str:
     return f'<robot name="arm">{"".join(parts)}<link name="tool"/>{end}</robot>'
 
 
-def recording(folder: Path, name: str, pushed: bool, seed: int) -> np.ndarray:
+def recording(folder: Path, name: str, pushed: bool, seed: int, rate: float = 0.02) -> np.ndarray:
     """Write a table of the arm, which is heavier than its URDF says; return the force (n, 3) at its tool [N]."""
     model = pin.buildModelFromXML(arm())
     for k, inertia in enumerate(model.inertias.tolist()):
@@ -72,7 +72,7 @@ def recording(folder: Path, name: str, pushed: bool, seed: int) -> np.ndarray:
     for k in range(len(time)):
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool"), pin.LOCAL_WORLD_ALIGNED)[:3]
         tau[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k]
-    tau += COULOMB * np.tanh(v / 0.02) + VISCOUS * v + ROTOR * a + OFFSET
+    tau += COULOMB * np.tanh(v / rate) + VISCOUS * v + ROTOR * a + OFFSET
     columns = {"t": time}
     for k, joint in enumerate(JOINTS):
         columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k]}
@@ -148,6 +148,18 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     )
     assert np.all(right < 0.3)
     assert np.all(wrong > 5.0 * right)
+
+
+def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, np.ndarray]) -> None:
+    """Where it is ten times the usual one; with the usual one a viscous part would stand in for it."""
+    folder, _ = arms
+    recording(folder, "late", pushed=False, seed=3, rate=0.2)
+    found = calibrate_recording(folder / "late.csv", parse_map(arm_map(), "of the test"), folder, ["mass"]).values
+    assert found.friction is not None
+    assert found.friction.rate == 0.2
+    assert found.fits[1].values["rate"] == 0.2
+    np.testing.assert_allclose(found.friction.coulomb, COULOMB, atol=0.05)
+    np.testing.assert_allclose(found.friction.viscous, VISCOUS, atol=0.05)
 
 
 def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> None:

@@ -13,7 +13,7 @@ import pytest
 from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings import estimate_recording, parse_map
+from aerobat_pin.estimation.recordings import calibrate_recording, estimate_recording, parse_map
 
 NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
 
@@ -153,6 +153,11 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
     knee = fitted.forces.fits[1].values
     assert knee["effort times"] == pytest.approx(0.9, abs=0.02)
     assert knee["coulomb"] == pytest.approx(0.12, abs=0.02)
+    learnt = calibrate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
+    assert learnt.values.friction is not None
+    assert not np.any(learnt.values.friction.offset)  # which is also the sensor's tare
+    assert learnt.values.fits[1].values == {**knee, "offset": 0.0}
+    assert any("offsets" in note for note in learnt.notes)
 
 
 def test_a_rail_that_moves_though_the_map_holds_it(tmp_path: Path) -> None:

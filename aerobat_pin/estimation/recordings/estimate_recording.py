@@ -69,7 +69,7 @@ class RecordingEstimate:
         for name, estimate in self.stored.items():
             if estimate.redundancy.verdict == "inconsistent":
                 lines.append(f"{name}: {estimate.redundancy.describe()}")
-            lines += [f"{name}: {text}" for text in warnings_about(estimate.head)]
+            lines += [f"{name}: {text}" for text in warnings_about(next(estimate.blocks()))]
             lines += [f"{name} cannot see: {text}" for text in estimate.head.identifiability.describe()]
         return lines
 

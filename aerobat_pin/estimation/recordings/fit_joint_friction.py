@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +27,11 @@ from aerobat_pin.estimation.recordings.map_tables import FrictionSection
 from aerobat_pin.estimation.recordings.record import Record
 from aerobat_pin.estimation.recordings.run_observers import believed_rows
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import FRICTION_COEFFICIENTS, AllBut, JointFriction, fit_friction
+from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, JointFriction, fit_friction
 
 MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
+COULOMB_RATES = (0.01, SMOOTH_RATE, 0.05, 0.1, 0.2)  # [rad/s, m/s] from which one is chosen, see `_coulomb_rate`
+FOLDS, LEAST_GAIN = 4, 0.01  # parts of the stretch, each predicted from the others; smaller error for another rate
 UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a record does not show it
 
 
@@ -71,13 +74,15 @@ def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
             "--calibration FILE, which `aerobat calibrate` writes from another recording"
         )
     inside, rest = _fitted_samples(record, forces, [record.robot.v_index(joint) for joint in joints], section.fit)
-    scale = np.ones(len(joints))
+    needed, scale = inside.needed - inside.given, np.ones(len(joints))
+    rate = _coulomb_rate(section, inside)
     if section.scale:
-        needed = inside.needed - inside.given
         for k in range(len(joints)):
-            shape = np.column_stack([inside.tau[:, k], *_friction_columns(section, inside, k)])
-            scale[k] = np.linalg.lstsq(shape, needed[:, k], rcond=None)[0][0]
-    friction = _friction_of(section, inside, inside.needed - inside.given - scale * inside.tau)
+            scale[k] = np.linalg.lstsq(_regressors(section, inside, k, rate), needed[:, k], rcond=None)[0][-1]
+    try:
+        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), needed - scale * inside.tau, rate)
+    except ObserverError as error:
+        raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
     fits = []
     for k, joint in enumerate(joints):
         kept, lost = (_left_over(section, part, friction, scale)[:, k] for part in (inside, rest))
@@ -89,8 +94,8 @@ def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
 
 
 def friction_values(friction: JointFriction, scale: float | None, k: int) -> dict[str, float]:
-    """Return coefficient -> value of joint `k`, and the factor of its effort, as a fit tells them."""
-    values = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS}
+    """Return coefficient -> value of joint `k`, its rate and the factor of its effort, as a fit tells them."""
+    values = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": friction.rate}
     return values if scale is None else {**values, "effort times": scale}
 
 
@@ -122,9 +127,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     for k, row in enumerate(rows):
         needed, target = inside.needed[:, k], (inside.tau + inside.given - inside.needed)[:, k]
         if section is not None and row in joint_rows:
-            columns = np.column_stack(_friction_columns(section, inside, k))
-            if section.scale:
-                columns = np.column_stack([columns, inside.tau[:, k]])
+            columns = _regressors(section, inside, k, SMOOTH_RATE)
             explained = np.linalg.lstsq(columns, np.column_stack([needed, target]), rcond=None)[0]
             needed, target = (np.column_stack([needed, target]) - columns @ explained).T
         own = float(needed @ needed)
@@ -153,19 +156,33 @@ def rms_or_nan(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
-def _friction_columns(section: FrictionSection, rows: _Rows, k: int) -> list[Array]:
-    """Return what friction of the law can be in row `k`: one series (m,) a coefficient."""
+def _regressors(section: FrictionSection, rows: _Rows, k: int, rate: float) -> Array:
+    """Return what friction of the law, and last a factor of the effort, can be in row `k`: (m, coefficients)."""
     v, a = rows.v[:, k], rows.a[:, k]
     inertia = [-a] if section.law.endswith("inertia") else []
-    return [-np.tanh(v / section.slow), -v, *inertia, -np.ones(len(v))]
+    factor = [rows.tau[:, k]] if section.scale else []
+    return np.column_stack([-np.tanh(v / rate), -v, *inertia, -np.ones(len(v)), *factor])
 
 
-def _friction_of(section: FrictionSection, rows: _Rows, left: Array) -> JointFriction:
-    """Return the friction that explains what efforts leave. Raises MapError if there are too few samples."""
-    try:
-        return fit_friction(rows.q, rows.v, _rotor(section, rows), left, section.slow)
-    except ObserverError as error:
-        raise MapError(f"map: joints.friction.fit = {list(section.fit or ())}: {error}") from error
+def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
+    """Return the rate at which Coulomb friction sets in: the one whose fit predicts what it did not see best.
+
+    Where friction sets in too early, noise of the rate makes it a coin; too late, and a viscous part stands in for it,
+    which is too large at other speeds. The stretch is cut into parts; each is predicted by the fit to the others.
+    """
+    targets = rows.needed - rows.given - (0.0 if section.scale else rows.tau)
+    errors = np.zeros((len(COULOMB_RATES), targets.shape[1]))
+    for (i, rate), k in product(enumerate(COULOMB_RATES), range(targets.shape[1])):
+        table = np.column_stack([_regressors(section, rows, k, rate), targets[:, k]])
+        squares = np.stack([part.T @ part for part in np.array_split(table, FOLDS)])
+        for own in squares:
+            others = squares.sum(axis=0) - own
+            found = np.append(np.linalg.lstsq(others[:-1, :-1], others[:-1, -1], rcond=None)[0], -1.0)
+            errors[i, k] += found @ own @ found
+    size = np.mean(0.5 * np.log(np.maximum(errors, np.finfo(float).tiny)), axis=1)
+    usual = COULOMB_RATES.index(SMOOTH_RATE)
+    best = int(np.argmin(size))
+    return COULOMB_RATES[best if size[best] < size[usual] - LEAST_GAIN else usual]
 
 
 def _rotor(section: FrictionSection, rows: _Rows) -> Array:

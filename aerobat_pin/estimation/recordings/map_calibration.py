@@ -154,16 +154,18 @@ def calibrate_recording(
         values = FittedValues(mass=found.values["times"], fits=(found,))
         record = replace(record, robot=record.robot.heavier(values.mass))
     forces = fitted_forces(record)
-    values = replace(forces.values, mass=values.mass, fits=(*values.fits, *forces.values.fits))
-    forces = replace(forces, values=values)
+    forces = replace(forces, values=replace(forces.values, mass=values.mass, fits=(*values.fits, *forces.values.fits)))
     findings += [*effort_findings(record, forces), *fit_findings(forces)]
     bar = _error_bar(record, forces, plain, (fit[1], end) if fit[1] < end else (0.0, end))
+    values, to_sensor = forces.values, friction is not None and friction.to is not None
+    values = _without_offset(values) if to_sensor else values
     unseen = _unseen_friction(values, inertia=friction is not None and friction.law.endswith("inertia"))
     notes = [
         f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {log.name}",
         *record.notes,
         *(f"!! {finding}" for finding in findings if finding.verdict in ("warning", "refused")),
         *(f"fit: {one}" for one in values.fits),
+        *(["offsets against a sensor are this recording's own: not kept"] if to_sensor else []),
         *([f"not seen in this recording, taken as zero: {', '.join(unseen)}"] if unseen else []),
         _bar_words(bar),
     ]
@@ -178,6 +180,13 @@ def calibrate_recording(
         log=log.name,
         notes=tuple(notes),
     )
+
+
+def _without_offset(values: FittedValues) -> FittedValues:
+    """Return values for other recordings: the offset against a sensor is also its tare, and friction at rest."""
+    assert values.friction is not None
+    fits = [replace(one, values=one.values | dict.fromkeys(one.values.keys() & {"offset"}, 0.0)) for one in values.fits]
+    return replace(values, friction=replace(values.friction, offset=np.zeros(len(values.joints))), fits=tuple(fits))
 
 
 def _unseen_friction(values: FittedValues, *, inertia: bool) -> list[str]:

@@ -66,7 +66,8 @@ def _map_calibration(parts: CalibrationParts) -> MapCalibration:
     laws = json.loads(str(noted["laws"]))
     if not isinstance(laws, dict) or not all(isinstance(law, str) for law in laws.values()):
         raise ValueError("laws: name and law of each thrust were expected")
-    friction, torques, scale = parts.friction(len(joints)), {}, np.ones(0)
+    friction, torques = parts.friction(len(joints)), {}
+    scale: Array = np.ones(0)
     if friction is not None:
         scale = parts.numbers("effort_factor", len(joints))
         torques = dict(zip(joints, parts.numbers("torque_per_unit", len(joints)).tolist(), strict=True))

@@ -145,7 +145,6 @@ class FrictionSection(Section):
     )
     to: Literal["check.wrench"] | None = Field(None, description="the sensor's force counts as known in the fit")
     scale: bool = Field(False, description="also fit a factor of each joint's effort")
-    slow: Positive = Field(0.02, description="rate below which Coulomb friction fades [rad/s, m/s]")
 
 
 class JointsTable(Section):

@@ -1,4 +1,4 @@
-"""Write forces, joints, pose and arrows as an MCAP file that Foxglove, PlotJuggler, rerun and ROS 2 open.
+"""Write forces, joints, pose and arrows as an MCAP file in the form of a ROS 2 bag.
 
 | topic | type | content |
 |---|---|---|

@@ -227,9 +227,7 @@ def _unexplained(found: RecordingEstimate) -> Figure:
             label="limit of its rms, sensors' noise included" if i == 0 else None,
         )
     axis.set(
-        xlabel="time [s]",
-        ylabel="unexplained a row [N]",
-        title="What no force at the points explains, behind two low-passes of 10 ms",
+        xlabel="time [s]", ylabel="unexplained a row [N]", title="Slow part of what no force at the points explains"
     )
     style.legend_on_top(axis, ncols=3)
     return figure
