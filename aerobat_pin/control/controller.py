@@ -27,7 +27,7 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, believed_robot
 from aerobat_pin.scenario import ControlSection, Scenario
 
 SHORT = np.array([2e-3, np.inf, 5e-3, 5e-4, 5e-4, 5e-4])  # [N, N m]: what the nominal wrench may lack, without a word
-BESIDE_OBSERVER = 0.1  # of their rate have the integrals where what an observer sees is compensated
+BESIDE_OBSERVER = 0.02  # of their rate have the integrals where what an observer sees is compensated
 PITCHED_IN = 0.3  # [s]: time constant with which pitch takes over a forward force that the thrusters leave
 
 
