@@ -78,8 +78,9 @@ def layout_of(fields: type[Fields], *sizes: str) -> Callable[..., Fields]:
             field is the size of the same name, or else a table in the table, or a whole number in the memory.
         sizes: names of the sizes.
     """
-    values = []
+    values, name_of_kernel = [], f"{fields.__name__}_fields"
     scope: dict[str, Any] = {"take": take, "take_integers": take_integers, "next_size": next_size, "fields": fields}
+    scope["__name__"] = fields.__module__  # names of compiled functions must differ
     for name, hint in get_type_hints(fields, include_extras=True).items():
         if get_origin(hint) is Annotated:
             taking = "take_integers" if hint.__origin__ == Integers else "take"
@@ -92,8 +93,8 @@ def layout_of(fields: type[Fields], *sizes: str) -> Callable[..., Fields]:
         else:
             scope[f"lay_out_{name}"] = layout_of(hint, *sizes)
             values.append(f"lay_out_{name}(cursor, {', '.join(sizes)})")
-    exec(f"def lay_out(cursor, {', '.join(sizes)}):\n    return fields({', '.join(values)})", scope)
-    return cast(Callable[..., Fields], merged(scope["lay_out"]))
+    exec(f"def {name_of_kernel}(cursor, {', '.join(sizes)}):\n    return fields({', '.join(values)})", scope)
+    return cast(Callable[..., Fields], merged(scope[name_of_kernel]))
 
 
 def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:
