@@ -20,7 +20,7 @@ class Step(NamedTuple):
     onward: Annotated[Array, "nv, nv"]  # A^T: the momentum at the end that an error of the velocity at the start makes
     decay: Annotated[Array, "nz"]  # a, decay factor of each coefficient
     e: Annotated[Array, "nv"]  # the innovation
-    rows: Annotated[Array, "nv, (nv + 2 * (nv + nz) + 8) // 8 * 8"]  # see below
+    rows: Annotated[Array, "nv, (nv + 2 * (nv + nz) + 8) // 8 * 8"]  # see above
     basis: Annotated[Array, "blocks"]  # weight of each block of c coefficients in the forces
     z: Annotated[Array, "blocks * c"]  # coefficients of the forces in x after the update
     Z: Annotated[Array, "blocks * c, nv + nz"]  # rows of P for these coefficients after the update
