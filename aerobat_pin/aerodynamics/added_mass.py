@@ -17,7 +17,7 @@ v x (G v). These terms do no work, and the circulatory forces already contain th
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -34,10 +34,10 @@ class AddedMass(NamedTuple):
     `skew` (5,) is a number without unit.
     """
 
-    masses: Array
-    x: Array
-    y: Array
-    skew: Array
+    masses: Annotated[Array, "link_count, 3"]
+    x: Annotated[Array, "link_count"]
+    y: Annotated[Array, "link_count"]
+    skew: Annotated[Array, "link_count"]
 
 
 def factored(G: Array) -> AddedMass:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from aerobat_pin.numerics import Array, copy_values, inner
 from aerobat_pin.robot import Tree, chain
@@ -32,14 +32,14 @@ class Links(NamedTuple):
     the six base velocities, the link's joint and the parent's joint, in this order.
     """
 
-    rotation: Array
-    origin: Array
-    twists: Array
-    wrenches: Array
-    gravity_B: Array
-    wind_B: Array
-    wind_rate_B: Array
-    normals: Array
+    rotation: Annotated[Array, "link_count, 3, 3"]
+    origin: Annotated[Array, "link_count, 3"]
+    twists: Annotated[Array, "link_count, 6"]
+    wrenches: Annotated[Array, "link_count, 6"]
+    gravity_B: Annotated[Array, "3"]
+    wind_B: Annotated[Array, "3"]
+    wind_rate_B: Annotated[Array, "3"]
+    normals: Annotated[Array, "3, 8"]
 
 
 @inner

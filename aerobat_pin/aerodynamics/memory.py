@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from aerobat_pin.aerodynamics.added_mass import AddedMass
 from aerobat_pin.aerodynamics.links import Links, PinocchioResults
-from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants, Pieces, Strips, Surfaces
-from aerobat_pin.numerics import Array, array_at, merged, next_size, rewind, take, take_integers
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants
+from aerobat_pin.numerics import Array, array_at, layout_of, merged, next_size, rewind
 from aerobat_pin.robot import LINKS, Tree
 
 LINK_COUNT = len(LINKS)
@@ -23,16 +23,20 @@ class RobotMemory(NamedTuple):
 
     air: AirConstants
     added_mass: AddedMass
-    gravity: Array
+    gravity: Annotated[Array, ""]
     tree: Tree
     found: PinocchioResults
     links: Links
-    H: Array
-    h: Array
-    loads: Array
-    rates: Array
-    start: Array
-    state: Array
+    H: Annotated[Array, "nv, nv"]
+    h: Annotated[Array, "nv"]
+    loads: Annotated[Array, "strip_rows, n"]
+    rates: Annotated[Array, "4, states"]
+    start: Annotated[Array, "states"]
+    state: Annotated[Array, "states"]
+
+
+air_fields = layout_of(AirConstants, "n", "p")
+robot_fields = layout_of(RobotMemory, "air", "found", "link_count", "nv", "strip_rows", "n", "states")
 
 
 @merged
@@ -40,39 +44,7 @@ def air_in(memory: Array) -> AirConstants:
     """Lay out the aerodynamic constants. Sizes: number of strips, and of their pieces."""
     cursor = rewind(memory)
     n, p = next_size(cursor), next_size(cursor)
-    return AirConstants(
-        quasi_steady=take(cursor, ()),
-        density=take(cursor, ()),
-        lift_slope=take(cursor, ()),
-        profile_drag=take(cursor, ()),
-        slope_over_limit=take(cursor, ()),
-        strips=Strips(
-            quarter_chord=take(cursor, (n,)),
-            per_semichord=take(cursor, (n,)),
-            force_factor=take(cursor, (n,)),
-        ),
-        pieces=Pieces(
-            strip=take_integers(cursor, (p,)),
-            link=take_integers(cursor, (p,)),
-            x=take(cursor, (p,)),
-            y=take(cursor, (p,)),
-            z=take(cursor, (p,)),
-            share=take(cursor, (p,)),
-            pitch_damping=take(cursor, (p,)),
-        ),
-        downwash=take(cursor, (n, n)),
-        tail_downwash=take(cursor, (n,)),
-        surfaces=Surfaces(
-            drag_area=take(cursor, ()),
-            downwash_factor=take(cursor, ()),
-            tail=take(cursor, (3,)),
-            tail_cosine=take(cursor, ()),
-            tail_sine=take(cursor, ()),
-            tail_lift=take(cursor, ()),
-            fin=take(cursor, (3,)),
-            fin_lift=take(cursor, ()),
-        ),
-    )
+    return air_fields(cursor, n, p)
 
 
 @merged
@@ -86,46 +58,14 @@ def robot_in(memory: Array) -> RobotMemory:
     air, M, nle, liMi = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
     v, a_gf, nv, joints = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
     n, states = next_size(cursor), next_size(cursor)
-    return RobotMemory(
-        air=air_in(array_at(air, (1,))),
-        added_mass=AddedMass(
-            masses=take(cursor, (LINK_COUNT, 3)),
-            x=take(cursor, (LINK_COUNT,)),
-            y=take(cursor, (LINK_COUNT,)),
-            skew=take(cursor, (LINK_COUNT,)),
-        ),
-        gravity=take(cursor, ()),
-        tree=Tree(
-            joint=take_integers(cursor, (LINK_COUNT,)),
-            parent=take_integers(cursor, (LINK_COUNT,)),
-            row=take_integers(cursor, (LINK_COUNT,)),
-            angle=take_integers(cursor, (LINK_COUNT,)),
-            axis=take(cursor, (LINK_COUNT, 3)),
-        ),
-        found=PinocchioResults(
-            M=array_at(M, (nv, nv)),
-            nle=array_at(nle, (nv,)),
-            liMi=array_at(liMi, (joints, 12)),
-            v=array_at(v, (joints, 6)),
-            a_gf=array_at(a_gf, (joints, 6)),
-        ),
-        links=Links(
-            rotation=take(cursor, (LINK_COUNT, 3, 3)),
-            origin=take(cursor, (LINK_COUNT, 3)),
-            twists=take(cursor, (LINK_COUNT, 6)),
-            wrenches=take(cursor, (LINK_COUNT, 6)),
-            gravity_B=take(cursor, (3,)),
-            wind_B=take(cursor, (3,)),
-            wind_rate_B=take(cursor, (3,)),
-            normals=take(cursor, (3, 8)),
-        ),
-        H=take(cursor, (nv, nv)),
-        h=take(cursor, (nv,)),
-        loads=take(cursor, (STRIP_ROWS, n)),
-        rates=take(cursor, (4, states)),
-        start=take(cursor, (states,)),
-        state=take(cursor, (states,)),
+    found = PinocchioResults(
+        M=array_at(M, (nv, nv)),
+        nle=array_at(nle, (nv,)),
+        liMi=array_at(liMi, (joints, 12)),
+        v=array_at(v, (joints, 6)),
+        a_gf=array_at(a_gf, (joints, 6)),
     )
+    return robot_fields(cursor, air_in(array_at(air, (1,))), found, LINK_COUNT, nv, STRIP_ROWS, n, states)
 
 
 def fill(fields: tuple[Any, ...], values: tuple[Any, ...]) -> None:

@@ -28,7 +28,7 @@ At half the limit this is 1.5 % less, and the lift coefficient never exceeds the
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -48,9 +48,9 @@ class Strips(NamedTuple):
     chord width / 2 [kg/m].
     """
 
-    quarter_chord: Array
-    per_semichord: Array
-    force_factor: Array
+    quarter_chord: Annotated[Array, "n"]
+    per_semichord: Annotated[Array, "n"]
+    force_factor: Annotated[Array, "n"]
 
 
 class Pieces(NamedTuple):
@@ -60,13 +60,13 @@ class Pieces(NamedTuple):
     [m]; `share` is the share of the strip; `pitch_damping` times lead u omega_y is the couple [kg m].
     """
 
-    strip: Integers
-    link: Integers
-    x: Array
-    y: Array
-    z: Array
-    share: Array
-    pitch_damping: Array
+    strip: Annotated[Integers, "p"]
+    link: Annotated[Integers, "p"]
+    x: Annotated[Array, "p"]
+    y: Annotated[Array, "p"]
+    z: Annotated[Array, "p"]
+    share: Annotated[Array, "p"]
+    pitch_damping: Annotated[Array, "p"]
 
 
 class Surfaces(NamedTuple):
@@ -78,14 +78,14 @@ class Surfaces(NamedTuple):
     divided by rho |u| v [m2].
     """
 
-    drag_area: Scalar
-    downwash_factor: Scalar
-    tail: Array
-    tail_cosine: Scalar
-    tail_sine: Scalar
-    tail_lift: Scalar
-    fin: Array
-    fin_lift: Scalar
+    drag_area: Annotated[Scalar, ""]
+    downwash_factor: Annotated[Scalar, ""]
+    tail: Annotated[Array, "3"]
+    tail_cosine: Annotated[Scalar, ""]
+    tail_sine: Annotated[Scalar, ""]
+    tail_lift: Annotated[Scalar, ""]
+    fin: Annotated[Array, "3"]
+    fin_lift: Annotated[Scalar, ""]
 
 
 class AirConstants(NamedTuple):
@@ -97,15 +97,15 @@ class AirConstants(NamedTuple):
     its mean over the tail's span.
     """
 
-    quasi_steady: Scalar
-    density: Scalar
-    lift_slope: Scalar
-    profile_drag: Scalar
-    slope_over_limit: Scalar
+    quasi_steady: Annotated[Scalar, ""]
+    density: Annotated[Scalar, ""]
+    lift_slope: Annotated[Scalar, ""]
+    profile_drag: Annotated[Scalar, ""]
+    slope_over_limit: Annotated[Scalar, ""]
     strips: Strips
     pieces: Pieces
-    downwash: Array
-    tail_downwash: Array
+    downwash: Annotated[Array, "n, n"]
+    tail_downwash: Annotated[Array, "n"]
     surfaces: Surfaces
 
 

@@ -15,7 +15,7 @@ solution after a few changes of the set of thrusters at a limit; none is needed 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -26,14 +26,13 @@ from aerobat_pin.numerics import (
     fields_of,
     inner,
     kernel,
+    layout_of,
     merged,
     new_memory,
     next_size,
     rewind,
     shaped,
     solve_positive,
-    take,
-    take_integers,
 )
 
 THRUSTER_ARM = 0.2  # [m]: about the thrusters' distance
@@ -49,42 +48,27 @@ class Limited(NamedTuple):
     are `held` (m,), `A` (m, m), `b` (m,), `linear` (m,).
     """
 
-    map: Array
-    limit: Array
-    H: Array
-    f: Array
-    free: Array
-    least: Array
-    most: Array
-    held: Integers
-    A: Array
-    b: Array
-    linear: Array
+    map: Annotated[Array, "6, m"]
+    limit: Annotated[Array, "m"]
+    H: Annotated[Array, "m, m"]
+    f: Annotated[Array, "m, 6"]
+    free: Annotated[Array, "m, 6"]
+    least: Annotated[Array, "6"]
+    most: Annotated[Array, "6"]
+    held: Annotated[Integers, "m"]
+    A: Annotated[Array, "m, m"]
+    b: Annotated[Array, "m"]
+    linear: Annotated[Array, "m"]
 
 
-@merged
-def limited_in(cursor: Integers, m: int) -> Limited:
-    """Lay out the problem of m thrusters."""
-    return Limited(
-        map=take(cursor, (6, m)),
-        limit=take(cursor, (m,)),
-        H=take(cursor, (m, m)),
-        f=take(cursor, (m, 6)),
-        free=take(cursor, (m, 6)),
-        least=take(cursor, (6,)),
-        most=take(cursor, (6,)),
-        held=take_integers(cursor, (m,)),
-        A=take(cursor, (m, m)),
-        b=take(cursor, (m,)),
-        linear=take(cursor, (m,)),
-    )
+limited_fields = layout_of(Limited, "m")
 
 
 @merged
 def allocation_in(memory: Array) -> Limited:
     """Lay out the memory of an allocation. Sizes: number of thrusters."""
     cursor = rewind(memory)
-    return limited_in(cursor, next_size(cursor))
+    return limited_fields(cursor, next_size(cursor))
 
 
 class Allocation:

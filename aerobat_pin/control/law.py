@@ -20,11 +20,11 @@ critical damping. An integral stands still while its component cannot be realise
 from __future__ import annotations
 
 from math import asin, cos, sin, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from aerobat_pin.control.allocation import Limited, limited_in, limited_thrusts
+from aerobat_pin.control.allocation import Limited, limited_thrusts
 from aerobat_pin.control.nominal import PITCHING
-from aerobat_pin.numerics import Array, inner, kernel, merged, next_size, rewind, take
+from aerobat_pin.numerics import Array, inner, kernel, layout_of, merged, next_size, rewind
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
 LEAST_LIFT = 0.4  # of the nominal one: thrusters that push one way only turn the robot by what they lift
@@ -46,69 +46,43 @@ class Law(NamedTuple):
     Scratch: `reference` (12,), as the columns of `swing`, and `force` (3,).
     """
 
-    start: Array
-    velocity: Array
-    heading: Array
-    level: Array
-    nominal: Array
-    centre: Array
-    weight: Array
-    gains: Array
-    limits: Array
-    swing: Array
-    steering: Array
-    compensates: Array
-    tick: Array
-    settled: Array
-    lead: Array
-    follow: Array
-    integral: Array
-    slow: Array
-    begun: Array
-    nose_down: Array
-    disturbance: Array
-    wanted: Array
-    unrealised: Array
-    command: Array
-    reference: Array
-    force: Array
+    start: Annotated[Array, "3"]
+    velocity: Annotated[Array, "3"]
+    heading: Annotated[Array, "2"]
+    level: Annotated[Array, "4"]
+    nominal: Annotated[Array, "6"]
+    centre: Annotated[Array, "3"]
+    weight: Annotated[Array, ""]
+    gains: Annotated[Array, "6, 3"]
+    limits: Annotated[Array, "2"]
+    swing: Annotated[Array, "2 * waves, 12"]
+    steering: Annotated[Array, "2"]
+    compensates: Annotated[Array, ""]
+    tick: Annotated[Array, ""]
+    settled: Annotated[Array, ""]
+    lead: Annotated[Array, ""]
+    follow: Annotated[Array, ""]
+    integral: Annotated[Array, "6"]
+    slow: Annotated[Array, "6"]
+    begun: Annotated[Array, ""]
+    nose_down: Annotated[Array, ""]
+    disturbance: Annotated[Array, "6"]
+    wanted: Annotated[Array, "6"]
+    unrealised: Annotated[Array, "6"]
+    command: Annotated[Array, "m"]
+    reference: Annotated[Array, "12"]
+    force: Annotated[Array, "3"]
     limited: Limited
+
+
+law_fields = layout_of(Law, "m", "waves")
 
 
 @merged
 def law_in(memory: Array) -> Law:
     """Lay out the law's memory. Sizes: number of thrusters, number of waves in the swing."""
     cursor = rewind(memory)
-    m, waves = next_size(cursor), next_size(cursor)
-    return Law(
-        start=take(cursor, (3,)),
-        velocity=take(cursor, (3,)),
-        heading=take(cursor, (2,)),
-        level=take(cursor, (4,)),
-        nominal=take(cursor, (6,)),
-        centre=take(cursor, (3,)),
-        weight=take(cursor, ()),
-        gains=take(cursor, (6, 3)),
-        limits=take(cursor, (2,)),
-        swing=take(cursor, (2 * waves, 12)),
-        steering=take(cursor, (2,)),
-        compensates=take(cursor, ()),
-        tick=take(cursor, ()),
-        settled=take(cursor, ()),
-        lead=take(cursor, ()),
-        follow=take(cursor, ()),
-        integral=take(cursor, (6,)),
-        slow=take(cursor, (6,)),
-        begun=take(cursor, ()),
-        nose_down=take(cursor, ()),
-        disturbance=take(cursor, (6,)),
-        wanted=take(cursor, (6,)),
-        unrealised=take(cursor, (6,)),
-        command=take(cursor, (m,)),
-        reference=take(cursor, (12,)),
-        force=take(cursor, (3,)),
-        limited=limited_in(cursor, m),
-    )
+    return law_fields(cursor, next_size(cursor), next_size(cursor))
 
 
 @kernel

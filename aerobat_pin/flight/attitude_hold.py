@@ -13,7 +13,7 @@ in the step, and with order four where the limits are wide.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -74,18 +74,18 @@ class AttitudeHold(NamedTuple):
     [N], `height_stiffness` [N/m], `height_damping` [N s/m], `lift_limit` [N].
     """
 
-    rotation: Array
-    forward_speed: Any
-    height: Any
-    attitude_stiffness: Array
-    attitude_damping: Array
-    torque_limit: Array
-    speed_gain: Any
-    thrust_limit: Any
-    lift: Any
-    height_stiffness: Any
-    height_damping: Any
-    lift_limit: Any
+    rotation: Annotated[Array, "3, 3"]
+    forward_speed: Annotated[Any, ""]
+    height: Annotated[Any, ""]
+    attitude_stiffness: Annotated[Array, "3"]
+    attitude_damping: Annotated[Array, "3"]
+    torque_limit: Annotated[Array, "3"]
+    speed_gain: Annotated[Any, ""]
+    thrust_limit: Annotated[Any, ""]
+    lift: Annotated[Any, ""]
+    height_stiffness: Annotated[Any, ""]
+    height_damping: Annotated[Any, ""]
+    lift_limit: Annotated[Any, ""]
 
 
 @kernel

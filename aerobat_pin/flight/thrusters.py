@@ -13,7 +13,7 @@ direction d, and the moment of its place plus its propeller's reaction about d, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,11 @@ from aerobat_pin.numerics import (
     fields_of,
     guarded,
     kernel,
+    layout_of,
     merged,
     new_memory,
     next_size,
     rewind,
-    take,
-    take_integers,
 )
 from aerobat_pin.scenario import ThrustersSection
 
@@ -108,33 +107,25 @@ class Propellers(NamedTuple):
     (n, m) are commands that are on their way, `turn` (1,) which of them is next.
     """
 
-    map: Array
-    limit: Array
-    factor: Array
-    kept: Array
-    lagging: Array
-    thrust: Array
-    mean: Array
-    waiting: Array
-    turn: Integers
+    map: Annotated[Array, "6, m"]
+    limit: Annotated[Array, "m"]
+    factor: Annotated[Array, ""]
+    kept: Annotated[Array, ""]
+    lagging: Annotated[Array, ""]
+    thrust: Annotated[Array, "m"]
+    mean: Annotated[Array, "m"]
+    waiting: Annotated[Array, "n, m"]
+    turn: Annotated[Integers, "1"]
+
+
+propeller_fields = layout_of(Propellers, "m", "n")
 
 
 @merged
 def propellers_in(memory: Array) -> Propellers:
     """Lay out the memory. Sizes: number of thrusters, number of commands that wait."""
     cursor = rewind(memory)
-    m, n = next_size(cursor), next_size(cursor)
-    return Propellers(
-        map=take(cursor, (6, m)),
-        limit=take(cursor, (m,)),
-        factor=take(cursor, ()),
-        kept=take(cursor, ()),
-        lagging=take(cursor, ()),
-        thrust=take(cursor, (m,)),
-        mean=take(cursor, (m,)),
-        waiting=take(cursor, (n, m)),
-        turn=take_integers(cursor, (1,)),
-    )
+    return propeller_fields(cursor, next_size(cursor), next_size(cursor))
 
 
 @kernel

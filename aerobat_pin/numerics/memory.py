@@ -75,20 +75,26 @@ def layout_of(fields: type[Fields], *sizes: str) -> Callable[..., Fields]:
 
     Args:
         fields: the table, a named tuple. The annotation of an array holds its shape in terms of the sizes. Any other
-            field is the size of the same name or, if there is none, a whole number that is read from the memory.
+            field is the size of the same name, or else a table in the table, or a whole number in the memory.
         sizes: names of the sizes.
     """
-    values = []
+    values, name_of_kernel = [], f"{fields.__name__}_fields"
+    scope: dict[str, Any] = {"take": take, "take_integers": take_integers, "next_size": next_size, "fields": fields}
+    scope["__name__"] = fields.__module__  # names of compiled functions must differ
     for name, hint in get_type_hints(fields, include_extras=True).items():
         if get_origin(hint) is Annotated:
             taking = "take_integers" if hint.__origin__ == Integers else "take"
             shape = hint.__metadata__[0]
             values.append(f"{taking}(cursor, ({shape},))" if shape else f"{taking}(cursor, ())")
+        elif name in sizes:
+            values.append(name)
+        elif hint is int:
+            values.append("next_size(cursor)")
         else:
-            values.append(name if name in sizes else "next_size(cursor)")
-    scope = {"take": take, "take_integers": take_integers, "next_size": next_size, "fields": fields}
-    exec(f"def lay_out(cursor, {', '.join(sizes)}):\n    return fields({', '.join(values)})", scope)
-    return cast(Callable[..., Fields], merged(cast(Any, scope["lay_out"])))
+            scope[f"lay_out_{name}"] = layout_of(hint, *sizes)
+            values.append(f"lay_out_{name}(cursor, {', '.join(sizes)})")
+    exec(f"def {name_of_kernel}(cursor, {', '.join(sizes)}):\n    return fields({', '.join(values)})", scope)
+    return cast(Callable[..., Fields], merged(scope[name_of_kernel]))
 
 
 def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:

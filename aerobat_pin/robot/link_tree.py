@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -20,11 +20,11 @@ class Tree(NamedTuple):
     joint in the link's frame.
     """
 
-    joint: Integers
-    parent: Integers
-    row: Integers
-    angle: Integers
-    axis: Array
+    joint: Annotated[Integers, "link_count"]
+    parent: Annotated[Integers, "link_count"]
+    row: Annotated[Integers, "link_count"]
+    angle: Annotated[Integers, "link_count"]
+    axis: Annotated[Array, "link_count, 3"]
 
 
 @guarded()

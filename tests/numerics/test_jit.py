@@ -227,7 +227,9 @@ def test_every_file_with_a_kernel_is_in_the_cache_stamp() -> None:
     with_kernels = {
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
-        if re.search(r"^@(jit\.)?(kernel|inner|merged)\b", path.read_text(), re.MULTILINE)
+        if re.search(
+            r"^@(jit\.)?(kernel|inner|merged)\b|: Annotated\[(Array|Integers), ", path.read_text(), re.MULTILINE
+        )
     }
     assert with_kernels <= set(jit.KERNEL_SOURCES)
     assert all((PACKAGE / name).is_file() for name in jit.KERNEL_SOURCES)

@@ -5,29 +5,33 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
 
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import Integers, kernel
-from aerobat_pin.numerics.memory import new_memory, next_size, rewind, take, take_integers
+from aerobat_pin.numerics.memory import layout_of, new_memory, next_size, rewind
 
 
 class Part(NamedTuple):
     """A field of fields."""
 
-    table: Integers
-    block: Array
+    table: Annotated[Integers, "k, 3"]
+    block: Annotated[Array, "2, n, k"]
 
 
 class Whole(NamedTuple):
     """Fields of all kinds."""
 
-    first: Array
+    n: int
+    first: Annotated[Array, "n"]
     part: Part
-    last: Array
+    last: Annotated[Array, "empty, empty"]
+
+
+whole_fields = layout_of(Whole, "n", "k", "empty")
 
 
 @kernel
@@ -35,11 +39,7 @@ def whole_in(memory: Array) -> Whole:
     """Lay out n numbers, k rows of integers, a block of three dimensions and a square that may be empty."""
     cursor = rewind(memory)
     n, k, empty = next_size(cursor), next_size(cursor), next_size(cursor)
-    return Whole(
-        first=take(cursor, (n,)),
-        part=Part(table=take_integers(cursor, (k, 3)), block=take(cursor, (2, n, k))),
-        last=take(cursor, (empty, empty)),
-    )
+    return whole_fields(cursor, n, k, empty)
 
 
 @kernel

@@ -199,7 +199,7 @@ def _torque(sensed: Sensed) -> tuple[Array, Array, Array]:
     return h, sensed.values - here, slope
 
 
-ROWS_BY_SENSOR = {
+ROWS_BY_SENSOR = {  # each returns rows (k, c, n), samples less their prediction (k, c), rates of change (k, c)
     "position": _position,
     "orientation": _orientation,
     "gyro": _gyro,

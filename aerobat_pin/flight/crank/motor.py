@@ -20,7 +20,7 @@ The bars of the linkage have no mass.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -45,15 +45,15 @@ class RateControlledMotor(NamedTuple):
         friction: torque that resists turning, per rate [N m s/rad].
     """
 
-    start: Any
-    rate: Any
-    start_rate: Any
-    rotor_inertia: Any
-    torque_limit: Any
-    lag: Any
-    gain: Any
-    integral_gain: Any
-    friction: Any
+    start: Annotated[Any, ""]
+    rate: Annotated[Any, ""]
+    start_rate: Annotated[Any, ""]
+    rotor_inertia: Annotated[Any, ""]
+    torque_limit: Annotated[Any, ""]
+    lag: Annotated[Any, ""]
+    gain: Annotated[Any, ""]
+    integral_gain: Annotated[Any, ""]
+    friction: Annotated[Any, ""]
 
     @property
     def before(self) -> ConstantRate:

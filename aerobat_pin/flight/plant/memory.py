@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +11,7 @@ from aerobat_pin.aerodynamics import LINK_COUNT, RobotMemory, robot_in
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics import Array, Integers, array_at, frame_id, merged, next_size, rewind, take, take_integers
+from aerobat_pin.numerics import Array, Integers, array_at, frame_id, layout_of, merged, next_size, rewind
 from aerobat_pin.robot import LINKS
 
 DIRECTION_AXES = ("link", "body", "world")
@@ -25,13 +25,13 @@ class UnknownForces(NamedTuple):
     `point_link` (p,), position `point_place` (p, 3) in the link's frame [m].
     """
 
-    point: Integers
-    link: Integers
-    axes: Integers
-    direction: Array
-    elbow_amplitude: Array
-    point_link: Integers
-    point_place: Array
+    point: Annotated[Integers, "f"]
+    link: Annotated[Integers, "f"]
+    axes: Annotated[Integers, "f"]
+    direction: Annotated[Array, "f, 3"]
+    elbow_amplitude: Annotated[Array, "f"]
+    point_link: Annotated[Integers, "p"]
+    point_place: Annotated[Array, "p, 3"]
 
 
 class Forces(NamedTuple):
@@ -48,22 +48,22 @@ class Forces(NamedTuple):
     All four are 0 for other drives.
     """
 
-    aerodynamic: Array
-    added_mass: Array
-    thrusters: Array
-    motor: Array
-    unknown: Array
-    force_W: Array
-    force_noise_free_W: Array
-    link_wrench: Array
-    motor_power: Array
-    air_power: Array
-    thruster_power: Array
-    unknown_power: Array
-    crank_torque: Array
-    drive_torque: Array
-    drive_power: Array
-    friction_power: Array
+    aerodynamic: Annotated[Array, "nv"]
+    added_mass: Annotated[Array, "nv"]
+    thrusters: Annotated[Array, "nv"]
+    motor: Annotated[Array, "nv"]
+    unknown: Annotated[Array, "nv"]
+    force_W: Annotated[Array, "p, 3"]
+    force_noise_free_W: Annotated[Array, "p, 3"]
+    link_wrench: Annotated[Array, "link_count, 6"]
+    motor_power: Annotated[Array, ""]
+    air_power: Annotated[Array, ""]
+    thruster_power: Annotated[Array, ""]
+    unknown_power: Annotated[Array, ""]
+    crank_torque: Annotated[Array, ""]
+    drive_torque: Annotated[Array, ""]
+    drive_power: Annotated[Array, ""]
+    friction_power: Annotated[Array, ""]
 
 
 class PlantMemory(NamedTuple):
@@ -83,24 +83,27 @@ class PlantMemory(NamedTuple):
 
     robot: RobotMemory
     unknown: UnknownForces
-    holds: Array
-    command: Array
+    holds: Annotated[Array, ""]
+    command: Annotated[Array, "6"]
     hold: AttitudeHold
     motor: RateControlledMotor
-    linkage: Array
-    error_rotation: Array
-    pushes: Array
-    closed: Array
-    A: Array
-    b: Array
-    twists: Array
-    rates: Array
-    start: Array
-    state: Array
-    tangent: Array
-    v: Array
-    second: Array
+    linkage: Annotated[Array, "harmonics, 4"]
+    error_rotation: Annotated[Array, "3, 3"]
+    pushes: Annotated[Array, "link_count, 6"]
+    closed: Annotated[Array, "3, 2"]
+    A: Annotated[Array, "7, 7"]
+    b: Annotated[Array, "7"]
+    twists: Annotated[Array, "4, 6"]
+    rates: Annotated[Array, "4, states"]
+    start: Annotated[Array, "states"]
+    state: Annotated[Array, "states"]
+    tangent: Annotated[Array, "2, nv"]
+    v: Annotated[Array, "nv"]
+    second: Annotated[Array, "2"]
     forces: Forces
+
+
+plant_fields = layout_of(PlantMemory, "robot", "nv", "states", "harmonics", "link_count", "f", "p")
 
 
 @merged
@@ -109,76 +112,7 @@ def plant_in(memory: Array) -> PlantMemory:
     cursor = rewind(memory)
     robot, nv, states, harmonics = next_size(cursor), next_size(cursor), next_size(cursor) + 6, next_size(cursor)
     f, p = next_size(cursor), next_size(cursor)
-    return PlantMemory(
-        robot=robot_in(array_at(robot, (1,))),
-        unknown=UnknownForces(
-            point=take_integers(cursor, (f,)),
-            link=take_integers(cursor, (f,)),
-            axes=take_integers(cursor, (f,)),
-            direction=take(cursor, (f, 3)),
-            elbow_amplitude=take(cursor, (f,)),
-            point_link=take_integers(cursor, (p,)),
-            point_place=take(cursor, (p, 3)),
-        ),
-        holds=take(cursor, ()),
-        command=take(cursor, (6,)),
-        hold=AttitudeHold(
-            rotation=take(cursor, (3, 3)),
-            forward_speed=take(cursor, ()),
-            height=take(cursor, ()),
-            attitude_stiffness=take(cursor, (3,)),
-            attitude_damping=take(cursor, (3,)),
-            torque_limit=take(cursor, (3,)),
-            speed_gain=take(cursor, ()),
-            thrust_limit=take(cursor, ()),
-            lift=take(cursor, ()),
-            height_stiffness=take(cursor, ()),
-            height_damping=take(cursor, ()),
-            lift_limit=take(cursor, ()),
-        ),
-        motor=RateControlledMotor(
-            start=take(cursor, ()),
-            rate=take(cursor, ()),
-            start_rate=take(cursor, ()),
-            rotor_inertia=take(cursor, ()),
-            torque_limit=take(cursor, ()),
-            lag=take(cursor, ()),
-            gain=take(cursor, ()),
-            integral_gain=take(cursor, ()),
-            friction=take(cursor, ()),
-        ),
-        linkage=take(cursor, (harmonics, 4)),
-        error_rotation=take(cursor, (3, 3)),
-        pushes=take(cursor, (LINK_COUNT, 6)),
-        closed=take(cursor, (3, 2)),
-        A=take(cursor, (7, 7)),
-        b=take(cursor, (7,)),
-        twists=take(cursor, (4, 6)),
-        rates=take(cursor, (4, states)),
-        start=take(cursor, (states,)),
-        state=take(cursor, (states,)),
-        tangent=take(cursor, (2, nv)),
-        v=take(cursor, (nv,)),
-        second=take(cursor, (2,)),
-        forces=Forces(
-            aerodynamic=take(cursor, (nv,)),
-            added_mass=take(cursor, (nv,)),
-            thrusters=take(cursor, (nv,)),
-            motor=take(cursor, (nv,)),
-            unknown=take(cursor, (nv,)),
-            force_W=take(cursor, (p, 3)),
-            force_noise_free_W=take(cursor, (p, 3)),
-            link_wrench=take(cursor, (LINK_COUNT, 6)),
-            motor_power=take(cursor, ()),
-            air_power=take(cursor, ()),
-            thruster_power=take(cursor, ()),
-            unknown_power=take(cursor, ()),
-            crank_torque=take(cursor, ()),
-            drive_torque=take(cursor, ()),
-            drive_power=take(cursor, ()),
-            friction_power=take(cursor, ()),
-        ),
-    )
+    return plant_fields(cursor, robot_in(array_at(robot, (1,))), nv, states, harmonics, LINK_COUNT, f, p)
 
 
 def split_forces(forces: Forces, rows: Array) -> Forces:

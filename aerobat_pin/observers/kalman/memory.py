@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from aerobat_pin.numerics import Array, Integers, layout_of, merged, next_size, rewind
-from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_fields, observer_sizes
+from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_sizes
 
 
 class Step(NamedTuple):
@@ -20,7 +20,7 @@ class Step(NamedTuple):
     onward: Annotated[Array, "nv, nv"]  # A^T: the momentum at the end that an error of the velocity at the start makes
     decay: Annotated[Array, "nz"]  # a, decay factor of each coefficient
     e: Annotated[Array, "nv"]  # the innovation
-    rows: Annotated[Array, "nv, (nv + 2 * (nv + nz) + 8) // 8 * 8"]  # see below
+    rows: Annotated[Array, "nv, (nv + 2 * (nv + nz) + 8) // 8 * 8"]  # see above
     basis: Annotated[Array, "blocks"]  # weight of each block of c coefficients in the forces
     z: Annotated[Array, "blocks * c"]  # coefficients of the forces in x after the update
     Z: Annotated[Array, "blocks * c, nv + nz"]  # rows of P for these coefficients after the update
@@ -89,7 +89,7 @@ class KalmanMemory(NamedTuple):
     step: Step
 
 
-filter_fields = layout_of(Filter, "nv", "c", "nz", "ne", "nh", "mass_in_doubt", "power_known")
+kalman_fields = layout_of(KalmanMemory, "sizes", "nv", "nz", "c", "blocks", "ne", "nh", "mass_in_doubt", "power_known")
 step_fields = layout_of(Step, "nv", "nz", "c", "blocks")
 
 
@@ -118,8 +118,4 @@ def kalman_in(memory: Array) -> KalmanMemory:
     mass_in_doubt, power_known = next_size(cursor), next_size(cursor)
     nv, c = sizes.nv, sizes.components
     nz = blocks * c + ne + mass_in_doubt
-    return KalmanMemory(
-        observer=observer_fields(cursor, sizes),
-        filter=filter_fields(cursor, nv, c, nz, ne, nh, mass_in_doubt, power_known),
-        step=step_fields(cursor, nv, nz, c, blocks),
-    )
+    return kalman_fields(cursor, sizes, nv, nz, c, blocks, ne, nh, mass_in_doubt, power_known)
