@@ -15,7 +15,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 
 KIND, MAP_KIND = "aerobat calibration 1", "aerobat calibration by a map 1"  # with the number of the form
-KINDS = {  # attribute `kind` of a file -> the command that writes it, and what it is about
+CALIBRATION_KINDS = {  # attribute `kind` of a file -> the command that writes it, and what it is about
     KIND: ("aerobat calibrate", "about Aerobat over its crank's phase, which no map knows"),
     MAP_KIND: ("aerobat calibrate LOG --map MAP", "by a map: it needs --map"),
 }
@@ -103,8 +103,8 @@ def read_parts(path: Path, kind: str, learnt: Callable[[CalibrationParts], Learn
     except LogError as error:
         raise CalibrationError(str(error)) from error
     if (about := str(data.attrs.get("kind", ""))) != kind:
-        why = f"; this one was learnt {KINDS[about][1]}" if about in KINDS else ""
-        raise CalibrationError(f"{name}: a file that `{KINDS[kind][0]}` wrote was expected{why}")
+        why = f"; this one was learnt {CALIBRATION_KINDS[about][1]}" if about in CALIBRATION_KINDS else ""
+        raise CalibrationError(f"{name}: a file that `{CALIBRATION_KINDS[kind][0]}` wrote was expected{why}")
     try:
         return learnt(CalibrationParts(data))
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:

@@ -14,7 +14,7 @@ import xarray as xr
 from aerobat_pin.estimation import RecordingEstimate
 from aerobat_pin.experiments.experiment import versions, write_metrics
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.flight import checksums, netcdf_bytes
+from aerobat_pin.flight import netcdf_bytes, seal_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 
@@ -63,7 +63,7 @@ def write_netcdf(blocks: Iterable[xr.Dataset], count: int, path: Path) -> None:
         if not done:
             if shutil.disk_usage(path.parent).free < 1.5 * block.nbytes * count / size:
                 raise OSError(errno.ENOSPC, "no room for the estimates", str(path))
-            block.to_netcdf(path, engine="h5netcdf", encoding=checksums(block), unlimited_dims=["interval"])
+            block.to_netcdf(path, engine="h5netcdf", unlimited_dims=["interval"])
             done = size
             continue
         with h5netcdf.File(path, "a") as file:
@@ -73,6 +73,7 @@ def write_netcdf(blocks: Iterable[xr.Dataset], count: int, path: Path) -> None:
                     rows = tuple(slice(done, done + size) if dim == "interval" else slice(None) for dim in values.dims)
                     file[str(name)][rows] = values.values
         done += size
+    seal_netcdf(path)
 
 
 def _together(found: RecordingEstimate) -> Iterator[dict[str, Estimate]]:

@@ -16,7 +16,7 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.flight.trim import Trim, find_trim
 from aerobat_pin.flight.wake import Wake, wake_of
-from aerobat_pin.flight.write_netcdf import checksums, netcdf_bytes
+from aerobat_pin.flight.write_netcdf import netcdf_bytes, seal_netcdf
 
 __all__ = [
     "KNOWN",
@@ -38,7 +38,6 @@ __all__ = [
     "Wake",
     "advance_stage",
     "channel",
-    "checksums",
     "find_trim",
     "interval_means",
     "log_with_motion",
@@ -47,6 +46,7 @@ __all__ = [
     "read_csv",
     "read_netcdf",
     "robot_air",
+    "seal_netcdf",
     "simulate",
     "thrusters_of",
     "wake_of",

@@ -13,7 +13,7 @@ import itertools
 import os
 from collections.abc import Hashable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from zlib import crc32
 
 import h5py
@@ -25,30 +25,31 @@ SEAL, CRC_SIZE = b"CRC-32:\n", 4  # the file ends with this word and the checksu
 BYTES_SUMMED = 1 << 20  # at once
 
 
+def seal_netcdf(path: Path) -> None:
+    """Put a seal to the end of a file. Raises OSError if it cannot be written."""
+    with path.open("r+b") as file:
+        file.write(_seal_of(file, path.stat().st_size))
+
+
 def seal_is_broken(path: str | Path) -> bool:
     """Return whether a file ends with a seal that does not fit what is before it."""
-    left, crc = os.path.getsize(path) - len(SEAL) - CRC_SIZE, 0
-    if left < 0:
+    size = os.path.getsize(path) - len(SEAL) - CRC_SIZE
+    if size < 0:
         return False
     with open(path, "rb") as file:
-        file.seek(left)
+        file.seek(size)
         end = file.read()
-        if not end.startswith(SEAL):
-            return False
         file.seek(0)
-        while left:
-            piece = file.read(min(left, BYTES_SUMMED))
-            crc, left = crc32(piece, crc), left - len(piece)
-    return end != SEAL + crc.to_bytes(CRC_SIZE, "big")
+        return end.startswith(SEAL) and end != _seal_of(file, size)
 
 
-def checksums(data: xr.Dataset) -> dict[Any, dict[str, bool]]:
-    """Return the encoding that makes `to_netcdf` write checksums, so that readers notice damaged numbers."""
-    return {
-        key: {"fletcher32": True}
-        for key, values in data.variables.items()
-        if values.size and values.ndim and values.dtype.kind in "fiu"
-    }
+def _seal_of(file: BinaryIO, left: int) -> bytes:
+    """Read so many bytes, and return their seal."""
+    crc = 0
+    while left:
+        piece = file.read(min(left, BYTES_SUMMED))
+        crc, left = crc32(piece, crc), left - len(piece)
+    return SEAL + crc.to_bytes(CRC_SIZE, "big")
 
 
 def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
@@ -68,8 +69,8 @@ def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
         _write_group(file, root, scales, numbers)
         if truth is not None:
             _write_group(file.create_group("truth", track_order=True), truth, scales, numbers)
-    content.seek(0, io.SEEK_END)
-    content.write(SEAL + crc32(content.getbuffer()).to_bytes(CRC_SIZE, "big"))
+    content.seek(0)
+    content.write(_seal_of(content, content.getbuffer().nbytes))
     return content.getvalue()
 
 
@@ -106,13 +107,8 @@ def _write_values(group: h5py.Group, name: str, variable: xr.Variable) -> h5py.D
         if values.dtype.kind == "b":
             values, attributes["dtype"] = values.astype(np.int8), "bool"
         empty = np.nan if values.dtype.kind == "f" else None
-        item = group.create_dataset(
-            name,
-            data=values,
-            fillvalue=empty,
-            fletcher32=True if values.size and values.ndim else None,
-            track_order=True,
-        )
+        own = True if values.size and values.ndim else None  # a checksum of its own, should the seal itself be damaged
+        item = group.create_dataset(name, data=values, fillvalue=empty, fletcher32=own, track_order=True)
         if empty is not None:
             attributes["_FillValue"] = empty
     _write_attributes(item, attributes)

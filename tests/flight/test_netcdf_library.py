@@ -14,6 +14,7 @@ import xarray as xr
 from support.tools import need
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.experiments.recorded_results import write_netcdf
 from aerobat_pin.flight import netcdf_bytes, read_netcdf
 
 SEAL_SIZE = 12  # bytes at the end of a file
@@ -121,6 +122,18 @@ def test_the_seal_notices_damage_before_the_library_reads_and_goes_when_the_libr
         with h5py.File(path, "r+") as file:
             edit(file)
         xr.testing.assert_equal(read_netcdf(path, "log", ["truth"])["truth"], parts()[1])
+
+
+def test_a_file_written_block_by_block_is_sealed(tmp_path: Path) -> None:
+    """It holds all blocks, and a changed bit is noticed."""
+    path = tmp_path / "blocks.nc"
+    write_netcdf((xr.Dataset({"x": (("interval",), np.full(5, float(k)))}) for k in range(3)), 15, path)
+    np.testing.assert_array_equal(read_netcdf(path, "estimates")[""]["x"], np.repeat([0.0, 1.0, 2.0], 5))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(LogError, match="it is damaged"):
+        read_netcdf(path, "estimates")
 
 
 def test_what_the_library_needs_to_tell_dimensions_apart() -> None:

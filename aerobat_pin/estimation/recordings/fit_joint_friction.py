@@ -31,7 +31,7 @@ from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, Jo
 
 MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
 COULOMB_RATES = (0.01, SMOOTH_RATE, 0.05, 0.1, 0.2)  # [rad/s, m/s] from which one is chosen, see `_coulomb_rate`
-FOLDS, LEAST_GAIN = 4, 0.01  # parts of the stretch, each predicted from the others; smaller error for another rate
+FOLDS, LEAST_DROP = 4, 0.01  # parts of the stretch, each predicted from the others; [-] of the error, for another rate
 UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a record does not show it
 
 
@@ -182,7 +182,7 @@ def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
     size = np.mean(0.5 * np.log(np.maximum(errors, np.finfo(float).tiny)), axis=1)
     usual = COULOMB_RATES.index(SMOOTH_RATE)
     best = int(np.argmin(size))
-    return COULOMB_RATES[best if size[best] < size[usual] - LEAST_GAIN else usual]
+    return COULOMB_RATES[best if size[best] < size[usual] - LEAST_DROP else usual]
 
 
 def _rotor(section: FrictionSection, rows: _Rows) -> Array:
