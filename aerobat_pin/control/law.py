@@ -12,7 +12,8 @@
 e is reference less measurement. The references swing with the crank, as the nominal flight does: what each flap does
 to the body and takes back is no error, and an answer through a lag of the thrusters would come too late for it, and
 make it larger. e_R is twice the vector part of the quaternion from the body to its reference, which is the rotation
-vector for small errors. c leads from the body's centre of mass, about which moments count, to the robot's: about that
+vector for small errors; about z, bank times the error of pitch is added, which is what a banked body that pitches turns
+its heading by. c leads from the body's centre of mass, about which moments count, to the robot's: about that
 one, an unknown force sideways that the thrusters leave has no moment. w and z are natural frequency and share of
 critical damping. An integral stands still while its component cannot be realised.
 """
@@ -27,7 +28,6 @@ from aerobat_pin.control.nominal import PITCHING
 from aerobat_pin.numerics import Array, inner, kernel, merged, next_size, rewind, take
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
-LEAST_LIFT = 0.4  # of the nominal one: thrusters that push one way only turn the robot by what they lift
 
 
 class Law(NamedTuple):
@@ -208,10 +208,7 @@ def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
         slow[i] += law.follow[()] * (wrench[i] - slow[i])
     law.begun[()] = 1.0
     wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
-    lift = wanted[2]
-    wanted[2] = max(lift, LEAST_LIFT * law.nominal[2])
     limited_thrusts(law.limited, wanted, law.command)
-    wanted[2] = lift
     for i in range(6):
         made = 0.0
         for j in range(law.command.shape[0]):
