@@ -12,8 +12,7 @@
 e is reference less measurement. The references swing with the crank, as the nominal flight does: what each flap does
 to the body and takes back is no error, and an answer through a lag of the thrusters would come too late for it, and
 make it larger. e_R is twice the vector part of the quaternion from the body to its reference, which is the rotation
-vector for small errors; about z, bank times the error of pitch is added, which is what a banked body that pitches turns
-its heading by. c leads from the body's centre of mass, about which moments count, to the robot's: about that
+vector for small errors. c leads from the body's centre of mass, about which moments count, to the robot's: about that
 one, an unknown force sideways that the thrusters leave has no moment. w and z are natural frequency and share of
 critical damping. An integral stands still while its component cannot be realised.
 """
@@ -170,7 +169,6 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
     ty = aw * by - ax * bz + ay * bw + az * bx
     tz = aw * bz + ax * by - ay * bx + az * bw
     tw = aw * bw - ax * bx - ay * by - az * bz
-    pitch_error = pitch_rate = 0.0
     turn = 2.0 if w * tw + x * tx + y * ty + z * tz >= 0.0 else -2.0
     for i in range(3):
         if i == 0:
@@ -178,14 +176,9 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
         elif i == 1:
             error = turn * (w * ty - y * tw - z * tx + x * tz)
         else:
-            error = turn * (w * tz - z * tw - x * ty + y * tx) + bank * pitch_error
-        rate = reference[9 + i] - v[3 + i]
-        if i == 1:
-            pitch_error, pitch_rate = error, rate
-        elif i == 2:
-            rate += bank * pitch_rate
+            error = turn * (w * tz - z * tw - x * ty + y * tx)
         add_error(law, 3 + i, error)
-        answer = gains[3 + i, 0] * error + gains[3 + i, 1] * rate
+        answer = gains[3 + i, 0] * error + gains[3 + i, 1] * (reference[9 + i] - v[3 + i])
         out[3 + i] = nominal[3 + i] + answer + law.integral[3 + i] - acts * push[3 + i]
 
     # The thrusters make no force sideways, so the unknown one turns the robot about its own centre of mass.
