@@ -6,7 +6,8 @@ the table `control` of the scenario.
 
 An observer and an integral both answer a push that stays. Where both act, the integrals are left what no observer can
 see, the constant errors of sensors, and are slower: else the two together answer a gust twice, and the robot is on its
-way back after it. An integral also lets the sensors' noise in.
+way back after it. An integral also lets the sensors' noise in: at a tenth of its rate it makes yaw 1 % noisier, at a
+fiftieth it does not.
 """
 
 from __future__ import annotations

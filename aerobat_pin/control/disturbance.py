@@ -10,10 +10,10 @@ m c x v, whose noise would be that of the velocity.
 
 What it sees is part noise, and counts only as far as it passes that, so that nothing is answered where nothing pushes:
 
-    counted = seen max(0, 1 - (NOISE deviation / smooth)^2)            smooth: seen, filtered by K once more
+    counted = seen max(0, 1 - variance / smooth^2)            smooth: seen, filtered by K once more
 
 Momenta whose samples, dt apart, have a deviation s leave in `smooth` a variance s^2 K^3 dt / 4; and the first one, with
-which the observer begins, (s K^2 t exp(-K t))^2. s is that of velocity and gyro, as the tables of the sensors say, by
+which the observer begins, (s K^2 t exp(-K t))^2. `LASTING` and `FIRST` of their deviations do not count. s is that of velocity and gyro, as the tables of the sensors say, by
 the momentum that the robot has per velocity. The push of a gust is a hundred times the deviation.
 """
 
@@ -32,7 +32,7 @@ from aerobat_pin.observers import Application, ForceLevelObserver
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, ControlSection, Scenario, SensorSection
 
-NOISE = 3.0  # standard deviations of noise that do not count
+LASTING, FIRST = 3.0, 1.5  # standard deviations of noise that do not count: of what stays, and of what soon fades
 CENTRE = "mean_centre_of_mass"  # frame of the body
 
 
@@ -184,7 +184,7 @@ class DisturbanceObserver:
         samples = [sample_variance(one, dt) for one in (sensors.velocity, sensors.gyro)]
         density = nominal.momentum**2 @ np.concatenate([variance * period for variance, period in samples])
         first = nominal.momentum**2 @ np.concatenate([variance for variance, _ in samples])
-        self._noise = (NOISE * gains) ** 2 * np.array([gains / 4.0 * density, first])
+        self._noise = gains**2 * np.array([LASTING**2 * gains / 4.0 * density, FIRST**2 * first])
         self._follow, self._state, self._counted = 1.0 - np.exp(-gains * dt), np.zeros((3, 6)), np.zeros(BASE_SIZE)
         self._tau, self._known = np.zeros(model.nv), {"air and thrusters": np.zeros(model.nv)}
         self._mean = np.append(nominal.air, np.zeros(model.nv - BASE_SIZE))[None]

@@ -27,7 +27,6 @@ from aerobat_pin.control.nominal import PITCHING
 from aerobat_pin.numerics import Array, inner, kernel, layout_of, merged, next_size, rewind
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
-LEAST_LIFT = 0.4  # of the nominal one: thrusters that push one way only turn the robot by what they lift
 
 
 class Law(NamedTuple):
@@ -144,7 +143,6 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
     ty = aw * by - ax * bz + ay * bw + az * bx
     tz = aw * bz + ax * by - ay * bx + az * bw
     tw = aw * bw - ax * bx - ay * by - az * bz
-    pitch_error = pitch_rate = 0.0
     turn = 2.0 if w * tw + x * tx + y * ty + z * tz >= 0.0 else -2.0
     for i in range(3):
         if i == 0:
@@ -152,14 +150,9 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
         elif i == 1:
             error = turn * (w * ty - y * tw - z * tx + x * tz)
         else:
-            error = turn * (w * tz - z * tw - x * ty + y * tx) + bank * pitch_error
-        rate = reference[9 + i] - v[3 + i]
-        if i == 1:
-            pitch_error, pitch_rate = error, rate
-        elif i == 2:
-            rate += bank * pitch_rate
+            error = turn * (w * tz - z * tw - x * ty + y * tx)
         add_error(law, 3 + i, error)
-        answer = gains[3 + i, 0] * error + gains[3 + i, 1] * rate
+        answer = gains[3 + i, 0] * error + gains[3 + i, 1] * (reference[9 + i] - v[3 + i])
         out[3 + i] = nominal[3 + i] + answer + law.integral[3 + i] - acts * push[3 + i]
 
     # The thrusters make no force sideways, so the unknown one turns the robot about its own centre of mass.
@@ -182,10 +175,7 @@ def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
         slow[i] += law.follow[()] * (wrench[i] - slow[i])
     law.begun[()] = 1.0
     wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
-    lift = wanted[2]
-    wanted[2] = max(lift, LEAST_LIFT * law.nominal[2])
     limited_thrusts(law.limited, wanted, law.command)
-    wanted[2] = lift
     for i in range(6):
         made = 0.0
         for j in range(law.command.shape[0]):

