@@ -31,7 +31,7 @@ Yaw is the last angle of Rz Ry Rx. A body that is banked by r and pitches by p, 
 
 Missed: in the vertical gust, which turns nobody, yaw is noise of 0.012 deg, and 1.001 times that of PD (1.003 with a
 wrong belief); over ten other seeds, 101 to 110, 1.026 (1.027). From seed to seed the ratio scatters by 0.03 to 0.05.
-Before only what passes the sensors' noise counted, it was 1.043, and 1.106 over the others. What is left comes with less
+Before only what passes the noise of sensors counted, it was 1.043 and 1.106. What is left comes with less
 lift, where thrusters meet zero and have no room for yaw.
 
 The loop's times were taken on two cores that others used, too. Between its steps a sum of fixed numbers and the bare
