@@ -13,8 +13,9 @@ What it sees is part noise, and counts only as far as it passes that, so that no
     counted = seen max(0, 1 - variance / smooth^2)            smooth: seen, filtered by K once more
 
 Momenta whose samples, dt apart, have a deviation s leave in `smooth` a variance s^2 K^3 dt / 4; and the first one, with
-which the observer begins, (s K^2 t exp(-K t))^2. `LASTING` and `FIRST` of their deviations do not count. s is that of velocity and gyro, as the tables of the sensors say, by
-the momentum that the robot has per velocity. The push of a gust is a hundred times the deviation.
+which the observer begins, (s K^2 t exp(-K t))^2. `LASTING` and `FIRST` of their deviations do not count. s is that of
+velocity and gyro, as the tables of the sensors say, by the momentum that the robot has per velocity. The push of a gust
+is a hundred times the deviation.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def move(wrench: Array, lever: Array, there: Array) -> None:
 
 
 def sample_variance(sensor: SensorSection | None, dt: float) -> tuple[Array, float]:
-    """Return the variance (3,) of a sensor's samples, of its noise alone, and the time between them [s], at least dt."""
+    """Return the variance (3,) of a sensor's samples, by noise alone, and the time between them [s], at least dt."""
     if sensor is None:
         return np.zeros(3), dt
     variance = np.array(sensor.noise) ** 2 + sensor.quantum**2 / 12.0

@@ -48,7 +48,7 @@ class Nominal:
         inertia: (3,) of the whole robot about its centre of mass, body axes, mean over a flap [kg m2].
         centre: (3,) the robot's centre of mass from the body's, body axes, mean over a flap [m].
         mass: of the robot [kg].
-        momentum: (6, 6) momentum about `centre` per body twist, body axes; root mean square over a flap, entry by entry.
+        momentum: (6, 6) momentum about `centre` per body twist, body axes; root mean square of each entry over a flap.
         quaternion: (4,) attitude xyzw to keep: heading of the start, and the pitch of the table `control`.
         swing: (2 OVERTONES, 12) the body's motion about its course: rows as `waves` has them of the crank angle;
             columns position and velocity over ground, world axes, turn and body rate, body axes [m, m/s, rad, rad/s].

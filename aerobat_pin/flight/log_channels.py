@@ -25,6 +25,15 @@ from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import rotations
 
+LOGGED = {  # channel of the truth -> row of the strip loads
+    "airspeed": "airspeed",
+    "incidence": "incidence",
+    "downwash": "downwash",
+    "circulation": "circulation",
+    "strip_force_z": "force_z",
+    "strip_force_x": "force_x",
+}
+
 
 def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | None = None) -> FlightLog:
     """Return the log of a flight simulated by a plant, with exact channels at times (n + 1,) [s].
@@ -66,12 +75,7 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
         "thruster_power": mean.thruster_power,
         "unknown_power": mean.unknown_power,
         "link_wrench": mean.link_wrench,
-        "airspeed": strips.airspeed,
-        "incidence": strips.incidence,
-        "downwash": strips.downwash,
-        "circulation": strips.circulation,
-        "strip_force_z": strips.force_z,
-        "strip_force_x": strips.force_x,
+        **{name: getattr(strips, field).copy() for name, field in LOGGED.items()},  # so that the other rows can go
     }
     if isinstance(plant.drive, RateControlledMotor):
         true |= {
