@@ -67,7 +67,8 @@ def test_the_sdist_makes_a_wheel_with_the_same_files(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", SDIST, made], cwd=source, env=environment, check=True, capture_output=True)
     [archive] = made.glob("aerobat_pinocchio-*.tar.gz")
     with tarfile.open(archive) as packed:
-        packed.extractall(tmp_path / "unpacked", filter="data")
+        packed.extraction_filter = getattr(tarfile, "data_filter", None)  # Python 3.11.2 has none
+        packed.extractall(tmp_path / "unpacked")
     [folder] = (tmp_path / "unpacked").iterdir()
     offline = ["--no-deps", "--no-index", "--no-build-isolation", "--quiet", "-w", made]
     subprocess.run([sys.executable, "-m", "pip", "wheel", *offline, folder], env=environment, check=True)
