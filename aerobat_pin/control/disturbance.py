@@ -80,7 +80,7 @@ def sample_variance(sensor: SensorSection | None, dt: float) -> tuple[Array, flo
 
 
 @kernel
-def count(seen: Array, follow: Array, noise: Array, state: Array, counted: Array) -> None:
+def beyond_noise(seen: Array, follow: Array, noise: Array, state: Array, counted: Array) -> None:
     """Write what counts (6,) of what is seen (6,).
 
     Args:
@@ -202,5 +202,5 @@ class DisturbanceObserver:
         air = self._mean if self._stream is None else self._stream.update(time, q, v)
         add_thrust(air, thrust, self._known["air and thrusters"])
         seen = self.observer.update(time, q, v, self._tau, self._known).components
-        count(seen, self._follow, self._noise, self._state, self._counted)
+        beyond_noise(seen, self._follow, self._noise, self._state, self._counted)
         return moved(self._counted, self._centre)
