@@ -15,18 +15,12 @@ from scipy.spatial.transform import Rotation
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
-from aerobat_pin.estimation.recordings import (
-    OnlineEstimator,
-    OnlineSample,
-    RecordingEstimate,
-    describe_map,
-    estimate_recording,
-    parse_map,
-)
-from aerobat_pin.estimation.recordings.checks.compare import compare
-from aerobat_pin.estimation.recordings.columns import increasing
-from aerobat_pin.estimation.recordings.messages import stamp
-from aerobat_pin.estimation.recordings.resample import line_means, turn_rates
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, RecordingEstimate, estimate_recording
+from aerobat_pin.estimation.checks.compare import compare
+from aerobat_pin.records import describe_map, parse_map
+from aerobat_pin.records.columns import increasing
+from aerobat_pin.records.messages import stamp
+from aerobat_pin.records.resample import line_means, turn_rates
 
 Edit = Callable[[dict[str, Any]], None]
 

@@ -11,9 +11,10 @@ import pytest
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings import estimate_recording, parse_map, suggested_map
-from aerobat_pin.estimation.recordings.csv_columns import read_csv_columns
-from aerobat_pin.estimation.recordings.map_tables import LogTable
+from aerobat_pin.estimation import estimate_recording
+from aerobat_pin.records import parse_map, suggested_map
+from aerobat_pin.records.csv_columns import read_csv_columns
+from aerobat_pin.records.map_tables import LogTable
 
 
 def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Compared, LogChannel, RecordingEstimate, StoredEstimate
+from aerobat_pin.estimation import Compared, RecordingEstimate, StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy, slow_part
+from aerobat_pin.records import LogChannel
 from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
