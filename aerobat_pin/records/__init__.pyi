@@ -5,6 +5,7 @@ from .channels import factor_of as factor_of
 from .channels import requests as requests
 from .columns import Columns as Columns
 from .columns import in_step as in_step
+from .file_source import open_record as open_record
 from .map_file import describe_map as describe_map
 from .map_file import load_map as load_map
 from .map_file import parse_map as parse_map
@@ -20,7 +21,6 @@ from .messages import stamp as stamp
 from .netcdf import StoredVariable as StoredVariable
 from .netcdf import netcdf_variables as netcdf_variables
 from .netcdf import read_netcdf as read_netcdf
-from .open_record import open_record as open_record
 from .record import Block as Block
 from .record import Record as Record
 from .record import as_attitude as as_attitude

@@ -34,7 +34,7 @@ SHORT, LONG = 2_000, 8_000  # rows
 def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make all pieces small, so that short recordings count as long ones."""
     come_in, place = "aerobat_pin.records.", "aerobat_pin.estimation."
-    for module in ("spool", "columns", "channels", "open_record"):
+    for module in ("spool", "columns", "channels", "file_source"):
         monkeypatch.setattr(f"{come_in}{module}.EXTENT", 200)
     monkeypatch.setattr(f"{place}checks.stamps.EXTENT", 200)
     monkeypatch.setattr(f"{come_in}spool.IN_MEMORY", 1)
