@@ -23,7 +23,6 @@ from .estimate import describe_belief as describe_belief
 from .estimate import estimate_log as estimate_log
 from .estimate import read_log as read_log
 from .flight_log import FlightLog as FlightLog
-from .known_inputs import KnownInputs as KnownInputs
 from .known_inputs import known_inputs as known_inputs
 from .motion import motion as motion
 from .truth import SUM as SUM

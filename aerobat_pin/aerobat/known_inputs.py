@@ -13,8 +13,6 @@ used.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -25,7 +23,7 @@ from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion, motion
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import CalibrationUse
+from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Rows
 from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, prescribed_joint_dynamics
@@ -33,39 +31,6 @@ from aerobat_pin.scenario import AirSection
 
 Torque = Literal["measured", "modelled", "motor_only", "none"]
 ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}
-
-
-@dataclass(frozen=True, repr=False)
-class KnownInputs:
-    """The inputs of an observer.
-
-    Attributes:
-        time: (m + 1,) times of the samples [s].
-        q: (m + 1, nq) configurations.
-        v: (m + 1, nv) velocities.
-        tau: (m, nv) motor torque at the joints, interval means.
-        known: name -> (m, nv) other known generalised forces, interval means.
-        rows: rows of the equations of motion that the observer can use.
-        source: input -> its source. This is `measured` or `reconstructed` for `q`, `v`, `wind` and the known forces
-            (the wind can also be `believed`, that is, assumed), and the chosen kind of torque for `motor_torque`.
-        calibration: how a calibration was used, if there is one.
-        crank: (m + 1,) crank angle [rad], if it was estimated together with the motion; else None.
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    tau: Array
-    known: Mapping[str, Array]
-    rows: Rows
-    source: Mapping[str, str]
-    calibration: CalibrationUse | None = None
-    crank: Array | None = None
-
-    def __repr__(self) -> str:
-        sources = ", ".join(f"{name} {source}" for name, source in self.source.items())
-        span = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"
-        return f"KnownInputs of {len(self.tau)} intervals, {span}; rows {self.rows}\n  {sources}"
 
 
 @guarded()

@@ -5,6 +5,7 @@ from .calibration_parts import parts_bytes as parts_bytes
 from .calibration_parts import read_parts as read_parts
 from .estimate_recording import RecordingEstimate as RecordingEstimate
 from .estimate_recording import estimate_recording as estimate_recording
+from .inputs import KnownInputs as KnownInputs
 from .map_calibration import MapCalibration as MapCalibration
 from .map_calibration import calibrate_recording as calibrate_recording
 from .map_calibration_file import map_calibration_bytes as map_calibration_bytes
