@@ -29,5 +29,5 @@ from .trust import component_sizes as component_sizes
 from .trust import found_events as found_events
 from .trust import innovation_score as innovation_score
 from .trust import warnings_about as warnings_about
-from .use import CalibrationUse as CalibrationUse
-from .use import Contact as Contact
+from .inputs import CalibrationUse as CalibrationUse
+from .inputs import Contact as Contact

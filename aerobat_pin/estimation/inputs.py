@@ -1,13 +1,45 @@
-"""The inputs of an observer for a stretch of a record: motion, and the generalised forces that are known."""
+"""The inputs of an observer for a stretch of a record: motion, known forces, and how a calibration was used for them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
-from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Something that pushed.
+
+    Attributes:
+        frame: where it did.
+        onset: when the force left what is normal [s].
+        alarm: when it was first sure, by samples until then [s].
+        end: when it went [s]; None if it lasts.
+    """
+
+    frame: str
+    onset: float
+    alarm: float
+    end: float | None
+
+
+@dataclass(frozen=True)
+class CalibrationUse:
+    """How a calibration was used.
+
+    Attributes:
+        verdict: `inside` if it counted fully, `faded` if it faded out beyond the learnt range.
+        words: the same in words.
+        contacts: those that were found; None where they were not sought, as beyond the learnt range.
+    """
+
+    verdict: Literal["inside", "faded"]
+    words: str
+    contacts: tuple[Contact, ...] | None = None
 
 
 @dataclass(frozen=True, repr=False)

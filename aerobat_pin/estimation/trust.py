@@ -8,7 +8,7 @@ from math import comb, sqrt
 
 import numpy as np
 
-from aerobat_pin.estimation.use import Contact
+from aerobat_pin.estimation.inputs import Contact
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, MomentumObserver
 
@@ -47,7 +47,7 @@ class ComponentSize:
 
 @dataclass(frozen=True)
 class FoundEvent:
-    """A contact as `calibration.use.Contact`, with the largest force estimated during it [N]."""
+    """A contact as `estimation/inputs.py:Contact`, with the largest force estimated during it [N]."""
 
     point: str
     onset: float

@@ -15,6 +15,7 @@ from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.friction import FRICTION_COEFFICIENTS, SMOOTH_RATE, JointFriction, fit_friction
 from aerobat_pin.observers.identifiability import Identifiability
+from aerobat_pin.observers.joints import row_names
 from aerobat_pin.observers.kalman.kalman import KalmanObserver, KalmanSample, SmootherObserver
 from aerobat_pin.observers.momentum import ForceLevelObserver, MomentumObserver, SecondOrderObserver
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
@@ -78,6 +79,7 @@ __all__ = [
     "moving_weight",
     "predict",
     "redundancy_of",
+    "row_names",
     "slow_part",
     "tie_joints",
 ]

@@ -5,6 +5,7 @@ from .channels import factor_of as factor_of
 from .channels import requests as requests
 from .columns import Columns as Columns
 from .columns import in_step as in_step
+from .condition import Condition as Condition
 from .file_source import open_record as open_record
 from .map_file import describe_map as describe_map
 from .map_file import load_map as load_map
@@ -35,6 +36,7 @@ from .resample import slopes as slopes
 from .resample import turn_rates as turn_rates
 from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
+from .robots import Parameter as Parameter
 from .robots import RecordedRobot as RecordedRobot
 from .robots import recorded_robot as recorded_robot
 from .spool import EXTENT as EXTENT

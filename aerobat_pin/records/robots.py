@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,22 @@ from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
+
+
+class Parameter(NamedTuple):
+    """A parameter of a robot's belief that a calibration can identify.
+
+    Attributes:
+        unit: of its change, `1` for a factor.
+        expected: standard deviation that is expected of the change.
+        usual: whether it is sought unless others are asked for.
+        inertial: whether it changes nothing but the model's inertias, so that the known forces stay.
+    """
+
+    unit: str
+    expected: float
+    usual: bool = False
+    inertial: bool = False
 
 
 @dataclass(frozen=True)

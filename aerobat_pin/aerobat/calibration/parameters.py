@@ -19,12 +19,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.records import Parameter
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection
 
@@ -32,27 +33,19 @@ DISTAL = ("left_elbow", "right_elbow")  # joints that carry the outer wings
 SCALED_FORCE = "thrusters"  # the known force that `thruster_scale` changes
 
 
-class Parameter(NamedTuple):
-    """Unit of a parameter's change, `1` for a factor, and the standard deviation that is expected of it."""
-
-    unit: str
-    expected: float
-
-
 PARAMETERS = {
-    "mass": Parameter("1", 0.1),
-    "distal_mass": Parameter("1", 0.2),
-    "com_x": Parameter("m", 5e-3),
-    "com_y": Parameter("m", 5e-3),
-    "com_z": Parameter("m", 5e-3),
-    "wing_offset": Parameter("m", 1e-2),
-    "density": Parameter("1", 0.2),
-    "lift_slope": Parameter("1", 0.2),
-    "drag": Parameter("1", 0.5),
-    "added_mass": Parameter("1", 0.3),
+    "mass": Parameter("1", 0.1, usual=True, inertial=True),
+    "distal_mass": Parameter("1", 0.2, usual=True, inertial=True),
+    "com_x": Parameter("m", 5e-3, usual=True, inertial=True),
+    "com_y": Parameter("m", 5e-3, inertial=True),
+    "com_z": Parameter("m", 5e-3, usual=True, inertial=True),
+    "wing_offset": Parameter("m", 1e-2, usual=True),
+    "density": Parameter("1", 0.2, usual=True),
+    "lift_slope": Parameter("1", 0.2, usual=True),
+    "drag": Parameter("1", 0.5, usual=True),
+    "added_mass": Parameter("1", 0.3, usual=True),
     "thruster_scale": Parameter("1", 0.1),
 }
-OF_MASS = ("mass", "distal_mass", "com_x", "com_y", "com_z")  # these change nothing but the model's inertias
 
 
 def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float]) -> tuple[Aerobat, AirSection]:
