@@ -4,7 +4,10 @@ from .calibration_parts import lines_of as lines_of
 from .calibration_parts import parts_bytes as parts_bytes
 from .calibration_parts import read_parts as read_parts
 from .estimate_recording import RecordingEstimate as RecordingEstimate
+from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
+from .inputs import KnownInputs as KnownInputs
+from .inputs import inputs_of as inputs_of
 from .map_calibration import MapCalibration as MapCalibration
 from .map_calibration import calibrate_recording as calibrate_recording
 from .map_calibration_file import map_calibration_bytes as map_calibration_bytes
