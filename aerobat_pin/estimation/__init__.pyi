@@ -8,6 +8,7 @@ from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
 from .inputs import KnownInputs as KnownInputs
 from .inputs import inputs_of as inputs_of
+from .known_forces import KnownForces as KnownForces
 from .map_calibration import MapCalibration as MapCalibration
 from .map_calibration import calibrate_recording as calibrate_recording
 from .map_calibration_file import map_calibration_bytes as map_calibration_bytes
