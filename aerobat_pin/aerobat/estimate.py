@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
+import pinocchio as pin
+
 from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import ROWS_OF_TORQUE, known_inputs, noted_air
-from aerobat_pin.aerobat.motion import motion
-from aerobat_pin.errors import CalibrationError, ScenarioError
-from aerobat_pin.estimation import KnownInputs
+from aerobat_pin.aerobat.flight_record import flight_record, noted_air
+from aerobat_pin.aerobat.robot import AerobatRobot
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation import Calibration, CalibrationWatch, KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
+from aerobat_pin.records import Record
 from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
 
@@ -126,31 +129,47 @@ def estimate_log(
     """
     section, air = belief.observers, belief.believed_air
     check_names(section.names)
+    believed = AerobatRobot.of(robot, air, section.torque)
     if log.is_raw:
+        from aerobat_pin.aerobat.raw.calibrate_mount import mount_of, raw_belief
         from aerobat_pin.aerobat.raw.results import estimate_raw  # compiles kernels that other logs do not need
 
+        mount = None
         if calibration is not None:
-            calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
-            if calibration.accelerometer is None:
-                raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
-        return estimate_raw(log, robot, belief, progress, None if calibration is None else calibration.accelerometer)
-    if calibration is not None:
-        calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
-        robot, air = calibration.believed(robot, air)
-    rows = ROWS_OF_TORQUE[section.torque]
+            calibration.belief.refuse_other(raw_belief(believed, section.frames))
+            mount = mount_of(calibration)
+        return estimate_raw(log, robot, belief, progress, mount)
+    inputs, model = flight_inputs(flight_record(log, believed, section.frames, section.gain), calibration)
     observers = [
-        OBSERVERS[name](robot.model, section.frames, section.gain, rows, **section.settings(name))
+        OBSERVERS[name](model, section.frames, section.gain, inputs.rows, **section.settings(name))
         for name in section.names
     ]
-    inputs = known_inputs(log, robot, section.torque, air)
-    if calibration is not None:
-        inputs = calibration.applied(inputs, robot, motion(log, robot, air))
     estimates = {}
     for i, observer in enumerate(observers):
         if progress is not None:
             progress(i / len(observers))
         estimates[observer.name] = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     return inputs, estimates
+
+
+def flight_inputs(record: Record, calibration: Calibration | None) -> tuple[KnownInputs, pin.Model]:
+    """Return the inputs of an observer of a whole flight, with a calibration or without, and the model to build it on.
+
+    Raises:
+        CalibrationError: the calibration belongs to another belief, or the record lacks the crank's angle.
+    """
+    forces = KnownForces(record)
+    if calibration is not None:
+        record = calibration.applied(record)
+        forces = calibration.forces(record)
+    rows = record.robot.rows()
+    assert rows is not None
+    inputs = inputs_of(record, *record.parts[0], forces, rows)
+    if calibration is not None:
+        watch = CalibrationWatch(calibration)
+        watch.take(record, inputs, slice(0, len(inputs.tau)), ends=True)
+        inputs = replace(inputs, calibration=watch.use())
+    return inputs, record.robot.model
 
 
 @guarded()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.checks.balance import effort_findings
 from aerobat_pin.estimation.checks.kinematics import motion_findings
 from aerobat_pin.estimation.checks.result import result_findings
@@ -17,13 +18,13 @@ from aerobat_pin.estimation.checks.stamps import stamp_findings
 from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.map_calibration import MapCalibration
 from aerobat_pin.estimation.run_observers import observers_of, run_observers
 from aerobat_pin.estimation.sensor_scores import Compared, compared
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import warnings_about
+from aerobat_pin.estimation.trust import FoundEvent, found_events, warnings_about
+from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import guarded
-from aerobat_pin.observers import Estimate
+from aerobat_pin.observers import Estimate, Observer
 from aerobat_pin.records import Map, Record, open_record
 
 ShareDone = Callable[[float], None]
@@ -34,24 +35,22 @@ class RecordingEstimate:
     """What was found in a recording.
 
     Attributes:
-        log: path of the log.
-        folder: where relative paths of the map begin.
         record: the recording at common times.
         forces: its known forces, with what was fitted.
         stored: observer -> estimate, which is read block by block.
         findings: what the checks found.
         notes: what was left out or assumed.
         compared: observer -> estimate beside the sensor; empty without a sensor.
+        use: how a calibration was used; None without one.
     """
 
-    log: Path
-    folder: Path
     record: Record
     forces: KnownForces
     stored: dict[str, StoredEstimate]
     findings: tuple[LogFinding, ...]
     notes: tuple[str, ...]
     compared: dict[str, Compared]
+    use: CalibrationUse | None = None
 
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
@@ -62,6 +61,8 @@ class RecordingEstimate:
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimate."""
         lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
+        if self.use is not None and self.use.verdict == "faded":
+            lines.append(self.use.words)
         for name, estimate in self.stored.items():
             if estimate.redundancy.verdict == "inconsistent":
                 lines.append(f"{name}: {estimate.redundancy.describe()}")
@@ -73,7 +74,7 @@ class RecordingEstimate:
         """Return the content of `metrics.json`."""
         record = self.record
         return {
-            "log": self.log.name,
+            "log": self.record.title,
             "robot": record.robot.title,
             "mass": record.robot.mass,
             "rate": record.rate,
@@ -87,8 +88,19 @@ class RecordingEstimate:
                 {**asdict(fit), "outside": _or_none(fit.outside), "before": _or_none(fit.before)}
                 for fit in self.forces.fits
             ],
+            "calibration": None if self.use is None else self.use.verdict,
             "observers": {name: self._observer(name, estimate) for name, estimate in self.stored.items()},
         }
+
+    def events(self, name: str) -> list[FoundEvent] | None:
+        """Return the contacts with the force that an observer finds there; None where they were not sought."""
+        if self.use is None or self.use.contacts is None:
+            return None
+        stored, found = self.stored[name], list[FoundEvent]()
+        for contact in self.use.contacts:
+            end = len(stored) if contact.end is None else stored.index(contact.end)
+            found += found_events(stored.between(max(stored.index(contact.onset) - 1, 0), end), [contact])
+        return found
 
     def _observer(self, name: str, estimate: StoredEstimate) -> dict[str, Any]:
         head, found, innovation = estimate.head, estimate.head.identifiability, estimate.innovation
@@ -102,6 +114,7 @@ class RecordingEstimate:
             "mean": dict(zip(found.components, estimate.mean.tolist(), strict=True)),
             "redundancy": estimate.redundancy.to_json(),
             "innovation": None if innovation is None else asdict(innovation),
+            "events": None if (events := self.events(name)) is None else [asdict(event) for event in events],
         }
         if name in self.compared:
             side = self.compared[name]
@@ -110,48 +123,61 @@ class RecordingEstimate:
 
 
 @guarded()
-def estimate_recording(
-    log: Path,
-    chosen: Map,
-    folder: Path,
-    progress: ShareDone | None = None,
+def estimate(
+    record: Record,
+    observers: Sequence[str | Observer] = (),
+    calibration: Calibration | None = None,
+    *,
     trust: bool = False,
-    calibration: MapCalibration | None = None,
+    progress: ShareDone | None = None,
 ) -> RecordingEstimate:
-    """Estimate the unknown forces of a recording.
+    """Estimate the unknown forces of a record.
 
     Args:
-        log: a table, a NetCDF file, an MCAP file, or the folder of a bag.
-        chosen: the map.
-        folder: where relative paths of the map begin.
-        progress: called with the share of the record that is estimated.
+        record: the record, of whatever source.
+        observers: names of observers, or observers; those that its map names when empty.
+        calibration: what other records showed; its values are used in place of the map's fits.
         trust: estimate also what the checks would refuse; the findings stay.
-        calibration: what another recording showed; its values are used in place of the map's fits.
+        progress: called with the share that is done.
 
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
         ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
     """
-    record, columns = open_record(log, chosen, folder)
+    name = record.title if record.log is None else str(record.log.path)
     if calibration is not None:
         record = calibration.applied(record)
-    observers, notes = observers_of(record)
-    findings = [*stamp_findings(record, columns), *motion_findings(record)]
-    del columns
+    given = [one for one in observers if isinstance(one, Observer)]
+    made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
+    findings = [*stamp_findings(record), *motion_findings(record)]
     if not trust:
-        refuse_if_certain(str(log), findings)
+        refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
     findings += effort_findings(record, forces)
-    estimates = run_observers(record, forces, observers, progress)
+    watch = None if calibration is None else CalibrationWatch(calibration)
+    estimates = run_observers(record, forces, given or made, progress, watch)
     sides = {name: compared(record, estimate) for name, estimate in estimates.items()}
     there = {name: side for name, side in sides.items() if side is not None}
     findings += result_findings(record, forces, estimates, there)
     if calibration is not None:
         findings.append(calibration.finding())
     if not trust:
-        refuse_if_certain(str(log), findings)
-    return RecordingEstimate(log, folder, record, forces, estimates, tuple(findings), (*record.notes, *notes), there)
+        refuse_if_certain(name, findings)
+    use = None if watch is None else watch.use()
+    return RecordingEstimate(record, forces, estimates, tuple(findings), (*record.notes, *notes), there, use)
+
+
+def estimate_recording(
+    log: Path,
+    chosen: Map,
+    folder: Path,
+    progress: ShareDone | None = None,
+    trust: bool = False,
+    calibration: Calibration | None = None,
+) -> RecordingEstimate:
+    """Open a recording by its map, and estimate."""
+    return estimate(open_record(log, chosen, folder), (), calibration, trust=trust, progress=progress)
 
 
 def _or_none(value: float) -> float | None:

@@ -1,45 +1,16 @@
-"""The inputs of an observer for a stretch of a record: motion, known forces, and how a calibration was used for them."""
+"""What an observer is given of a stretch of a record: configuration, velocity, joint torques and known forces."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.known_forces import CALIBRATION, KnownForces
+from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Something that pushed.
-
-    Attributes:
-        frame: where it did.
-        onset: when the force left what is normal [s].
-        alarm: when it was first sure, by samples until then [s].
-        end: when it went [s]; None if it lasts.
-    """
-
-    frame: str
-    onset: float
-    alarm: float
-    end: float | None
-
-
-@dataclass(frozen=True)
-class CalibrationUse:
-    """How a calibration was used.
-
-    Attributes:
-        verdict: `inside` if it counted fully, `faded` if it faded out beyond the learnt range.
-        words: the same in words.
-        contacts: those that were found; None where they were not sought, as beyond the learnt range.
-    """
-
-    verdict: Literal["inside", "faded"]
-    words: str
-    contacts: tuple[Contact, ...] | None = None
+from aerobat_pin.records import Condition, Record
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,13 +21,14 @@ class KnownInputs:
         time: (m + 1,) times of the samples [s].
         q: (m + 1, nq) configurations.
         v: (m + 1, nv) velocities.
-        tau: (m, nv) motor torque at the joints, interval means.
+        tau: (m, nv) known joint torques, interval means.
         known: name -> (m, nv) other known generalised forces, interval means.
         rows: rows of the equations of motion that the observer can use.
-        source: input -> its source. This is `measured` or `reconstructed` for `q`, `v`, `wind` and the known forces
-            (the wind can also be `believed`, that is, assumed), and the chosen kind of torque for `motor_torque`.
+        source: input -> where it comes from: `measured`, `reconstructed` or `believed`, and the kind of torque that is
+            known for `motor_torque`.
         calibration: how a calibration was used, if there is one.
         crank: (m + 1,) crank angle [rad], if it was estimated together with the motion; else None.
+        condition: phase and state of the intervals, where a calibration needs them; else None.
     """
 
     time: Array
@@ -68,8 +40,29 @@ class KnownInputs:
     source: Mapping[str, str]
     calibration: CalibrationUse | None = None
     crank: Array | None = None
+    condition: Condition | None = None
 
     def __repr__(self) -> str:
         sources = ", ".join(f"{name} {source}" for name, source in self.source.items())
         span = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"
         return f"KnownInputs of {len(self.tau)} intervals, {span}; rows {self.rows}\n  {sources}"
+
+
+def inputs_of(record: Record, first: int, last: int, forces: KnownForces, rows: Rows) -> KnownInputs:
+    """Return the inputs of an observer from index `first` to `last` inclusive of a record.
+
+    Raises:
+        LogError, LinkageError: the robot cannot complete this stretch, or its known forces cannot be computed there.
+        CalibrationError: a calibration needs a phase that this stretch does not show.
+    """
+    block = record.block(first, last)
+    known = forces.known(block)
+    tau = forces.torque(replace(block, tau=record.robot.torque(block, known)))
+    condition = None
+    if forces.series is not None:
+        condition = record.robot.condition(block)
+        if condition is None:
+            raise CalibrationError(f"{record.title}: the calibration follows a phase, and this robot has none")
+        known[CALIBRATION] = forces.series.faded(condition)
+    source = {**block.source, **{name: block.source.get(name, "reconstructed") for name in known}, **forces.sources}
+    return KnownInputs(block.time, block.q, block.v, tau, known, rows, source, condition=condition)

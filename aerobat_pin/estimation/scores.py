@@ -18,7 +18,7 @@ from aerobat_pin.estimation.trust import (
     innovation_score,
     warnings_about,
 )
-from aerobat_pin.estimation.inputs import CalibrationUse
+from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate, Redundancy
 

@@ -37,9 +37,7 @@ class Condition:
 
     def part(self, chosen: slice) -> Condition:
         """Return phase and state in some of the intervals."""
-        return Condition(
-            self.cycle, self.phase[chosen], self.values[chosen], self.states, self.groups, self.margin
-        )
+        return Condition(self.cycle, self.phase[chosen], self.values[chosen], self.states, self.groups, self.margin)
 
     def reduced(self, force: Array) -> Array:
         """Return what is a smooth function of the phase in a generalised force (m, nv) of the whole stretch."""

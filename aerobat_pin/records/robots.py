@@ -1,19 +1,27 @@
-"""The robot of a recording as a Pinocchio model: from a URDF or MJCF file, or one rigid body by numbers."""
+"""The robot of a record, from a URDF or MJCF file or one rigid body by numbers, and what it may know beyond its masses.
+
+`PlainRobot` knows its masses alone. A robot that knows more, such as its air or how a crank moves its joints, is a
+subclass that overrides what it knows: Aerobat is one, and so is any robot of a user's own.
+"""
 
 from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
+from aerobat_pin.observers import Rows
+from aerobat_pin.records.block import Block
+from aerobat_pin.records.condition import Condition
 from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
@@ -27,7 +35,7 @@ class Parameter(NamedTuple):
         unit: of its change, `1` for a factor.
         expected: standard deviation that is expected of the change.
         usual: whether it is sought unless others are asked for.
-        inertial: whether it changes nothing but the model's inertias, so that the known forces stay.
+        inertial: whether it changes nothing but the model's inertias, so that torques and known forces stay.
     """
 
     unit: str
@@ -37,8 +45,8 @@ class Parameter(NamedTuple):
 
 
 @dataclass(frozen=True)
-class RecordedRobot:
-    """The model of a recorded robot.
+class PlainRobot:
+    """A robot of which the model is known, and which a subclass can know more about.
 
     Attributes:
         model: the model; its gravity is that of the map.
@@ -51,6 +59,49 @@ class RecordedRobot:
     free: bool
     joints: tuple[str, ...]
     title: str
+    remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that a calibration can identify: name -> unit and what is expected."""
+        return {}
+
+    @property
+    def assumptions(self) -> Mapping[str, str]:
+        """What is believed beside the model, such as `air.density`, in words: a calibration belongs to all of it."""
+        return {}
+
+    def condition(self, block: Block) -> Condition | None:
+        """Return phase and state of a completed block, on which errors may depend; None for a robot without a phase.
+
+        Raises:
+            CalibrationError: the robot has a phase, but this block does not show it.
+        """
+        return None
+
+    def complete(self, block: Block) -> Block:
+        """Return a block with what was not measured but follows from what was, such as joints that a crank drives."""
+        return block
+
+    def known(self, block: Block) -> Mapping[str, Array]:
+        """Return the generalised forces (m, nv) that the robot itself knows, interval means: its air, its rotors' drag.
+
+        Args:
+            block: a stretch of the record, completed.
+        """
+        return {}
+
+    def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
+        """Return the joint torques (m, nv) that are known in a block, given the other known forces; else its `tau`."""
+        return block.tau
+
+    def rows(self) -> Rows | None:
+        """Return the rows to believe; None where that follows from the map and the channels that are there."""
+        return None
+
+    def changed(self, values: Mapping[str, float]) -> PlainRobot:
+        """Return the robot with parameters changed by values, as a calibration found them."""
+        return self
 
     @property
     def mass(self) -> float:
@@ -74,7 +125,7 @@ class RecordedRobot:
         """Return whether a joint slides, so that its row is in N."""
         return bool(self.model.joints[self.model.getJointId(joint)].shortname().startswith("JointModelP"))
 
-    def heavier(self, factor: float) -> RecordedRobot:
+    def heavier(self, factor: float) -> Self:
         """Return the robot with all masses and inertias times a factor."""
         model = self.model.copy()
         for k, inertia in enumerate(self.model.inertias.tolist()):
@@ -96,7 +147,7 @@ class RecordedRobot:
         return np.array(pin.neutral(self.model))
 
 
-def recorded_robot(table: RobotTable, folder: Path) -> RecordedRobot:
+def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
     """Build the model of a map's robot; relative paths begin at `folder`.
 
     Raises:
@@ -131,7 +182,7 @@ def recorded_robot(table: RobotTable, folder: Path) -> RecordedRobot:
     if not (table.points or table.wrenches):
         names = [frame.name for frame in model.frames.tolist()[1:]]
         raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
-    return RecordedRobot(model, free, joints, title)
+    return PlainRobot(model, free, joints, title)
 
 
 def _one_body(table: RobotTable) -> pin.Model:

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from support.generalized import generalized_force
 
-from aerobat_pin.aerobat import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
 from aerobat_pin.estimation import KnownInputs

@@ -62,7 +62,10 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         series = calibration.series
         parts["coefficients"] = (("factor", "harmonic", "v_axis"), series.coefficients)
         parts["scaling"] = (("factor", "moment"), np.column_stack([[0.0, *series.centre], [1.0, *series.spread]]))
-        parts["range"] = (("state", "bound"), np.column_stack([series.learnt.low, series.learnt.high, series.learnt.margin]))
+        parts["range"] = (
+            ("state", "bound"),
+            np.column_stack([series.learnt.low, series.learnt.high, series.learnt.margin]),
+        )
         parts["state_unit"] = ("state", list(series.learnt.states.values()))
         coords |= {"factor": ["one", *series.varied], "moment": ["centre", "spread"]}
         coords |= {"state": list(series.learnt.states), "bound": ["low", "high", "margin"]}
@@ -83,7 +86,6 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         "kind": KIND,
         "robot": belief.robot,
         "fingerprint": belief.fingerprint,
-        "torque": belief.torque,
         "settings": json.dumps(dict(belief.settings)),
         "fits": json.dumps([asdict(fit) for fit in fitted.fits]),
         "kept": int(found is not None and found.kept),
@@ -136,7 +138,7 @@ class _Parts:
         rows, bar = self._texts("row"), self._texts("force")
         bars = self._numbers("error_bar", len(bar), 2, finite=False).tolist() if bar else []
         return Calibration(
-            belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), str(noted["torque"]), settings),
+            belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), settings),
             records=self._texts("record"),
             identified=self._identified() if "change" in self._data else None,
             fitted=self._fitted(),
@@ -167,7 +169,8 @@ class _Parts:
 
     def _fitted(self) -> FittedValues:
         joints, known = self._texts("joint"), self._texts("known")
-        friction, scale = None, np.ones(0)
+        friction: JointFriction | None = None
+        scale: Array = np.ones(0)
         if "friction" in self._data:
             shape = len(joints), len(FRICTION_COEFFICIENTS)
             coulomb, viscous, inertia, offset = self._numbers("friction", *shape).T
@@ -202,7 +205,9 @@ class _Parts:
 
     def _texts(self, key: str) -> tuple[str, ...]:
         """Return texts; none if there is no such part."""
-        return tuple(str(text) for text in np.atleast_1d(self._data[key].values) if str(text)) if key in self._data else ()
+        return (
+            tuple(str(text) for text in np.atleast_1d(self._data[key].values) if str(text)) if key in self._data else ()
+        )
 
     def _numbers(self, key: str, *shape: int, finite: bool = True) -> Array:
         """Return numbers of a shape, all finite and within bounds unless they need not be."""
@@ -224,5 +229,5 @@ class _Parts:
 def _fit_of(entry: dict[str, Any]) -> Fit:
     """Return a fit of its entry in a file."""
     values = {str(key): float(value) for key, value in entry["values"].items()}
-    sizes = (float(entry[key]) for key in ("before", "inside", "outside"))
-    return Fit(str(entry["name"]), values, str(entry["unit"]), *sizes, str(entry["log"]))
+    before, inside, outside = (float(entry[key]) for key in ("before", "inside", "outside"))
+    return Fit(str(entry["name"]), values, str(entry["unit"]), before, inside, outside, str(entry["log"]))

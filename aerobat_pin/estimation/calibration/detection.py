@@ -17,7 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.inputs import Contact, KnownInputs
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.use import Contact
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import KalmanObserver, LevelDetector, moving_weight
 
@@ -47,7 +48,7 @@ class Detection:
     threshold: Array
     deviation: Array
 
-    def excess(self, model: pin.Model, inputs: KnownInputs, near: Array | None = None) -> Array:
+    def excess(self, model: pin.Model, inputs: KnownInputs, near: NDArray[np.bool_] | None = None) -> Array:
         """Return the excess (m, n) of each point over its threshold; 0 where none is sought, 1 where one is found.
 
         Args:

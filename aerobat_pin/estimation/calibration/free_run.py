@@ -1,14 +1,16 @@
-"""A run without unknown forces: what is believed of it so far, what that leaves unexplained, and whether it was free."""
+"""A run without unknown forces: what is believed of it, what that leaves unexplained, and whether it was free."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
-from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.fit_joint_friction import MOST_FITTED
+from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import rows_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     MOMENT_ARM,
@@ -16,13 +18,12 @@ from aerobat_pin.observers import (
     ForceLevelObserver,
     MomentumObserver,
     Redundancy,
-    Rows,
     moving_weight,
     redundancy_of,
     row_names,
     slow_part,
 )
-from aerobat_pin.records import FREE_NV, Condition
+from aerobat_pin.records import FREE_NV, Condition, Record
 
 AT_ONCE = 1.0e9  # [1/s]: with so large a gain the filter of an observer passes every interval unchanged
 HELD_OUT = 0.25  # share of each run, at its end, that checks the result
@@ -33,40 +34,42 @@ STEADY = 3.0  # times the error of the belief: forces that are larger are hardly
 
 @dataclass(frozen=True)
 class FreeRun:
-    """A run without unknown forces.
+    """A stretch of a record in which no unknown force acts.
 
     Attributes:
-        name: of the record.
-        frames: points at which contacts would be sought.
-        model: the robot, as believed so far.
+        record: the record, whose robot is as believed so far.
+        forces: its known forces.
+        stretch: first and last index of the record's common times.
         inputs: those of an observer, with all that is known so far.
-        residual: (m, nv) mean generalised force that this leaves unexplained in each interval [N, N m].
+        residual: (m, nv) mean generalised force that this leaves unexplained in each interval [N, N m], not filtered.
         condition: phase and state; None where the robot has no phase.
         weight: of the robot as it was believed at first [N].
-        again: values of parameters -> model and inputs with them.
     """
 
-    name: str
-    frames: tuple[str, ...]
-    model: pin.Model
+    record: Record
+    forces: KnownForces
+    stretch: tuple[int, int]
     inputs: KnownInputs
     residual: Array
     condition: Condition | None
     weight: float
-    again: Callable[[Mapping[str, float]], tuple[pin.Model, KnownInputs]]
 
     @classmethod
-    def of(
-        cls,
-        name: str,
-        frames: Sequence[str],
-        condition: Condition | None,
-        again: Callable[[Mapping[str, float]], tuple[pin.Model, KnownInputs]],
-    ) -> FreeRun:
-        """Return a run as it is believed at first, without any change of a parameter."""
-        model, inputs = again({})
-        residual = interval_residual(model, inputs)
-        return cls(name, tuple(frames), model, inputs, residual, condition, moving_weight(model), again)
+    def of(cls, record: Record, forces: KnownForces, stretch: tuple[int, int]) -> FreeRun:
+        """Return a run as it is believed with some known forces."""
+        inputs = _inputs(record, forces, stretch)
+        condition, model = record.robot.condition(record.block(*stretch)), record.robot.model
+        return cls(record, forces, stretch, inputs, _residual(record, inputs), condition, moving_weight(model))
+
+    @property
+    def name(self) -> str:
+        """Name of the record."""
+        return self.record.title
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Points at which contacts would be sought."""
+        return (*self.record.map.robot.points, *self.record.map.robot.wrenches)
 
     @property
     def fitted(self) -> slice:
@@ -74,9 +77,13 @@ class FreeRun:
         return slice(0, round((1.0 - HELD_OUT) * len(self.residual)))
 
     def with_values(self, values: Mapping[str, float]) -> FreeRun:
-        """Return the run with parameters changed."""
-        model, inputs = self.again(values)
-        return replace(self, model=model, inputs=inputs, residual=interval_residual(model, inputs))
+        """Return the run with parameters of its robot changed."""
+        robot = self.record.robot
+        record, known = replace(self.record, robot=robot.changed(values)), robot.parameters
+        inputs, forces = self.inputs, replace(self.forces, record=record)
+        if any(value != 0.0 and not known[name].inertial for name, value in values.items()):
+            inputs = _inputs(record, forces, self.stretch)
+        return replace(self, record=record, forces=forces, inputs=inputs, residual=_residual(record, inputs))
 
     def explained(self, name: str, force: Array) -> FreeRun:
         """Return what is left once a generalised force (m, nv) is known."""
@@ -84,10 +91,11 @@ class FreeRun:
         return replace(self, inputs=inputs, residual=self.residual - force)
 
     def rows(self) -> Array:
-        """Return the rows (m, k) of the residual that the known torques make known [N]; moments over 50 mm."""
-        arms = np.array([1.0 if unit == "N" else MOMENT_ARM for unit in row_names(self.model).values()])
-        kept = believed_indices(self.model, self.inputs.rows)
-        return np.asarray(self.residual[:, kept] / arms[kept])
+        """Return the rows (m, k) of the residual in which all torques are known [N]; moments over 50 mm."""
+        model, rows = self.record.robot.model, self.inputs.rows
+        kept = rows.kept(model) if isinstance(rows, AllBut) else range(model.nv if rows == "all" else FREE_NV)
+        arms = np.array([1.0 if unit == "N" else MOMENT_ARM for unit in row_names(model).values()])
+        return np.asarray(self.residual[:, list(kept)] / arms[list(kept)])
 
     def judged(self, part: slice = slice(None)) -> Redundancy:
         """Judge what is left in a part: in a free run no force explains anything, so all rows count."""
@@ -100,17 +108,19 @@ class FreeRun:
         return self.judged(part).belief
 
 
-def interval_residual(model: pin.Model, inputs: KnownInputs) -> Array:
-    """Return phi (m, nv): mean unknown generalised force of each interval, not filtered, in N and N m."""
-    observer = MomentumObserver(model, (), AT_ONCE)
+def free_runs(record: Record, forces: KnownForces) -> list[FreeRun]:
+    """Return the runs of a record: its parts, or of a long one stretches at even distances."""
+    stretches = record.parts if record.robot.remembers else record.spread(MOST_FITTED)
+    return [FreeRun.of(record, forces, stretch) for stretch in stretches]
+
+
+def _inputs(record: Record, forces: KnownForces, stretch: tuple[int, int]) -> KnownInputs:
+    return inputs_of(record, *stretch, forces, rows_of(record.map, record.robot, record.joints, record.channels)[0])
+
+
+def _residual(record: Record, inputs: KnownInputs) -> Array:
+    observer = MomentumObserver(record.robot.model, (), AT_ONCE)
     return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
-
-
-def believed_indices(model: pin.Model, rows: Rows) -> list[int]:
-    """Return the indices of the rows of velocity of which all forces are known, were there no unknown one."""
-    if isinstance(rows, AllBut):
-        return rows.kept(model)
-    return list(range(model.nv if rows == "all" else FREE_NV))
 
 
 def pushes(run: FreeRun) -> Iterator[str]:
@@ -136,7 +146,7 @@ def steady_forces(run: FreeRun) -> Iterator[str]:
     the forces found are large, they are real, or an error that looks like forces at these very points.
     """
     inputs = run.inputs
-    observer = ForceLevelObserver(run.model, run.frames, AT_ONCE, inputs.rows)
+    observer = ForceLevelObserver(run.record.robot.model, run.frames, AT_ONCE, inputs.rows)
     found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     check, count = found.redundancy, found.components.shape[1]
     if check.verdict != "consistent":

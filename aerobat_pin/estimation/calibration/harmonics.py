@@ -2,13 +2,13 @@
 
     e(phase, z) = sum_j z_j (a_j0 + sum_k a_jk cos(k phase) + b_jk sin(k phase)),    z_0 = 1
 
-Each row of the generalised force has its own coefficients. With states of the motion in z (about their means and in units
-of their spread) the coefficients are linear in these states, which needs free runs that differ in them.
+Each row of the generalised force has its own coefficients. With states of the motion in z (about their means and in
+units of their spread) the coefficients are linear in these states, which needs free runs that differ in them.
 
 The runs span a range of states. Within it and a margin around it the series counts fully; further out its weight falls
 linearly, and is zero at three margins. Measured on `paper` with quasi-steady air believed, margins of a tenth of speed
-and frequency: at one margin of speed or frequency, the series leaves 9 mN of 112 mN and 14 mN of 120 mN; at three margins
-23 mN of 125 mN and 26 mN of 83 mN.
+and frequency: at one margin of speed or frequency, the series leaves 9 mN of 112 mN and 14 mN of 120 mN; at three
+margins 23 mN of 125 mN and 26 mN of 83 mN.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
@@ -60,7 +61,7 @@ class LearntRange:
         worst = np.max(self.excess(condition), axis=1)
         return np.asarray(np.clip((ENDS_AT - worst) / (ENDS_AT - 1.0), 0.0, 1.0))
 
-    def near(self, condition: Condition) -> Array:
+    def near(self, condition: Condition) -> NDArray[np.bool_]:
         """Return in which intervals (m,) small forces can be told from errors of the belief, so near to the range."""
         return np.asarray(np.max(self.excess(condition), axis=1) <= NEAR_BY)
 
@@ -99,9 +100,17 @@ class Harmonics:
         terms = _terms(condition, self.order, self.varied, self.centre, self.spread)
         return condition.spread(terms @ self.coefficients.reshape(-1, self.coefficients.shape[2]))
 
+    def faded(self, condition: Condition) -> Array:
+        """Return the generalised force (m, nv) of the error, less where the motion leaves what was learnt."""
+        return self.learnt.weight(condition)[:, None] * self.force(condition)
+
 
 def fit_harmonics(
-    conditions: Sequence[Condition], residuals: Sequence[Array], parts: Sequence[slice], order: int, varied: Sequence[str]
+    conditions: Sequence[Condition],
+    residuals: Sequence[Array],
+    parts: Sequence[slice],
+    order: int,
+    varied: Sequence[str],
 ) -> Harmonics:
     """Fit a Fourier series to what is left unexplained of free runs, by least squares.
 

@@ -78,9 +78,9 @@ def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float])
     return changed, air.model_copy(update={"density": density, "added_mass": added})
 
 
-def scaled_thrusters(known: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, Array]:
-    """Return known forces with those of thrusters changed as `thruster_scale` says."""
-    factor = 1.0 + values.get("thruster_scale", 0.0)
+def scaled_thrusters(known: Mapping[str, Array], change: float) -> dict[str, Array]:
+    """Return known forces with those of thrusters changed by `thruster_scale`."""
+    factor = 1.0 + change
     return {name: factor * force if name == SCALED_FORCE else force for name, force in known.items()}
 
 

@@ -1,0 +1,38 @@
+"""How a calibration was used in a flight, and the contacts that were found with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Something that pushed.
+
+    Attributes:
+        frame: where it did.
+        onset: when the force left what is normal [s].
+        alarm: when it was first sure, by samples until then [s].
+        end: when it went [s]; None if it lasts.
+    """
+
+    frame: str
+    onset: float
+    alarm: float
+    end: float | None
+
+
+@dataclass(frozen=True)
+class CalibrationUse:
+    """How a calibration was used.
+
+    Attributes:
+        verdict: `inside` if it counted fully, `faded` if it faded out beyond the learnt range.
+        words: the same in words.
+        contacts: those that were found; None where they were not sought, as beyond the learnt range.
+    """
+
+    verdict: Literal["inside", "faded"]
+    words: str
+    contacts: tuple[Contact, ...] | None = None
