@@ -6,13 +6,16 @@
 | `v`, or `twist` and `joint_rate` | `base.velocity`, `base.rate` (body axes), `joints.velocity` |
 | `motor_torque` or `joint_torque` | `joints.effort`, interval means |
 | `crank_angle`, `crank_rate`, `airspeed`, `wind_W`, `crank_torque`, `known_*` | `extra.*`, which `AerobatRobot` reads |
+| raw samples, each with times of its own | as `RAW_KEYS` says |
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog
@@ -24,8 +27,20 @@ from aerobat_pin.records import LogChannel, Map, Record, Spool, parse_map, serie
 from aerobat_pin.robot import BASE_SIZE, FORCE_POINTS, JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 EXTRA_CHANNELS = ("crank_angle", "crank_rate", "airspeed", "wind_W", "crank_torque")
 PLACE_SIZE = 7  # of the base in q
+RAW_KEYS = {  # channel of raw samples -> key
+    "mocap_position": "base.position",
+    "mocap_quaternion": "base.quaternion",
+    "gyro": "base.rate",
+    "accelerometer": "check.specific_force",
+    "encoder": "extra.encoder",
+    "joint_torque_sample": "joints.effort",
+    "crank_torque_sample": "extra.crank_torque",
+}
 
 
 def flight_record(
@@ -34,7 +49,7 @@ def flight_record(
     """Return the measured channels of a flight log as a record; its true values are not used.
 
     Args:
-        log: the flight log, of q and v or of what they follow from.
+        log: the flight log.
         robot: the assumed robot.
         frames: frames at whose origins unknown forces act.
         gain: of the observers that will be run [1/s], after which their estimates settle.
@@ -44,7 +59,7 @@ def flight_record(
     channels = {
         key: LogChannel(key, (name,), knots, series_of(spool, values), means)
         for key, name, values, means in _channels(log, robot.aerobat)
-    }
+    } | {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
     count = len(log.time)
     span = float(log.time[-1] - log.time[0])
     rate = (count - 1) / span if span > 0.0 else 1.0
@@ -68,7 +83,8 @@ def flight_map(frames: Sequence[str], gain: float) -> Map:
 
 def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array, bool]]:
     """Yield key, name in the log, values (n, k), and whether they are interval means."""
-    measured = {str(name): np.asarray(log.measured[name].values, float) for name in log.measured.data_vars}
+    names = [str(name) for name in log.measured.data_vars if str(name) not in RAW_KEYS]
+    measured = {name: np.asarray(log.measured[name].values, float) for name in names}
     for name in ("q", "pose"):
         if name in measured:
             yield "base.position", name, measured[name][:, :3], False
@@ -94,6 +110,17 @@ def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array,
             key = RECORDED + name.removeprefix(KNOWN) if name.startswith(KNOWN) else name
             means = log.measured[name].dims[0] == "interval"
             yield f"extra.{key}", name, values.reshape(len(values), -1), means
+
+
+def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:
+    """Return raw samples with their own stamps, and what the log notes about their sensor."""
+    values, noted = np.asarray(data.values, float), data.attrs
+    time = series_of(spool, np.asarray(data[data.dims[0]].values, float))
+    place, angles = (np.array(noted.get(name, np.zeros(3)), float) for name in ("place", "turn_deg"))
+    turn = np.asarray(pin.rpy.rpyToMatrix(*np.radians(angles)))
+    deviation = float(noted["noise"]) if "noise" in noted else None
+    samples = series_of(spool, values.reshape(len(values), -1))
+    return LogChannel(key, (str(data.name),), time, samples, False, deviation, place, turn)
 
 
 @guarded()

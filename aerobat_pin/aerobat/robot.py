@@ -52,11 +52,11 @@ class AerobatRobot(PlainRobot):
     parameters: ClassVar[Mapping[str, Parameter]] = PARAMETERS
 
     @classmethod
-    def of(cls, robot: Aerobat, air: AirSection, kind: Torque = "measured") -> AerobatRobot:
-        """Return a believed robot in believed air as a robot of records. Raises LogError for an unknown kind."""
+    def of(cls, robot: Aerobat, air: AirSection | None = None, kind: Torque = "measured") -> AerobatRobot:
+        """Return a believed robot in believed air, else the default air. Raises LogError for an unknown torque."""
         if kind not in ROWS_OF_TORQUE:
             raise LogError(f"torque = {kind!r}: one of {', '.join(ROWS_OF_TORQUE)} was expected")
-        return cls(robot.model, True, JOINTS, robot.model.name, robot, air, kind)
+        return cls(robot.model, True, JOINTS, robot.model.name, robot, air or AirSection(), kind)
 
     def fingerprint(self) -> str:
         """Return a number made of all values of the robot's morphology."""

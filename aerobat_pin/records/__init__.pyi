@@ -22,6 +22,7 @@ from .messages import stamp as stamp
 from .netcdf import StoredVariable as StoredVariable
 from .netcdf import netcdf_variables as netcdf_variables
 from .netcdf import read_netcdf as read_netcdf
+from .record import EXTRA as EXTRA
 from .record import Record as Record
 from .record import as_attitude as as_attitude
 from .record import body_turn as body_turn

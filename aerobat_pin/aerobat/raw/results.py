@@ -10,12 +10,13 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_record import flight_record
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
 from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
-from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
+from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE, AerobatRobot
 from aerobat_pin.aerobat.truth import SUM
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import CalibrationUse, KnownInputs
@@ -55,7 +56,8 @@ def estimate_raw(
     """
     section, settings = belief.observers, belief.observers.raw or RawSection()
     check_raw_names(section.names)
-    record = raw_record(log, robot, section.torque, settings)
+    believed = AerobatRobot.of(robot, belief.believed_air, section.torque)
+    record = raw_record(flight_record(log, believed, section.frames, section.gain), settings)
     if mount is not None:
         record = mounted(record, mount)
     smoother = JointSmoother(robot, belief.believed_air, section.frames, settings)
