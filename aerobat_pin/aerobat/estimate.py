@@ -14,7 +14,7 @@ from typing import Any
 from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
 from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import known_inputs, motion, noted_air
+from aerobat_pin.aerobat.flight_record import flight_motion, known_inputs, noted_air
 from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
 from aerobat_pin.errors import CalibrationError, ScenarioError
 from aerobat_pin.estimation import KnownInputs
@@ -144,7 +144,7 @@ def estimate_log(
     ]
     inputs = known_inputs(log, robot, section.torque, air)
     if calibration is not None:
-        inputs = calibration.applied(inputs, robot, motion(log, robot, air))
+        inputs = calibration.applied(inputs, robot, flight_motion(log, robot, air))
     estimates = {}
     for i, observer in enumerate(observers):
         if progress is not None:

@@ -146,7 +146,7 @@ def known_inputs(
 
 
 @guarded()
-def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
+def flight_motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
     """Return the motion of a flight, as `AerobatRobot` completes it; errors as of `motion.completed`."""
     record = flight_record(log, AerobatRobot.of(robot, air))
     return Motion.of(record.block(*record.parts[0]))

@@ -1,4 +1,5 @@
 from .block import Block as Block
+from .channels import EXTRA as EXTRA
 from .channels import LogChannel as LogChannel
 from .channels import Request as Request
 from .channels import base_requests as base_requests
@@ -22,7 +23,6 @@ from .messages import stamp as stamp
 from .netcdf import StoredVariable as StoredVariable
 from .netcdf import netcdf_variables as netcdf_variables
 from .netcdf import read_netcdf as read_netcdf
-from .record import EXTRA as EXTRA
 from .record import Record as Record
 from .record import as_attitude as as_attitude
 from .record import body_turn as body_turn

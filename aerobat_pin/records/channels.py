@@ -15,6 +15,7 @@ from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownS
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
 
+EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
 G = 9.80665  # [m/s2] of the unit g
 SI_FACTORS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
@@ -141,6 +142,11 @@ def further_requests(chosen: Map) -> Iterator[Request]:
         yield from _asked("check.wrench", chosen.check.wrench, "force", (3, 6), None)
     for name, known in chosen.known.items():
         yield from _known(f"known.{name}", known)
+    for name, section in chosen.extra.items():
+        names = section.columns or ((section.topic,) if section.topic is not None else ())
+        if not names or section.unit is not None:
+            raise LogError(f"map: extra.{name}: columns in the robot's own unit were expected, and no key unit")
+        yield Request(f"{EXTRA}{name}", names, 1.0, section.delay)
 
 
 def named_columns(chosen: Map) -> set[str]:

@@ -274,5 +274,8 @@ class Map(Section):
     joints: JointsTable = JointsTable()
     check: CheckTable = CheckTable()
     known: dict[str, KnownSection] = Field(default_factory=dict, description="name -> known force")
+    extra: dict[str, ChannelSection] = Field(
+        default_factory=dict, description="name -> columns that only a robot with forces of its own reads"
+    )
     use: UseTable = UseTable()
     observer: ObserverTable = ObserverTable()
