@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,12 +20,13 @@ import pinocchio as pin
 from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
-from aerobat_pin.aerobat.robot import RECORDED, AerobatRobot, Torque
+from aerobat_pin.aerobat.robot import AerobatRobot
+from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import LogChannel, Map, Record, Spool, parse_map, series_of
-from aerobat_pin.robot import BASE_SIZE, FORCE_POINTS, JOINTS, Aerobat
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat
+from aerobat_pin.scenario import AirSection, ObserverSection
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,16 +44,13 @@ RAW_KEYS = {  # channel of raw samples -> key
 }
 
 
-def flight_record(
-    log: FlightLog, robot: AerobatRobot, frames: Sequence[str] = FORCE_POINTS, gain: float = 1000.0
-) -> Record:
+def flight_record(log: FlightLog, robot: AerobatRobot, section: ObserverSection | None = None) -> Record:
     """Return the measured channels of a flight log as a record; its true values are not used.
 
     Args:
         log: the flight log.
         robot: the assumed robot.
-        frames: frames at whose origins unknown forces act.
-        gain: of the observers that will be run [1/s], after which their estimates settle.
+        section: the observers, and the frames at whose origins unknown forces act; the usual ones when omitted.
     """
     spool = Spool()
     knots = series_of(spool, log.time)
@@ -66,19 +64,25 @@ def flight_record(
     driven = JOINTS if "joints.effort" in channels else ()
     joints = JOINTS if "joints.position" in channels else ()
     parts = ((0, count - 1),)
-    return Record(flight_map(frames, gain), robot, channels, joints, driven, float(log.time[0]), rate, parts, (), knots)
-
-
-def flight_map(frames: Sequence[str], gain: float) -> Map:
-    """Return the map of a flight log: velocities in body axes, forces at frames."""
-    return parse_map(
-        {
-            "robot": {"points": list(frames)},
-            "base": {"velocity": {"axes": "body"}},
-            "observer": {"gain": gain},
-        },
-        "of a flight",
+    return Record(
+        flight_map(section or ObserverSection()),
+        robot,
+        channels,
+        joints,
+        driven,
+        float(log.time[0]),
+        rate,
+        parts,
+        (),
+        knots,
     )
+
+
+def flight_map(section: ObserverSection) -> Map:
+    """Return the map of a flight log: velocities in body axes, forces at the frames of the observers."""
+    observer = section.model_dump(include={"names", "gain", "kalman", "smoother", "super_twisting"}, exclude_none=True)
+    robot = {"points": section.frames}
+    return parse_map({"robot": robot, "base": {"velocity": {"axes": "body"}}, "observer": observer}, "of a flight")
 
 
 def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array, bool]]:
@@ -110,6 +114,12 @@ def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array,
             key = RECORDED + name.removeprefix(KNOWN) if name.startswith(KNOWN) else name
             means = log.measured[name].dims[0] == "interval"
             yield f"extra.{key}", name, values.reshape(len(values), -1), means
+
+
+def raw_channels(log: FlightLog, spool: Spool | None = None) -> dict[str, LogChannel]:
+    """Return key -> channel of a log's raw samples, in a spool or in one of their own; empty for other logs."""
+    where = spool or Spool()
+    return {key: _raw_channel(where, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
 
 
 def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:

@@ -16,6 +16,7 @@ from .map_calibration_file import read_map_calibration as read_map_calibration
 from .online import OnlineEstimator as OnlineEstimator
 from .online import OnlineSample as OnlineSample
 from .run_observers import blocks_of as blocks_of
+from .run_observers import observers_of as observers_of
 from .scores import FORCE_AXES as FORCE_AXES
 from .scores import AxisScore as AxisScore
 from .scores import ObserverScores as ObserverScores

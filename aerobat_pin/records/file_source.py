@@ -11,8 +11,8 @@ import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.channels import (
-    LogChannel,
     base_requests,
     channel_of,
     further_requests,

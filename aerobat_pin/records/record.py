@@ -10,7 +10,8 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.block import Block
-from aerobat_pin.records.channels import EXTRA, LogChannel
+from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.resample import (

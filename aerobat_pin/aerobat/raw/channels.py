@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.aerobat.robot import RECORDED, AerobatRobot, Torque
+from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import EXTRA, LogChannel, Record
+from aerobat_pin.records import EXTRA, LogChannel
+from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import RawSection
 
 NOISE = {  # deviations of good laboratory sensors, where neither log nor settings say others
@@ -67,39 +69,43 @@ class RawRecord:
     torque: Torque
 
 
-def raw_record(record: Record, settings: RawSection) -> RawRecord:
-    """Gather the raw samples of a record of `AerobatRobot`.
+def raw_record(
+    time: Array, measured: Mapping[str, LogChannel], robot: Aerobat, torque: Torque, settings: RawSection
+) -> RawRecord:
+    """Gather raw samples.
+
+    Args:
+        time: (m + 1,) knots [s].
+        measured: key of the record -> its channel.
+        robot: the believed robot.
+        torque: which joint torque is used.
+        settings: the table `observers.raw`.
 
     Raises:
         LogError: the record has no encoder, no gyro and accelerometer, or not the torque that is asked for.
     """
-    robot, stated = record.robot, settings.noise.model_dump()
-    assert isinstance(robot, AerobatRobot)
+    stated = settings.noise.model_dump()
     channels = {
-        name: _samples_of(name, record.channels[key], stated[name])
-        for name, key in CHANNEL.items()
-        if key in record.channels
+        name: _samples_of(name, measured[key], stated[name]) for name, key in CHANNEL.items() if key in measured
     }
     if "crank" not in channels:
         raise LogError("flight log: no channel named encoder: without the crank's angle the wings' motion is unknown")
-    if robot.kind == "modelled":
+    if torque == "modelled":
         raise LogError("observers.torque = modelled: raw samples take measured, motor_only or none")
-    if robot.kind == "measured":
-        if "joints.effort" not in record.channels:
+    if torque == "measured":
+        if "joints.effort" not in measured:
             raise LogError(
                 "flight log: no channel named joint_torque_sample: torque = measured needs it; 'motor_only' and 'none' "
                 "do not"
             )
-        channels["torque"] = _samples_of("torque", record.channels["joints.effort"], stated["torque"])
-    elif robot.kind == "motor_only":
-        channels["torque"] = _motor_alone(record, robot, channels["crank"], stated["torque"])
-    time = record.times(*record.parts[0])
+        channels["torque"] = _samples_of("torque", measured["joints.effort"], stated["torque"])
+    elif torque == "motor_only":
+        channels["torque"] = _motor_alone(measured, robot, channels["crank"], stated["torque"])
     known = np.zeros((len(time) - 1, robot.model.nv))
-    for key in record.channels:
+    for key, channel in measured.items():
         if key.startswith(f"{EXTRA}{RECORDED}"):
-            values = record.means(key, time)
-            known[:, : values.shape[1]] += values
-    return RawRecord(time, channels, known, robot.kind)
+            known[:, : channel.values.shape[1]] += channel.values[:]
+    return RawRecord(time, channels, known, torque)
 
 
 def _samples_of(name: str, channel: LogChannel, stated: float | None) -> RawChannel:
@@ -112,17 +118,19 @@ def _samples_of(name: str, channel: LogChannel, stated: float | None) -> RawChan
     return RawChannel(name, channel.time[:], channel.values[:], float(noise), place, turn)
 
 
-def _motor_alone(record: Record, robot: AerobatRobot, crank: RawChannel, stated: float | None) -> RawChannel:
+def _motor_alone(
+    measured: Mapping[str, LogChannel], robot: Aerobat, crank: RawChannel, stated: float | None
+) -> RawChannel:
     """Return the motor's torque at the crank: measured there, or as four joint torques do work on the crank."""
-    if f"{EXTRA}crank_torque" in record.channels:
-        return _samples_of("torque", record.channels[f"{EXTRA}crank_torque"], stated)
-    if "joints.effort" not in record.channels:
+    if f"{EXTRA}crank_torque" in measured:
+        return _samples_of("torque", measured[f"{EXTRA}crank_torque"], stated)
+    if "joints.effort" not in measured:
         raise LogError(
             "flight log: no channel named crank_torque_sample: torque = motor_only needs it; 'none' does not"
         )
-    joints = _samples_of("torque", record.channels["joints.effort"], stated)
+    joints = _samples_of("torque", measured["joints.effort"], stated)
     angle = np.interp(joints.time, crank.time, np.unwrap(crank.values[:, 0]))
-    closure = robot.aerobat.linkage.solve(angle)
+    closure = robot.linkage.solve(angle)
     left = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])
     both = left + closure.crank_torque(joints.values[:, 2], joints.values[:, 3])
     slope = np.sqrt(2.0 * np.mean(closure.dtheta_s**2 + closure.dtheta_e**2))
