@@ -28,7 +28,7 @@ from aerobat_pin.aerobat.torque import (
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records import EXTRA, Block, LogChannel, Parameter, PlainRobot, Smoothed
+from aerobat_pin.records import EXTRA, Block, LogChannel, Parameter, PlainRobot, SmoothedMotion
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
@@ -84,7 +84,7 @@ class AerobatRobot(PlainRobot):
         channels: Mapping[str, LogChannel],
         observers: Sequence[Observer],
         progress: Callable[[float], None] | None,
-    ) -> Smoothed | None:
+    ) -> SmoothedMotion | None:
         """Smooth raw samples; None where the record has configurations and velocities.
 
         Raises:

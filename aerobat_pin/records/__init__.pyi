@@ -1,5 +1,5 @@
 from .block import Block as Block
-from .block import Smoothed as Smoothed
+from .block import SmoothedMotion as SmoothedMotion
 from .channel import LogChannel as LogChannel
 from .channels import EXTRA as EXTRA
 from .channels import Request as Request

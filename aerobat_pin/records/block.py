@@ -33,7 +33,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmoothedMotion:
     """Motion and forces that a robot found together, from channels that are each on a clock of its own.
 
     Attributes:

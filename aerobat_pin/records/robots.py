@@ -21,7 +21,7 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records.block import Block, Smoothed
+from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.map_tables import RobotTable
 
@@ -80,7 +80,7 @@ class PlainRobot:
         channels: Mapping[str, LogChannel],
         observers: Sequence[Observer],
         progress: Callable[[float], None] | None,
-    ) -> Smoothed | None:
+    ) -> SmoothedMotion | None:
         """Return motion and forces found together; None, as here, where the channels give the motion directly.
 
         Args:

@@ -20,7 +20,7 @@ from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation, Observer
-from aerobat_pin.records import Block, LogChannel, Smoothed
+from aerobat_pin.records import Block, LogChannel, SmoothedMotion
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
@@ -48,7 +48,7 @@ def smoothed_raw(
     torque: Torque,
     settings: RawSection,
     mount: Mount | None,
-) -> Smoothed:
+) -> SmoothedMotion:
     """Find motion and forces together from raw samples.
 
     Args:
@@ -86,7 +86,7 @@ def smoothed_raw(
         estimates[name] = as_estimate(name, checked, inputs, robot, record.torque, *made, found)
     extra = {"crank": found.nominal.crank.T}
     block = Block(inputs.time, inputs.q, inputs.v, inputs.tau, extra, frozenset(channels), inputs.source)
-    return Smoothed(block, inputs.known, estimates)
+    return SmoothedMotion(block, inputs.known, estimates)
 
 
 def filtered_forces(record: RawRecord, smoother: JointSmoother, found: JointEstimate) -> tuple[Array, Array, Array]:
