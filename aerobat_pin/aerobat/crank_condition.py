@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from aerobat_pin.aerobat.motion import Motion
-from aerobat_pin.aerobat.torques import spread_crank_torque
+from aerobat_pin.aerobat.torque import spread_crank_torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition

@@ -12,19 +12,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pinocchio as pin
-
 from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation import Calibration, CalibrationWatch, KnownForces, KnownInputs, inputs_of
+from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE
+from aerobat_pin.errors import CalibrationError, ScenarioError
+from aerobat_pin.estimation import (
+    Calibration,
+    CalibrationUse,
+    CalibrationWatch,
+    KnownForces,
+    KnownInputs,
+    inputs_of,
+    observers_of,
+)
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.records import Record
 from aerobat_pin.robot import Aerobat, load_morphology
-from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
+from aerobat_pin.scenario import RawSection, Scenario, parse_scenario, with_settings
 
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
 
@@ -127,24 +134,17 @@ def estimate_log(
         CalibrationError: the calibration belongs to another belief, or the log lacks the crank's angle.
         LogError, ObserverError, FrameNotFoundError: as raised by `known_inputs` and by the observers.
     """
-    section, air = belief.observers, belief.believed_air
+    section = belief.observers
     check_names(section.names)
-    believed = AerobatRobot.of(robot, air, section.torque)
+    believed = AerobatRobot.of(robot, belief.believed_air, section.torque)
+    record = flight_record(log, replace(believed, raw=section.raw or RawSection()), section)
+    if calibration is not None:
+        record = calibration.applied(record)
+        if log.is_raw and not calibration.extras:
+            raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
     if log.is_raw:
-        from aerobat_pin.aerobat.raw.calibrate_mount import mount_of, raw_belief
-        from aerobat_pin.aerobat.raw.results import estimate_raw  # compiles kernels that other logs do not need
-
-        mount = None
-        if calibration is not None:
-            calibration.belief.refuse_other(raw_belief(believed, section.frames))
-            mount = mount_of(calibration)
-        return estimate_raw(log, robot, belief, progress, mount)
-    inputs, model = flight_inputs(flight_record(log, believed, section.frames, section.gain), calibration)
-    observers = [
-        OBSERVERS[name](model, section.frames, section.gain, inputs.rows, **section.settings(name))
-        for name in section.names
-    ]
-    estimates = {}
+        return _smoothed(record, progress)
+    observers, inputs, estimates = observers_of(record)[0], flight_inputs(record, calibration), {}
     for i, observer in enumerate(observers):
         if progress is not None:
             progress(i / len(observers))
@@ -152,24 +152,20 @@ def estimate_log(
     return inputs, estimates
 
 
-def flight_inputs(record: Record, calibration: Calibration | None) -> tuple[KnownInputs, pin.Model]:
-    """Return the inputs of an observer of a whole flight, with a calibration or without, and the model to build it on.
+def flight_inputs(record: Record, calibration: Calibration | None) -> KnownInputs:
+    """Return the inputs of an observer of a whole flight, with a calibration that was `applied` to it, or without.
 
     Raises:
-        CalibrationError: the calibration belongs to another belief, or the record lacks the crank's angle.
+        CalibrationError: the record lacks the crank's angle.
     """
-    forces = KnownForces(record)
-    if calibration is not None:
-        record = calibration.applied(record)
-        forces = calibration.forces(record)
-    rows = record.robot.rows()
+    forces, rows = KnownForces(record) if calibration is None else calibration.forces(record), record.robot.rows()
     assert rows is not None
     inputs = inputs_of(record, *record.parts[0], forces, rows)
-    if calibration is not None:
-        watch = CalibrationWatch(calibration)
-        watch.take(record, inputs, slice(0, len(inputs.tau)), ends=True)
-        inputs = replace(inputs, calibration=watch.use())
-    return inputs, record.robot.model
+    if calibration is None:
+        return inputs
+    watch = CalibrationWatch(calibration)
+    watch.take(record, inputs, slice(0, len(inputs.tau)), ends=True)
+    return replace(inputs, calibration=watch.use())
 
 
 @guarded()
@@ -188,3 +184,16 @@ def _check_keys(settings: Iterable[str]) -> None:
                 f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
                 f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
             )
+
+
+def _smoothed(record: Record, progress: Callable[[float], None] | None) -> tuple[KnownInputs, dict[str, Estimate]]:
+    """Return what the robot of a record of raw samples finds, as the inputs of an observer and its estimates."""
+    robot = record.robot
+    assert isinstance(robot, AerobatRobot)
+    found = robot.motion_from(record.times(*record.parts[0]), record.channels, observers_of(record)[0], progress)
+    assert found is not None
+    block, rows = found.block, ROWS_OF_TORQUE[robot.kind]
+    use = None if robot.mount is None else CalibrationUse("inside", f"calibration: {robot.mount}")
+    crank = block.extra["crank"][0]
+    inputs = KnownInputs(block.time, block.q, block.v, block.tau, found.known, rows, block.source, use, crank)
+    return inputs, dict(found.estimates)

@@ -1,41 +1,40 @@
 """Aerobat as a robot of records: its crank moves its joints through the closed linkage, and air acts on its wings.
 
-The joint torque that is known decides which forces can be estimated. The linkage prescribes the joints' motion, so the
-*measured* torque contains the reaction to the unknown force. A torque *modelled* from the motion alone does not, so the
-part of the force that this reaction balances cannot be estimated. *motor_only* is the torque at the crank: it
-determines the power of all joints together, but not the torque of each. With *none*, only the rows of the base can be
-used.
-
 Aerodynamic forces are never measured; they are always reconstructed, even for simulated flights. A model error is
 simulated by assuming a robot or an air that differs from those that flew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
+from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed
 from aerobat_pin.aerobat.parameters import PARAMETERS, changed_belief, scaled_thrusters
-from aerobat_pin.aerobat.torques import crank_halfway, modelled_torque, spread_crank_torque
-from aerobat_pin.errors import LogError
+from aerobat_pin.aerobat.torque import (
+    RECORDED,
+    ROWS_OF_TORQUE,
+    Torque,
+    crank_halfway,
+    modelled_torque,
+    spread_crank_torque,
+)
+from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Rows
-from aerobat_pin.records import Block, Parameter, PlainRobot
+from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records import EXTRA, Block, Extras, LogChannel, Parameter, PlainRobot, Record, SmoothedMotion
 from aerobat_pin.robot import JOINTS, Aerobat
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.scenario import AirSection, RawSection
 
-Torque = Literal["measured", "modelled", "motor_only", "none"]
-ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}
 OF_THE_DAY = {"wind", "gust", "warm_up_cycles"}  # keys of the air that may differ from flight to flight
-RECORDED = "known."  # prefix of known forces among a block's extra channels
 
 
 @dataclass(frozen=True)
@@ -46,21 +45,25 @@ class AerobatRobot(PlainRobot):
         aerobat: the believed robot.
         air: the believed air.
         kind: which joint torque is known.
+        raw: what is assumed of raw samples.
+        mount: place and turn of the accelerometer as a calibration found them; as stated when None.
         thruster_scale: change of the known force of thrusters, as a calibration found it [-].
     """
 
     aerobat: Aerobat
     air: AirSection
     kind: Torque
+    raw: RawSection = field(default_factory=RawSection)
+    mount: Mount | None = None
     thruster_scale: float = 0.0
     remembers: ClassVar[bool] = True  # the wake is that of all flaps before
 
     @classmethod
-    def of(cls, robot: Aerobat, air: AirSection, kind: Torque = "measured") -> AerobatRobot:
-        """Return a believed robot in believed air as a robot of records. Raises LogError for an unknown kind."""
+    def of(cls, robot: Aerobat, air: AirSection | None = None, kind: Torque = "measured") -> AerobatRobot:
+        """Return a believed robot in believed air, else the default air. Raises LogError for an unknown torque."""
         if kind not in ROWS_OF_TORQUE:
             raise LogError(f"torque = {kind!r}: one of {', '.join(ROWS_OF_TORQUE)} was expected")
-        return cls(robot.model, True, JOINTS, robot.model.name, robot, air, kind)
+        return cls(robot.model, True, JOINTS, robot.model.name, robot, air or AirSection(), kind)
 
     def fingerprint(self) -> str:
         """Return a number made of all values of the robot's morphology."""
@@ -69,6 +72,13 @@ class AerobatRobot(PlainRobot):
     def rows(self) -> Rows | None:
         """Return the rows that the known torque makes usable."""
         return ROWS_OF_TORQUE[self.kind]
+
+    def changed(self, values: Mapping[str, float]) -> AerobatRobot:
+        """Return the robot with other parameters: parameter -> change."""
+        robot, air = changed_belief(self.aerobat, self.air, values)
+        return replace(
+            self, model=robot.model, aerobat=robot, air=air, thruster_scale=values.get("thruster_scale", 0.0)
+        )
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -83,19 +93,53 @@ class AerobatRobot(PlainRobot):
         air = self.air.model_dump(exclude=OF_THE_DAY)
         return {TORQUE: self.kind, **{f"air.{key}": str(value) for key, value in air.items()}}
 
-    def changed(self, values: Mapping[str, float]) -> AerobatRobot:
-        """Return the robot with other parameters: parameter -> change."""
-        changed = AerobatRobot.of(*changed_belief(self.aerobat, self.air, values), self.kind)
-        return replace(changed, thruster_scale=values.get("thruster_scale", 0.0))
-
     def condition(self, block: Block) -> CrankCondition:
         """Return phase and state of a completed block. Raises CalibrationError if the crank hardly turns."""
         return crank_condition(Motion.of(block), self.aerobat, self.kind)
+
+    def learn_extras(self, records: Sequence[Record]) -> Extras | None:
+        """Return where the accelerometer sits, from raw samples; None where records have configurations and velocities.
+
+        Raises:
+            CalibrationError: only some of the records have raw samples, or one has no accelerometer.
+        """
+        raw = [f"{EXTRA}encoder" in record.channels for record in records]
+        if not any(raw):
+            return None
+        if not all(raw):
+            raise CalibrationError("calibrate: raw samples and logs of q and v: calibrate from one kind at a time")
+        from aerobat_pin.aerobat.raw.learn_mount import learn_mount  # compiles kernels that other records do not need
+
+        return learn_mount(records, self.aerobat, self.air, self.kind, self.raw)
+
+    def with_extras(self, values: Mapping[str, Array]) -> AerobatRobot:
+        """Return the robot with its accelerometer where it was found. Raises CalibrationError if that cannot be."""
+        return replace(self, mount=Mount.of_parts(values))
 
     def complete(self, block: Block) -> Block:
         """Return a block with the joints that the crank drives, the crank's motion and the wind; see `motion`."""
         block = completed(block, self.aerobat, self.air)
         return replace(block, source={**block.source, "motor_torque": self.kind})
+
+    def motion_from(
+        self,
+        time: Array,
+        channels: Mapping[str, LogChannel],
+        observers: Sequence[Observer],
+        progress: Callable[[float], None] | None,
+    ) -> SmoothedMotion | None:
+        """Smooth raw samples; None where the record has configurations and velocities.
+
+        Raises:
+            ScenarioError: an observer cannot use raw samples.
+            LogError: a channel is missing.
+        """
+        if f"{EXTRA}encoder" not in channels:
+            return None
+        from aerobat_pin.aerobat.raw.results import smoothed_raw  # compiles kernels that other records do not need
+
+        belief = self.aerobat, self.air, self.kind, self.raw, self.mount
+        return smoothed_raw(time, channels, observers, progress, *belief)
 
     def known(self, block: Block) -> Mapping[str, Array]:
         """Return the air's forces along a completed block, and those that were recorded, such as the thrusters'."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +15,6 @@ from aerobat_pin.cli.recordings import chosen_map
 
 if TYPE_CHECKING:
     from aerobat_pin.aerobat import FlightLog
-    from aerobat_pin.estimation import Calibration
     from aerobat_pin.records import Record
     from aerobat_pin.scenario import Scenario
 
@@ -68,12 +68,9 @@ def calibrate_command(
         raise MapError(f"calibrate: {'--set' if morphology is None else '--morphology'} is for Aerobat's own flights")
     with progress_bar() as show:
         report = None if show is None else lambda share: show("identifying", share)
-        given = _recordings(flights, map_file) if map_file else _flights(flights, morphology, settings or [], names)
-        if isinstance(given, list):
-            order = 6 if harmonics is None else harmonics
-            found = calibrate(given, harmonics=order, vary=vary or [], parameters=names, progress=report)
-        else:
-            found = given
+        given = _recordings(flights, map_file) if map_file else _flights(flights, morphology, settings or [])
+        order = 6 if harmonics is None else harmonics
+        found = calibrate(given, harmonics=order, vary=vary or [], parameters=names, progress=report)
     for line in found.notes:
         typer.echo(line)
     for line in found.warnings:
@@ -90,28 +87,19 @@ def _recordings(logs: list[Path], map_file: Path) -> list[Record]:
     return [open_record(log, chosen, folder) for log in logs]
 
 
-def _flights(
-    paths: list[Path], morphology: str | None, settings: list[str], names: list[str] | None
-) -> list[Record] | Calibration:
-    """Read runs or logs with the belief about them; of raw samples return what they show of the accelerometer."""
-    from aerobat_pin.aerobat import AerobatRobot, calibrate_mount, free_record
-    from aerobat_pin.errors import CalibrationError
+def _flights(paths: list[Path], morphology: str | None, settings: list[str]) -> list[Record]:
+    """Return the records of runs or logs with the belief about them."""
+    from aerobat_pin.aerobat import AerobatRobot, free_record
     from aerobat_pin.robot import believed_robot
+    from aerobat_pin.scenario import RawSection
 
-    found = {str(path): _flight(path, morphology, settings) for path in paths}
-    robots = [AerobatRobot.of(believed_robot(one), one.believed_air, one.observers.torque) for _, one in found.values()]
-    if any(log.is_raw for log, _ in found.values()):
-        if names:
-            raise CalibrationError(
-                f"calibrate: '{names[0]}' cannot be learnt from raw samples: only the accelerometer's mount can"
-            )
-        observers = next(iter(found.values()))[1].observers
-        raw = [(name, log, robot) for robot, (name, (log, _)) in zip(robots, found.items(), strict=True)]
-        return calibrate_mount(raw, observers.frames, observers.raw)
-    return [
-        free_record(log, robot, belief.observers.frames, belief.observers.gain, name)
-        for robot, (name, (log, belief)) in zip(robots, found.items(), strict=True)
-    ]
+    found = []
+    for path in paths:
+        log, belief = _flight(path, morphology, settings)
+        robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
+        robot = replace(robot, raw=belief.observers.raw or RawSection())
+        found.append(free_record(log, robot, belief.observers, str(path)))
+    return found
 
 
 def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[FlightLog, Scenario]:

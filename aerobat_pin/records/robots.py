@@ -8,40 +8,28 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
-from aerobat_pin.observers import Rows
-from aerobat_pin.records.block import Block
-from aerobat_pin.records.condition import Condition
+from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records.block import Block, SmoothedMotion
+from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.learnable import Condition, Extras, Parameter
 from aerobat_pin.records.map_tables import RobotTable
+
+if TYPE_CHECKING:
+    from aerobat_pin.records.record import Record
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
-
-
-class Parameter(NamedTuple):
-    """A parameter of a robot's belief that a calibration can identify.
-
-    Attributes:
-        unit: of its change, `1` for a factor.
-        expected: standard deviation that is expected of the change.
-        usual: whether it is sought unless others are asked for.
-        inertial: whether it changes nothing but the model's inertias, so that torques and known forces stay.
-    """
-
-    unit: str
-    expected: float
-    usual: bool = False
-    inertial: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,7 +51,7 @@ class PlainRobot:
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
-        """The parameters that a calibration can identify: name -> unit and what is expected."""
+        """The parameters that a calibration can identify."""
         return {}
 
     @property
@@ -78,6 +66,14 @@ class PlainRobot:
             CalibrationError: the robot has a phase, but this block does not show it.
         """
         return None
+
+    def learn_extras(self, records: Sequence[Record]) -> Extras | None:
+        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt."""
+        return None
+
+    def with_extras(self, values: Mapping[str, Array]) -> PlainRobot:
+        """Return the robot with what `learn_extras` found. Raises CalibrationError if that cannot be."""
+        return self
 
     def complete(self, block: Block) -> Block:
         """Return a block with what was not measured but follows from what was, such as joints that a crank drives."""
@@ -97,6 +93,23 @@ class PlainRobot:
 
     def rows(self) -> Rows | None:
         """Return the rows to believe; None where that follows from the map and the channels that are there."""
+        return None
+
+    def motion_from(
+        self,
+        time: Array,
+        channels: Mapping[str, LogChannel],
+        observers: Sequence[Observer],
+        progress: Callable[[float], None] | None,
+    ) -> SmoothedMotion | None:
+        """Return motion and forces found together; None, as here, where the channels give the motion directly.
+
+        Args:
+            time: (m + 1,) common times of the record [s].
+            channels: key -> channel, each on its own clock.
+            observers: those that are asked for.
+            progress: called with the share that is done.
+        """
         return None
 
     def changed(self, values: Mapping[str, float]) -> PlainRobot:

@@ -30,14 +30,14 @@ from support.detection_bound import TORQUE, VELOCITIES, detectability
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
 from aerobat_pin.aerobat import FlightLog
-from aerobat_pin.aerobat.raw.calibrate_mount import raw_belief
+from aerobat_pin.aerobat.flight_record import flight_map
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import Belief, calibrate, calibration_bytes, read_calibration
+from aerobat_pin.estimation import Belief, belief_of, calibrate, calibration_bytes, read_calibration
 from aerobat_pin.estimation.calibration.identify import Identified
 from aerobat_pin.estimation.known_forces import mean_motion
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.scenario import AirSection, ObserverSection
 
 QUASI_STEADY = "quasi-steady air"
 OTHER_START = ("flight.pitch_deg=5.5", "crank.start_deg=40")
@@ -243,7 +243,7 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
     mine = found.belief
 
     def other(**change: Any) -> Belief:
-        return raw_belief(replace(free.plugged(), **change), ())
+        return belief_of(flight_map(ObserverSection()), replace(free.plugged(), **change), ())
 
     mine.refuse_other(other(kind="none", air=free.air.model_copy(update={"wind": (1.0, 0.0, 0.0)})))
     with pytest.raises(CalibrationError, match=r"air\.model = quasi_steady, but lifting_line is believed"):

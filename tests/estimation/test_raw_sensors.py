@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,13 +14,12 @@ import pytest
 from support.own_model import own_model_errors
 
 from aerobat_pin.aerobat import (
+    AerobatRobot,
     FlightLog,
-    FreeFlight,
-    calibrate,
-    calibration_bytes,
     contradictions,
     estimate_log,
-    read_calibration,
+    flight_channels,
+    free_record,
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
 from aerobat_pin.aerobat.raw.air import AirForces
@@ -30,11 +30,11 @@ from aerobat_pin.aerobat.raw.results import notes_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.aerobat.raw.windows import part_of, stretches
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import r_squared
+from aerobat_pin.estimation import calibrate, calibration_bytes, r_squared, read_calibration
 from aerobat_pin.flight import simulate
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.robot import Aerobat, believed_robot
-from aerobat_pin.scenario import RawSection, load_scenario
+from aerobat_pin.scenario import ObserverSection, RawSection, load_scenario
 
 FRAMES = ("left_force_point", "right_force_point")
 GIVEN = RawSection(
@@ -55,7 +55,7 @@ def flight(*settings: str) -> tuple[FlightLog, Aerobat]:
 def smoothed(torque: str, *settings: str) -> tuple[JointSmoother, RawRecord, JointEstimate]:
     """Return smoother, record and estimate of a flight, with given walks."""
     log, robot = flight(*settings)
-    record = raw_record(log, robot, torque, GIVEN)  # type: ignore[arg-type]
+    record = raw_record(log.time, flight_channels(log, robot), robot, torque, GIVEN)  # type: ignore[arg-type]
     smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, GIVEN)
     return smoother, record, smoother.run(record)
 
@@ -105,7 +105,7 @@ def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_comm
     """Of each force: 10 mN of noise, 0.15 N at 1 s, both wings alike along z and mirrored along y."""
     log, robot = flight()
     settings = RawSection(offset_error=0.0)
-    record = raw_record(log, robot, "measured", settings)
+    record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
     smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, settings)
     found = smoother.run(record)
     assert found.jumps == pytest.approx([1.001])
@@ -173,7 +173,7 @@ def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
     log, robot = flight("sensors.gyro.delay=0.001")
     asked = GIVEN.model_copy(update={"apply_offsets": True})
     smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, asked)
-    mended = smoother.run(raw_record(log, robot, "measured", asked))
+    mended = smoother.run(raw_record(log.time, flight_channels(log, robot), robot, "measured", asked))
     before, after = (worst_r2(one.force, truth(log)) for one in (found, mended))
     assert before[0] < 0.9 < after[0]
 
@@ -261,24 +261,29 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
 
     log, robot = unaware("unknown_force=[]", "flight.angular_velocity=[6,0,6]")
     air = load_scenario("raw_sensors").believed_air
-    learnt = calibrate([FreeFlight("free", log, robot, air, "measured", FRAMES, FREE)])
+    believed = replace(AerobatRobot.of(robot, air), raw=FREE)
+    free = free_record(log, believed, ObserverSection(frames=FRAMES), "free")
+    learnt = calibrate([free])
     with TemporaryDirectory() as folder:
         file = Path(folder, "hall.nc")
         file.write_bytes(calibration_bytes(learnt))
-        mount = read_calibration(file).accelerometer
-    assert mount is not None
+        again = read_calibration(file)
+    mount = again.believed(believed).mount
     np.testing.assert_allclose(mount.place, [0.005, 0.0, 0.0], atol=1e-3)
     true = pin.rpy.rpyToMatrix(*np.radians([0.5] * 3))
     assert np.all(np.abs(np.degrees(pin.log3(true.T @ mount.turn))) < 0.3)
     pushed, robot = unaware()
-    record = raw_record(pushed, robot, "measured", GIVEN)
+    record = raw_record(pushed.time, flight_channels(pushed, robot), robot, "measured", GIVEN)
     found = JointSmoother(robot, air, FRAMES, GIVEN.model_copy(update={"offset_error": 0.0})).run(
         mounted(record, mount)
     )
     _, _, exact = smoothed("measured")
     assert worst_r2(found.force, truth(pushed))[0] > worst_r2(exact.force, truth(flight()[0]))[0] - 0.01
-    with pytest.raises(CalibrationError, match="'mass' cannot be learnt from raw samples"):
-        calibrate([FreeFlight("free", log, robot, air, "measured", FRAMES, FREE)], parameters=["mass"])
+    with pytest.raises(CalibrationError, match="'mass' cannot be learnt from these records: only accelerometer_place"):
+        calibrate([free], parameters=["mass"])
+    bent = replace(again, extras={**again.extras, "accelerometer_turn": 2.0 * mount.turn})
+    with pytest.raises(CalibrationError, match="a rotation matrix was expected"):
+        bent.applied(free)
 
 
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:
@@ -303,10 +308,10 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
         estimate_log(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
     blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named encoder"):
-        raw_record(blind, robot, "measured", GIVEN)
+        raw_record(blind.time, flight_channels(blind, robot), robot, "measured", GIVEN)
     limp = FlightLog(log.measured.drop_vars(["joint_torque_sample", "torque_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named joint_torque_sample"):
-        raw_record(limp, robot, "measured", GIVEN)
+        raw_record(limp.time, flight_channels(limp, robot), robot, "measured", GIVEN)
     with pytest.raises(ScenarioError, match="only a raw log has this sensor"):
         load_scenario("raw_sensors", ["sensors.motion_capture=none"])
 

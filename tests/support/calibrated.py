@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record, free_record, true_force
 from aerobat_pin.aerobat.estimate import flight_inputs
-from aerobat_pin.aerobat.robot import Torque
+from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.estimation import Calibration, calibrate
 from aerobat_pin.records import Record
 from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
@@ -94,10 +94,11 @@ def seen_with(
 ) -> Seen:
     """Return a flight as observers with the belief of a free flight, and a calibration, see it."""
     log, scenario = flown(flight, seed, more)
-    inputs, model = flight_inputs(flight_record(log, free.plugged()), calibration)
+    record = calibration.applied(flight_record(log, free.plugged()))
+    inputs = flight_inputs(record, calibration)
     pushed = {force.frame for force in scenario.unknown_force}
     truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
-    return Seen(model, inputs, np.stack(truth, axis=1))
+    return Seen(record.robot.model, inputs, np.stack(truth, axis=1))
 
 
 def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:

@@ -62,5 +62,7 @@ def as_believed(log: FlightLog) -> FreeFlight:
 def seen_elsewhere(flight: tuple[FlightLog, np.ndarray], calibration: Calibration | None) -> Seen:
     """Return a flight as observers see it, with or without a calibration."""
     log, force = flight
-    inputs, model = flight_inputs(flight_record(log, as_believed(log).plugged()), calibration)
-    return Seen(model, inputs, np.stack([force, np.zeros_like(force)], axis=1))
+    record = flight_record(log, as_believed(log).plugged())
+    record = record if calibration is None else calibration.applied(record)
+    inputs = flight_inputs(record, calibration)
+    return Seen(record.robot.model, inputs, np.stack([force, np.zeros_like(force)], axis=1))

@@ -131,8 +131,9 @@ class Calibration:
         return replace(record, map=self.without_fits(record.map), robot=self.believed(record.robot))
 
     def believed(self, robot: PlainRobot) -> PlainRobot:
-        """Return a robot with the parameters and the mass that were learnt."""
+        """Return a robot with all that was learnt about it."""
         robot = robot.changed(self.changes) if self.changes else robot
+        robot = robot.with_extras(self.extras) if self.extras else robot
         return robot if self.fitted.mass == 1.0 else robot.heavier(self.fitted.mass)
 
     def without_fits(self, chosen: Map) -> Map:

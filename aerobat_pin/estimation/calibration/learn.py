@@ -37,7 +37,7 @@ from aerobat_pin.estimation.fit_known_forces import given_forces
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, row_names
-from aerobat_pin.records import Record
+from aerobat_pin.records import Extras, Record
 
 HARMONICS, MOST_HARMONICS = 6, 40
 FEWEST_TURNS = 3.0  # that a series over the phase can be learnt from
@@ -75,6 +75,9 @@ def calibrate(
     if not records:
         raise CalibrationError("calibrate: records = []: one without unknown forces was expected, or several")
     belief = _common_belief(records)
+    extras = records[0].robot.learn_extras(records)
+    if extras is not None:
+        return _of_extras(records, belief, extras, parameters)
     mass = _check_names(records, belief, harmonics, parameters)
     records = [taken_as_free(one) for one in records]
     findings = _findings(records, trust=trust)
@@ -140,6 +143,16 @@ def _common_belief(records: Sequence[Record]) -> Belief:
     for other in beliefs:
         beliefs[0].refuse_other(other)
     return beliefs[0]
+
+
+def _of_extras(
+    records: Sequence[Record], belief: Belief, extras: Extras, parameters: Sequence[str] | None
+) -> Calibration:
+    """Return a calibration of what only the robot learns."""
+    if parameters:
+        known = ", ".join(extras.values)
+        raise CalibrationError(f"calibrate: '{parameters[0]}' cannot be learnt from these records: only {known} can")
+    return Calibration(belief, tuple(one.title for one in records), extras=extras.values, notes=extras.notes)
 
 
 def _belief_that_counts(belief: Belief, record: Record, values: FittedValues) -> Belief:
@@ -254,7 +267,7 @@ def _friction_lines(friction: JointFriction, joints: Sequence[str]) -> list[str]
 def _learnt_series(
     runs: Sequence[FreeRun], order: int, vary: Sequence[str]
 ) -> tuple[Harmonics | None, Harmonics | None, str]:
-    """Return the series over the phase, if it lowers the error where held out; its trial, which saw none of that; words."""
+    """Return the series over the phase if it lowers the error where held out, the trial that shows it, and words."""
     conditions = [one.condition for one in runs if one.condition is not None]
     cycle, varied = conditions[0].cycle, [state for group in vary for state in conditions[0].groups[group]]
     residuals, fitted = [one.residual for one in runs], [one.fitted for one in runs]

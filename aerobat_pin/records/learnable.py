@@ -1,13 +1,37 @@
-"""What the errors of a belief may depend on: a phase that repeats, and the state of the motion around it."""
+"""What a robot says can be learnt about it: parameters, a phase on which errors depend, things of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from aerobat_pin.numerics import Array
+
+
+class Parameter(NamedTuple):
+    """A parameter of a robot's belief that a calibration can identify.
+
+    Attributes:
+        unit: of its change, `1` for a factor.
+        expected: standard deviation that is expected of the change.
+        usual: whether it is sought unless others are asked for.
+        inertial: whether it changes nothing but the model's inertias, so that torques and known forces stay.
+    """
+
+    unit: str
+    expected: float
+    usual: bool = False
+    inertial: bool = False
+
+
+class Extras(NamedTuple):
+    """What only the robot itself learns and reads, such as where a sensor sits: name -> values, and notes in words."""
+
+    values: Mapping[str, Array]
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,14 @@
-"""Joint torques that are not measured: modelled from the motion, or spread from one torque at the crank."""
+"""What is known of the joint torques.
+
+It decides which forces can be estimated. The linkage prescribes the joints' motion, so the *measured* torque contains
+the reaction to the unknown force. A torque *modelled* from the motion alone does not, so the part of the force that
+this reaction balances cannot be estimated. *motor_only* is the torque at the crank: it determines the power of all
+joints together, but not the torque of each. With *none*, only the rows of the base can be used.
+"""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +16,12 @@ import pinocchio as pin
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Rows
 from aerobat_pin.robot import BASE_SIZE, Aerobat, prescribed_joint_dynamics
+
+Torque = Literal["measured", "modelled", "motor_only", "none"]
+ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}
+RECORDED = "known."  # prefix of known forces among a block's extra channels
 
 
 def crank_halfway(moved: Motion) -> Array:
