@@ -118,7 +118,7 @@ def test_six_errors_at_once_are_identified_and_hold_at_another_speed_and_frequen
     found = calibrate([free.record()])
     told = found.identified
     assert told.kept
-    values = dict(zip(told.names, told.values, strict=True))
+    values = told.used
     assert values["mass"] == pytest.approx(1.0 / 1.05 - 1.0, abs=0.01)
     assert values["distal_mass"] == pytest.approx(1.0 / 1.15 - 1.0, abs=0.02)
     assert values["com_x"] == pytest.approx(-3e-3, abs=5e-4)

@@ -41,9 +41,9 @@ class Belief:
     def refuse_other(self, other: Belief) -> None:
         """Raise CalibrationError if this is not the belief that a record is to be estimated with."""
         if (self.robot, self.fingerprint) != (other.robot, other.fingerprint):
-            same = "with other values" if self.robot == other.robot else f", not to '{other.robot}'"
+            same = " with other values" if self.robot == other.robot else f", not to '{other.robot}'"
             raise CalibrationError(
-                f"the calibration belongs to the robot '{self.robot}' {same}: calibrate this one again"
+                f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
             )
         for key, value in self.settings.items():
             found = other.settings.get(key, "nothing of that name")
