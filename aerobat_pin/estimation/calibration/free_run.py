@@ -134,7 +134,8 @@ def pushes(run: FreeRun) -> Iterator[str]:
     if not small or run.judged().verdict == "inconsistent":
         yield (
             f"{run.name}: {1e3 * size[at]:.0f} mN a row are left at t = {run.inputs.time[at]:.3f} s, and "
-            f"{1e3 * usual:.1f} mN usually: did something push, or the motion change? A free, steady run was expected"
+            f"{1e3 * usual:.1f} mN usually: did something push, did the motion change, or are the torques so noisy? A "
+            "free, steady run was expected"
         )
 
 
