@@ -191,6 +191,14 @@ def write_files(checkout: Path, files: Path) -> None:
         making.rename(files)
 
 
+def tell(lines: list[str]) -> None:
+    """Print the first lines, and how many more there are."""
+    for line in lines[:SHOWN]:
+        print(f"    {line}", flush=True)
+    if len(lines) > SHOWN:
+        print(f"    ... {len(lines) - SHOWN} more", flush=True)
+
+
 def main() -> int:
     """Run both checkouts and print a line for each work."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -220,14 +228,11 @@ def main() -> int:
                 good = False
                 continue
             found = compare(kept / "before" / name, folder / "after" / name, MOVED)
-            worst = found.places[0][0] if found.places else 0.0
-            good = good and worst <= given.limit
-            where = found.places[0][1] if found.places else ""
+            worst, where = found.places[0] if found.places else (0.0, "")
+            good = good and found.count > 0 and worst <= given.limit
             print(f"{name:<24} {worst:.1e} of {found.count:>4} values {took:5.1f} s  {where}", flush=True)
-            more = [f"{size:.1e}  {place}" for size, place in found.places[1:] if size > given.limit]
-            for lines in (more, found.told):
-                for line in [*lines[:SHOWN], *([f"... {len(lines) - SHOWN} more"] if len(lines) > SHOWN else [])]:
-                    print(f"    {line}", flush=True)
+            tell([f"{size:.1e}  {place}" for size, place in found.places[1:] if size > given.limit])
+            tell(found.told)
     print(f"{time.monotonic() - began:.0f} s; {'the same' if good else 'NOT the same'} within {given.limit:g}")
     return 0 if good else 1
 
