@@ -62,7 +62,6 @@ KERNEL_SOURCES = (
     "observers/kernels/projection.py",
     "observers/kernels/residual.py",
     "robot/link_kernels.py",
-    "robot/link_tree.py",
 )
 
 
