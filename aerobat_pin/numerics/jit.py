@@ -55,7 +55,6 @@ KERNEL_SOURCES = (
     "observers/kalman/learning.py",
     "observers/kalman/memory.py",
     "observers/kalman/noisy_sample.py",
-    "observers/kalman/process_noise.py",
     "observers/kalman/smoother_kernels.py",
     "observers/kernels/filters.py",
     "observers/kernels/memory.py",
