@@ -10,7 +10,7 @@ from aerobat_pin.flight.netcdf import StoredVariable, netcdf_variables, read_net
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
-from aerobat_pin.flight.sensing import Sensing
+from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.shown_motion import log_with_motion
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of

@@ -117,6 +117,15 @@ def fields_of(layout: Callable[[Array], Fields], memory: Array) -> Fields:
     return cast(Fields, _in_python(layout)(memory))
 
 
+def fill(fields: tuple[Any, ...], values: tuple[Any, ...]) -> None:
+    """Copy values into the fields of a memory, in order; nested tuples into nested fields."""
+    for field, value in zip(fields, values, strict=True):
+        if isinstance(field, tuple):
+            fill(field, value)
+        else:
+            field[...] = value
+
+
 def _in_python(function: Any) -> Any:
     """Return the Python function of a kernel, with the kernels that it calls replaced by their Python functions."""
     if function in _PLAIN:

@@ -71,7 +71,7 @@ class SpinUpSection(Section):
 
 
 class MotorSection(Section):
-    """A motor that controls the crank's rate against all forces on it; see `aerobat_pin.flight.crank.motor`."""
+    """A motor that controls the crank's rate against all forces on it; see `aerobat_pin.flight.crank`."""
 
     start_frequency: NonNegative = Field(0.0, description="of the crank at t = 0, and steadily before [Hz]")
     rotor_inertia: Positive = Field(5.0e-5, description="seen at the crank: rotor times gear ratio squared [kg m2]")
