@@ -23,7 +23,6 @@ from .lie_runge_kutta import add_stage as add_stage
 from .lie_runge_kutta import lie_step as lie_step
 from .lie_runge_kutta import next_state as next_state
 from .lie_runge_kutta import next_tangent as next_tangent
-from .lie_runge_kutta import step as step
 from .matrix_products import add_product as add_product
 from .matrix_products import add_row_product as add_row_product
 from .matrix_products import factorise as factorise

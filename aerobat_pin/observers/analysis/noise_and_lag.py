@@ -24,10 +24,9 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import Array, checked, guarded
 from aerobat_pin.observers.identifiability import RANK_TOLERANCE, judge
-from aerobat_pin.observers.joints import has_free_base
 from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
-from aerobat_pin.observers.rows import BASE_ROWS
+from aerobat_pin.observers.rows import BASE_ROWS, has_free_base
 
 WINDOW = 2.5  # correlation lengths up to which the autocorrelation is summed; Sokal's 5, with a length twice his
 ORDERS = {"momentum": 1, "force_level": 1, "second_order": 2}  # filter order; only these have a closed form
