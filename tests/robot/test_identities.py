@@ -16,7 +16,7 @@ from support.generalized import generalized_force
 from support.stepping import step
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.estimation.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
 from aerobat_pin.robot.frames import external_forces, joint_wrench

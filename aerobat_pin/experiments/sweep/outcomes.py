@@ -20,7 +20,8 @@ from pydantic import TypeAdapter
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import AerobatError, OutputError
-from aerobat_pin.estimation import AxisScore, FlightSummary, ObserverScores
+from aerobat_pin.estimation import AxisScore, ObserverScores
+from aerobat_pin.experiments import FlightSummary
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.robot import Aerobat, load_aerobat
 from aerobat_pin.scenario import RobotSection, Scenario

@@ -22,8 +22,8 @@ from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
-from aerobat_pin.flight import netcdf_bytes
 from aerobat_pin.numerics import guarded
+from aerobat_pin.records import netcdf_bytes
 from aerobat_pin.scenario import Scenario
 
 Outcomes = Iterator[tuple[int, str]]
