@@ -37,7 +37,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.numerics import Array, Integers, guarded, inner, layout_of, merged, next_size, rewind
+from aerobat_pin.numerics import Array, Integers, guarded, inner, memory_layout
 
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
@@ -98,7 +98,7 @@ class AirConstants(NamedTuple):
     Numbers (): `quasi_steady` is 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
     `lift_slope` [1/rad], `profile_drag` is the coefficient cd0, `slope_over_limit` is the lift slope divided by the
     limit of the lift coefficient, 0 for no limit. `downwash` (N, N) is the operator D [1/m], `tail_downwash` (N,)
-    its mean over the tail's span.
+    its mean over the tail's span. Sizes of its memory: numbers of strips and of their pieces.
     """
 
     quasi_steady: Annotated[Scalar, ""]
@@ -113,15 +113,7 @@ class AirConstants(NamedTuple):
     surfaces: Surfaces
 
 
-air_fields = layout_of(AirConstants, "n", "p")
-
-
-@merged
-def air_in(memory: Array) -> AirConstants:
-    """Lay out the aerodynamic constants. Sizes: number of strips, and of their pieces."""
-    cursor = rewind(memory)
-    n, p = next_size(cursor), next_size(cursor)
-    return air_fields(cursor, n, p)
+air_in = memory_layout(AirConstants, "n", "p")
 
 
 class StripLoads(NamedTuple):

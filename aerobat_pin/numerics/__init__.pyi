@@ -30,6 +30,7 @@ from .matrix_products import mirror as mirror
 from .memory import fields_of as fields_of
 from .memory import fill as fill
 from .memory import layout_of as layout_of
+from .memory import memory_layout as memory_layout
 from .memory import new_memory as new_memory
 from .memory import next_size as next_size
 from .memory import rewind as rewind
