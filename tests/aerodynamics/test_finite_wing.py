@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipe
 
-from aerobat_pin.aerodynamics.finite_wing import _edges_and_centres, _rings, added_mass_factor
+from aerobat_pin.aerodynamics.planform import _edges_and_centres, _rings, added_mass_factor
 
 ANGLES = (np.arange(400) + 0.5) * np.pi / 400
 WIDTH = 0.5 * np.sin(ANGLES) * np.pi / 400  # of stations 0.5 cos(angle) along a unit span

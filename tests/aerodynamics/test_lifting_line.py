@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.finite_wing import added_mass_factor
-from aerobat_pin.aerodynamics.planform import along_span
+from aerobat_pin.aerodynamics.planform import added_mass_factor, along_span
 from aerobat_pin.errors import AerobatError, ShapeError
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerobat_pin.flight.sensing import Sensing
-from aerobat_pin.flight.sensors import recorded
+from aerobat_pin.flight.sensors import Sensing, recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import load_robot
 from aerobat_pin.scenario.scenario import load_scenario

@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.generalized import generalized_force
+from support.stepping import step
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
 from aerobat_pin.robot.frames import external_forces, joint_wrench
 from aerobat_pin.robot.prescribed_joints import prescribed_joint_dynamics

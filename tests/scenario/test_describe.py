@@ -11,8 +11,7 @@ from support.commands import call
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.describe import COLUMNS, describe_scenario, kind_of, unit_and_meaning
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
-from aerobat_pin.scenario.section import Section
-from aerobat_pin.scenario.tables import SimulationSection, sections_of
+from aerobat_pin.scenario.tables import Section, SimulationSection, sections_of
 
 
 def sections(section: type[Section] = Scenario) -> dict[str, type[Section]]:
