@@ -27,6 +27,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_public_function_has_its_wrong_calls() -> None:
     """Or stands on a list that says why not."""
     assert set(public_callables()) - {name.strip().partition(".")[0] for name in calls()} - EXCLUDED == set()
+    assert [name for name, call in calls().items() if not call.arguments] == []
 
 
 @pytest.mark.filterwarnings("ignore")
