@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
-from support.kernel_cases import instant
 
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.flight.plant.plant import Plant
@@ -100,59 +99,6 @@ def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
     assert wrenches[:, [0, 2]].sum(axis=0) == pytest.approx([strips.force_x.sum(), strips.force_z.sum()], rel=1e-12)
 
 
-@settings(max_examples=20, derandomize=True)
-@given(SEEDS)
-def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
-    """A loop over pieces: share of (f_x, 0, f_z) at its own point, of the couple -m b/2 u q of a turning section."""
-    rng = np.random.default_rng(seed)
-    twists, line = rng.normal(size=(5, 6)), BARE.line
-    wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
-    expected = np.zeros((5, 6))
-    for i, link, x, y, z, share, _ in zip(*BARE.pieces, strict=True):
-        force = share * np.array([strips.force_x[i], 0.0, strips.force_z[i]])
-        point = np.array([x + strips.lead[i] * line.chord[i] / 4.0, y, z])
-        expected[link] += np.concatenate([force, np.cross(point, force)])
-        damping = line.added_mass[i] * line.width[i] * line.semichord[i] / 2.0
-        expected[link, 4] -= share * damping * strips.lead[i] * strips.u[i] * twists[link, 4]
-    assert wrenches == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
-
-
-@settings(max_examples=20, derandomize=True)
-@given(SEEDS)
-def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
-    """A loop over strips: mean speed of its pieces' 3/4-chord points, incidence, lift a0 rho b U w_eff, suction.
-
-    The suction is Garrick's: a0 rho b (w_eff - b q/2)^2, q the nose-up rate.
-    """
-    rng = np.random.default_rng(seed)
-    twists, state = gliding(4.0, 0.0) + rng.normal(size=(5, 6)), 0.01 * rng.normal(size=AIR.state_size)
-    _, rates, strips = evaluate(AIR, twists, state)
-    line, cd0 = AIR.line, SHAPE.aerodynamics.profile_drag
-    points = np.column_stack([AIR.pieces.x, AIR.pieces.y, AIR.pieces.z])
-    for i in range(line.strips):
-        mine = np.flatnonzero(AIR.pieces.strip == i)
-        links, share = AIR.pieces.link[mine], AIR.pieces.share[mine]
-        middle = share @ (twists[links, :3] + np.cross(twists[links, 3:], points[mine]))
-        speed, b = np.hypot(middle[0], middle[2]), line.chord[i] / 2.0
-        lead = 0.5 * middle[0] / speed * (3.0 - (middle[0] / speed) ** 2)
-        aft = points[mine] - [lead * line.chord[i] / 4.0, 0.0, 0.0]
-        velocity = share @ (twists[links, :3] + np.cross(twists[links, 3:], aft))
-        u, w, q = velocity[0], -velocity[2], -lead * (share @ twists[links, 4])
-        zeta1, zeta2, circulation = state.reshape(3, -1)[:, i]
-        w_n = w * abs(u) / speed - line.downwash[i] @ state.reshape(3, -1)[2]
-        w_eff = 0.5 * w_n + speed / b * (0.165 * 0.0455 * zeta1 + 0.335 * 0.300 * zeta2)
-        assert strips.incidence[i] == pytest.approx(np.arctan2(w, u), rel=1e-12)
-        assert strips.effective_velocity[i] == pytest.approx(w_eff, rel=1e-9, abs=1e-12)
-        assert strips.circulation[i] == circulation
-        drag = 1.225 * b * cd0 * speed * np.array([-u, w])
-        lift = 2.0 * np.pi * 1.225 * b * speed * w_eff
-        suction = lead * 2.0 * np.pi * 1.225 * b * (w_eff - b * q / 2.0) ** 2
-        assert strips.force_x[i] / line.width[i] == pytest.approx(suction + drag[0], rel=1e-9, abs=1e-9)
-        assert strips.force_z[i] / line.width[i] == pytest.approx(lift + drag[1], rel=1e-9, abs=1e-9)
-        kutta = 1.225 * (speed * circulation + 2.0 * b * rates.reshape(3, -1)[2, i])
-        assert kutta == pytest.approx(lift, rel=1e-9, abs=1e-9)
-
-
 @settings(max_examples=30, derandomize=True)
 @given(SEEDS)
 def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
@@ -216,19 +162,6 @@ def test_drag_alone_never_gives_energy(seed: int) -> None:
     assert power < 0.0
 
 
-def test_body_drag_opposes_the_motion_of_the_body() -> None:
-    """Force -rho/2 CdA |v| v at the body's centre of mass, whatever the direction, and no moment."""
-    air, without = (
-        RobotAir(Wing(replace(SHAPE, aerodynamics=replace(NO_DRAG, body_drag_area=area)))) for area in (8e-4, 0.0)
-    )
-    twists, state = np.random.default_rng(10).normal(size=(5, 6)), np.zeros(AIR.state_size)
-    drag = evaluate(air, twists, state)[0] - evaluate(without, twists, state)[0]
-    velocity = twists[0, :3]
-    expected = -0.5 * 1.225 * 8e-4 * np.linalg.norm(velocity) * velocity
-    assert drag[0] == pytest.approx([*expected, 0.0, 0.0, 0.0], abs=1e-15)
-    assert not drag[1:].any()
-
-
 @pytest.mark.parametrize("span_chord", [(0.1, 0.06), (0.05, 0.03)])
 def test_the_tail_pushes_against_sink_and_pitching(span_chord: tuple[float, float]) -> None:
     """Flat plate 2 pi/(1 + 2/AR): sinking lifts it (nose down), pitching nose up is damped, its nose-up angle lifts."""
@@ -284,18 +217,6 @@ def test_broadside_flow_makes_no_lift_but_drag() -> None:
     assert np.all(strips.force_z > 0.0)
     assert wrenches[0, 2] > 0.0
     assert np.max(np.abs(rates)) < 1e-14
-
-
-def test_the_logged_power_is_wrench_times_twist_and_what_the_added_mass_takes(robot: Aerobat) -> None:
-    """At one instant in a wind: sum over links of wrench . twist, and the same power by way of generalised forces."""
-    scenario = load_scenario("paper", ["air.wind=[1.0, 0.5, -0.3]", "air.warm_up_cycles=1"])
-    plant = Plant(load_robot(scenario), scenario)
-    q, v, joints, air, held = instant(plant, 5)
-    forces = plant.rates(q, v, joints, air, held)[2]
-    loads, twists = forces.link_wrench[0], twists_of(plant.robot, q, v)
-    assert forces.aerodynamic[0] @ v == pytest.approx(float(np.sum(loads * twists)), rel=1e-11)
-    assert forces.air_power[0] == pytest.approx(float(np.sum(loads * twists) + forces.added_mass[0] @ v), rel=1e-11)
-    assert forces.motor_power[0] == pytest.approx(forces.motor[0] @ v, rel=1e-11)
 
 
 def test_the_log_holds_what_each_strip_and_link_does() -> None:
