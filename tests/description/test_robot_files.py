@@ -100,28 +100,6 @@ def test_the_linkage_comes_with_its_meshes_and_leaves_the_morphology_alone(mine:
     assert all((mine / bar[f"{side}_mesh"]).is_file() for bar in bars for side in ("left", "right"))
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("my_robot.toml",), "robot mine: its meshes must be written somewhere; give --output FILE"),
-        (("no_robot.toml",), "morphology file no_robot.toml: there is no such file"),
-        (("my_robot.toml", "-o", "nowhere/x.urdf"), "there is no folder nowhere"),
-        (("my_robot.toml", "-o", "there.urdf"), "there.urdf exists; --force overwrites it"),
-        (("my_robot.toml", "--meshes", "somewhere"), "'package'"),
-    ],
-)
-def test_what_cannot_be_written_is_said_once_and_nothing_is(words: tuple[str, ...], message: str, mine: Path) -> None:
-    """Exit code 2, one message, no traceback, no file."""
-    (mine / "there.urdf").write_text("somebody's")
-    before = sorted(mine.rglob("*"))
-    done = aerobat("urdf", *words, cwd=mine)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert sorted(mine.rglob("*")) == before
-    assert (mine / "there.urdf").read_text() == "somebody's"
-
-
 def test_force_overwrites_and_another_robots_meshes_are_not_overwritten_without_it(mine: Path) -> None:
     """Every file that would be replaced counts, not the URDF alone."""
     aerobat("urdf", "aerobat", "-o", str(mine / "a.urdf"), cwd=mine)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.browser import PATIENCE, needs_browser, opened
-from support.commands import aerobat, call
+from support.commands import aerobat
 
 from aerobat_description.morphology import Morphology
 from aerobat_description.position_closure import ClosureError, close_linkage
@@ -158,16 +158,3 @@ def test_every_robot_has_its_page(name: str) -> None:
     page = crank_page(Morphology.load(name))
     assert f"{name}: turn the crank" in page
     assert len(page) < 1.3e6
-
-
-def test_mistakes_cost_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A robot that is not there, and a page that is."""
-    file = tmp_path / "a.html"
-    assert call(monkeypatch, "crank", "aerobot", "--output", str(file)) == 2
-    assert "no morphology named 'aerobot'" in capsys.readouterr().err
-    file.write_text("mine")
-    assert call(monkeypatch, "crank", "--output", str(file)) == 2
-    assert "--force" in capsys.readouterr().err
-    assert file.read_text() == "mine"
