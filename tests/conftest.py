@@ -35,7 +35,6 @@ LONGEST = (  # a quarter of a minute of processor time and more
     "test_replay",
     "test_screens",
     "test_recording",
-    "test_notebook",
     "test_calibration",
     "test_shipped_scenarios",
     "test_jit",
