@@ -14,6 +14,7 @@ FILES = {
     "stuck.toml": 'extends = "aerobat"\nname = "stuck"\n[linkage]\nL3b = 4e-3\n',
     "heavy.toml": 'extends = "aerobat_guard"\nname = "heavy"\n[body]\nmass = 0.09\n',
     "twice.toml": f'extends = "aerobat"\nname = "twice"\n[[thrusters]]\n{THRUSTER}',
+    "motion.csv": "time,hinge\n0,0\n1,0.5\n",
     "nan.toml": 'name = "nan"\n[flight]\nvelocity = [nan, 0.0, 0.0]\n',
 }
 
@@ -66,6 +67,7 @@ FILES = {
         (["play", "."], "has no scenario.toml, flight.nc, estimate.nc"),
         (["play", "--from-csv", "a.csv"], "with --urdf FILE"),
         (["play", "--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
+        (["play", "--from-csv", "motion.csv", "--urdf", "b.urdf"], "robot b.urdf: there is no such file"),
         (["play", "nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["play", "nowhere.nc", "--rate", "0"], "--rate"),
         (["play", "nowhere.nc", "--rate", "inf"], "--rate inf: a finite number was expected"),
