@@ -9,8 +9,8 @@ TYPE_CHECKING = False  # without importing `typing`: a Ctrl-C while this module 
 if TYPE_CHECKING:
     from typing import Any
 
+    from aerobat_pin.aerobat import FlightLog as FlightLog
     from aerobat_pin.experiments import run as run
-    from aerobat_pin.flight import FlightLog as FlightLog
     from aerobat_pin.flight import simulate as simulate
     from aerobat_pin.robot import Aerobat as Aerobat
     from aerobat_pin.robot import closed_model as closed_model
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 _ROOMS = {
     "experiments": ["run"],
-    "flight": ["FlightLog", "simulate"],
+    "aerobat": ["FlightLog"],
+    "flight": ["simulate"],
     "robot": ["Aerobat", "closed_model", "load_aerobat"],
     "scenario": ["Scenario", "load_scenario"],
 }

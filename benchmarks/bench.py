@@ -37,8 +37,8 @@ from measure import Call, Figure, Part, figure, interleaved
 from raw_figures import raw_figures
 from sweeping import sweep_figures
 
+from aerobat_pin.aerobat import known_inputs
 from aerobat_pin.errors import MorphologyFileError
-from aerobat_pin.estimation import known_inputs
 from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.observers import ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
 from aerobat_pin.robot import Aerobat, joint_table, load_aerobat

@@ -27,7 +27,7 @@ from support.calibrated import (
 )
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
-from aerobat_pin.estimation import calibrate
+from aerobat_pin.aerobat import calibrate
 
 ROW = "quasi-steady air"
 SEEDS = (1, 2, 3, 4, 5)

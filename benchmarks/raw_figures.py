@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from measure import Figure, figure, interleaved
 
-from aerobat_pin.estimation.raw import JointFilter, JointSmoother, raw_record
+from aerobat_pin.aerobat.raw import JointFilter, JointSmoother, raw_record
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario

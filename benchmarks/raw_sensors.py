@@ -24,12 +24,12 @@ from raw_page import COST, HEAD, MOUNT, OWN, TEXT
 from support.own_model import own_model_errors
 
 from aerobat_pin import load_scenario, simulate
+from aerobat_pin.aerobat import FlightLog, read_csv, write_csv
+from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
+from aerobat_pin.aerobat.raw.nominal import first_guess
+from aerobat_pin.aerobat.raw.prior import first_prior
+from aerobat_pin.aerobat.raw.windows import part_of
 from aerobat_pin.estimation import r_squared
-from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
-from aerobat_pin.estimation.raw.nominal import first_guess
-from aerobat_pin.estimation.raw.prior import first_prior
-from aerobat_pin.estimation.raw.windows import part_of
-from aerobat_pin.flight import FlightLog, read_csv, write_csv
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, Scenario
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from measure import Figure, figure, interleaved
 
-from aerobat_pin.estimation import estimate_log
+from aerobat_pin.aerobat import estimate_log
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_this_machine
 from aerobat_pin.experiments.sweep.one_run import outcome_of
 from aerobat_pin.flight import Plant, interval_means, simulate

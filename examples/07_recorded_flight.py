@@ -3,8 +3,9 @@
 import tempfile
 from pathlib import Path
 
-from aerobat_pin.estimation import belief_about, estimate_log, r_squared, true_force
-from aerobat_pin.flight import read_csv, simulate, write_csv
+from aerobat_pin.aerobat import belief_about, estimate_log, read_csv, true_force, write_csv
+from aerobat_pin.estimation import r_squared
+from aerobat_pin.flight import simulate
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import load_scenario
 

@@ -68,8 +68,8 @@ def run_command(
         )
         return
     from aerobat_pin import experiments
+    from aerobat_pin.aerobat import read_calibration
     from aerobat_pin.errors import SimulationError, output_folder
-    from aerobat_pin.estimation import read_calibration
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])
@@ -210,7 +210,7 @@ def describe_command(
     ] = None,
 ) -> None:
     """Print all keys of a scenario file or of a recording's map, or one, with type, unit, default and meaning."""
-    from aerobat_pin.estimation import describe_map
+    from aerobat_pin.records import describe_map
     from aerobat_pin.scenario import describe_scenario
 
     typer.echo({"scenario": describe_scenario, "map": describe_map}[what](key), nl=False)

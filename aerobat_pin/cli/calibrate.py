@@ -13,7 +13,7 @@ from aerobat_pin.cli.options import BelievedMorphology, Force, Settings
 from aerobat_pin.cli.recordings import calibrate_by_map
 
 if TYPE_CHECKING:
-    from aerobat_pin.estimation import FreeFlight
+    from aerobat_pin.aerobat import FreeFlight
 
 
 def calibrate_command(
@@ -56,8 +56,8 @@ def calibrate_command(
     --set takes keys of robot, air and observers, and flight.gravity. What is believed of a run is what its scenario
     says.
     """
+    from aerobat_pin.aerobat import calibrate, calibration_bytes
     from aerobat_pin.errors import MapError, check_file, write_files
-    from aerobat_pin.estimation import calibrate, calibration_bytes
 
     check_file(out, force=force)
     if map_file is not None:
@@ -85,8 +85,8 @@ def calibrate_command(
 
 def _free_flight(path: Path, morphology: str | None, settings: list[str]) -> FreeFlight:
     """Read a run or a log with the belief about it."""
+    from aerobat_pin.aerobat import FreeFlight, belief_about, describe_belief, read_log
     from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import FreeFlight, belief_about, describe_belief, read_log
     from aerobat_pin.robot import believed_robot
     from aerobat_pin.scenario import load_scenario
 

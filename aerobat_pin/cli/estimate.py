@@ -12,7 +12,7 @@ from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, 
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
 
 if TYPE_CHECKING:
-    from aerobat_pin.estimation import Scores
+    from aerobat_pin.experiments import Scores
     from aerobat_pin.scenario import Scenario
 
 
@@ -54,15 +54,15 @@ def estimate_command(
     Of Aerobat's own tables without a map: --set takes keys of robot, air and observers, and flight.gravity.
     """
     from aerobat_pin import experiments
+    from aerobat_pin.aerobat import belief_about, describe_belief, read_calibration, read_log
     from aerobat_pin.errors import LogError, output_folder
-    from aerobat_pin.estimation import belief_about, describe_belief, read_calibration, read_log
 
     if out is not None and out.suffix == ".mcap":
         out, out_mcap = None, out
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
     if suggest and log is not None:
-        from aerobat_pin.estimation import suggested_map
+        from aerobat_pin.records import suggested_map
 
         typer.echo(suggested_map(log, urdf), nl=False)
         return
@@ -107,7 +107,7 @@ def estimate_command(
 
 def _passes_self_check(belief: Scenario) -> bool:
     """Run the self-check (known forces on a simulated flight), print its results, and return whether all are right."""
-    from aerobat_pin.estimation import self_check
+    from aerobat_pin.experiments import self_check
     from aerobat_pin.robot import believed_robot
 
     checks = self_check(believed_robot(belief), belief)

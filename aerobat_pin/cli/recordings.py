@@ -11,12 +11,13 @@ import typer
 from aerobat_pin.cli.console import files_in, print_files, progress_bar
 
 if TYPE_CHECKING:
-    from aerobat_pin.estimation import Map, RecordingEstimate
+    from aerobat_pin.estimation import RecordingEstimate
+    from aerobat_pin.records import Map
 
 
 def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observers: list[str]) -> tuple[Map, Path]:
     """Return the map of a file, with the options laid over it, and the folder where its paths begin."""
-    from aerobat_pin.estimation import load_map, parse_map, with_options
+    from aerobat_pin.records import load_map, parse_map, with_options
 
     names = [name.strip() for name in (points or "").split(",") if name.strip()]
     robot = None if urdf is None else str(urdf.absolute())
@@ -50,7 +51,8 @@ def estimate_by_map(
     """Estimate, print what was found, and write the results."""
     from aerobat_pin import experiments
     from aerobat_pin.errors import check_file, output_folder
-    from aerobat_pin.estimation import estimate_recording, read_map_calibration, write_mcap
+    from aerobat_pin.estimation import estimate_recording, read_map_calibration
+    from aerobat_pin.experiments import write_mcap
 
     if mcap is not None:
         check_file(mcap, force=force)

@@ -110,8 +110,7 @@ def convert_command(
 ) -> None:
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
     from aerobat_pin.errors import check_file
-    from aerobat_pin.estimation import write_flight_mcap
-    from aerobat_pin.experiments import read_run
+    from aerobat_pin.experiments import read_run, write_flight_mcap
     from aerobat_pin.robot import load_robot
 
     check_file(mcap, force=force)

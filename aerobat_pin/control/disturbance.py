@@ -25,8 +25,8 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import AirStream
 from aerobat_pin.control.nominal import Nominal, control_of
-from aerobat_pin.estimation import AirStream
 from aerobat_pin.flight import Plant
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import Application, ForceLevelObserver

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.margins import Margins, loop_margins
 from aerobat_pin.control.nominal import control_of
-from aerobat_pin.flight import FlightLog, thrusters_of
+from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import euler_angles
 from aerobat_pin.scenario import Scenario

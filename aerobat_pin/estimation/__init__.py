@@ -1,4 +1,4 @@
-"""From a log and a belief to forces: known inputs, calibrations, raw sensors, recordings of any robot, and scores."""
+"""From a record to forces: checks, known forces, observers, calibration, scores and results, for any robot."""
 
 import lazy_loader
 

@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import CalibrationError, LogError
-from aerobat_pin.flight import netcdf_bytes, read_netcdf
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
+from aerobat_pin.records import netcdf_bytes, read_netcdf
 
 KIND, MAP_KIND = "aerobat calibration 1", "aerobat calibration by a map 1"  # with the number of the form
 CALIBRATION_KINDS = {  # attribute `kind` of a file -> the command that writes it, and what it is about

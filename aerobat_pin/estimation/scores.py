@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration.use import CalibrationUse
 from aerobat_pin.estimation.trust import (
     POINT_SUFFIX,
     ComponentSize,
@@ -19,13 +18,13 @@ from aerobat_pin.estimation.trust import (
     innovation_score,
     warnings_about,
 )
-from aerobat_pin.estimation.truth import true_force
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate, Redundancy
 
 FORCE_AXES = ("Fx", "Fy", "Fz")
 NO_SIGNAL = 1.0e-3  # [N]: if the true force has a smaller standard deviation, R2 is meaningless
+TrueForce = Callable[[str], tuple[Array, Array]]
 LONGEST_LAG = 0.05  # [s]: the longest lag that the search can find
 
 
@@ -113,22 +112,24 @@ class ObserverScores:
 
 
 @guarded()
-def observer_scores(estimate: Estimate, log: FlightLog, use: CalibrationUse | None = None) -> ObserverScores:
-    """Score an estimate; R2, error and lag are included only if the log contains the true forces.
+def observer_scores(
+    estimate: Estimate, truth: TrueForce | None = None, use: CalibrationUse | None = None
+) -> ObserverScores:
+    """Score an estimate; R2, error and lag are included only if the true forces are known.
 
     Args:
         estimate: the estimate.
-        log: the flight.
+        truth: frame -> true force and its noise-free part, (m, 3) each, world axes [N]; None if nobody knows them.
         use: how a calibration was used, with the contacts that were found.
     """
     found = estimate.identifiability
     points = {}
-    if log.truth is not None:
+    if truth is not None:
         dt = float(np.median(np.diff(estimate.time)))
         for i, frame in enumerate(estimate.frames):
-            truth, noise_free = true_force(log, frame)
+            actual, noise_free = truth(frame)
             points[point_label(frame)] = {
-                axis: axis_score(estimate.force[:, i, k], truth[:, k], noise_free[:, k], dt)
+                axis: axis_score(estimate.force[:, i, k], actual[:, k], noise_free[:, k], dt)
                 for k, axis in enumerate(FORCE_AXES)
             }
     components = component_sizes(estimate)

@@ -8,7 +8,7 @@ from math import comb, sqrt
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration.use import Contact
+from aerobat_pin.estimation.use import Contact
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, MomentumObserver
 

@@ -15,24 +15,26 @@ from typing import Any
 import pandas as pd
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.control import Controller, control_summary, course_rms
-from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import (
-    TABLE_HEADER,
+from aerobat_pin.aerobat import (
     Calibration,
-    Scores,
+    FlightLog,
     calibration_bytes,
     check_names,
     contradictions,
     estimate_log,
-    flight_summary,
-    observer_scores,
+    truth_of,
 )
+from aerobat_pin.control import Controller, control_summary, course_rms
+from aerobat_pin.errors import SimulationError
+from aerobat_pin.estimation import observer_scores
+from aerobat_pin.experiments.flight_summary import flight_summary
+from aerobat_pin.experiments.metrics import TABLE_HEADER, Scores
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.flight import FlightLog, log_with_motion, netcdf_bytes, simulate
+from aerobat_pin.flight import log_with_motion, simulate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
+from aerobat_pin.records import netcdf_bytes
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import RecordedForce, Scenario, changed_keys, described, scenario_toml
 
@@ -182,7 +184,9 @@ def _estimated(
         torque=belief.observers.torque,
         inputs=inputs.source,
         note=note,
-        observers={name: observer_scores(estimate, log, inputs.calibration) for name, estimate in estimates.items()},
+        observers={
+            name: observer_scores(estimate, truth_of(log), inputs.calibration) for name, estimate in estimates.items()
+        },
         calibration=inputs.calibration,
         contradictions=tuple(contradictions(log, believed)),
     )

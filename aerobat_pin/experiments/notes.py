@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.numerics import guarded
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario

@@ -14,9 +14,9 @@ import xarray as xr
 from aerobat_pin.estimation import RecordingEstimate
 from aerobat_pin.experiments.experiment import versions, write_metrics
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.flight import netcdf_bytes, seal_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
+from aerobat_pin.records import netcdf_bytes, seal_netcdf
 
 RECORDED_RESULTS = (  # all that an estimate of a recording writes, as glob patterns
     "map.toml",
@@ -95,4 +95,4 @@ def _datasets(found: RecordingEstimate) -> Iterator[xr.Dataset]:
             attributes = {"units": "N, N m", "long_name": words}
             data = data.assign_coords(sensor_component=[f"{side.point}.{label}" for label in side.labels])
             data["sensor"] = (("interval", "sensor_component"), side.sensor[rows], attributes)
-        yield data.assign_attrs(log=found.log.name, robot=found.record.robot.title)
+        yield data.assign_attrs(log=found.record.title, robot=found.record.robot.title)

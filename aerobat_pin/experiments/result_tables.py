@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight import FlightLog, read_netcdf
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
+from aerobat_pin.records import read_netcdf
 from aerobat_pin.scenario import Scenario, load_scenario
 
 FORCE_DIMS = ("observer", "interval", "point", "axis")

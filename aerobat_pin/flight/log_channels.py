@@ -7,18 +7,9 @@ import json
 import numpy as np
 import xarray as xr
 
+from aerobat_pin.aerobat import KNOWN_FORCE, LABELS, MEASURED, THRUSTERS, TRUE_CHANNELS, FlightLog, channel, filled
 from aerobat_pin.aerodynamics import strips_of
-from aerobat_pin.flight.channels import (
-    KNOWN_FORCE,
-    LABELS,
-    MEASURED,
-    THRUSTERS,
-    TRUE_CHANNELS,
-    channel,
-    filled,
-)
-from aerobat_pin.flight.crank import RateControlledMotor
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.flight.crank.motor import RateControlledMotor
 from aerobat_pin.flight.loop import LoopRecord
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Flown

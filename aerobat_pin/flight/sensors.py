@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.flight.raw_sensors import recorded_raw
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from aerobat_pin.flight.channels import KNOWN, LABELS, filled
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, filled
 from aerobat_pin.numerics import Array, guarded
 
 

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import FlightLog, robot_air, wind_of
 from aerobat_pin.aerodynamics import Wind
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
-from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import LINKS, Aerobat
 from aerobat_pin.scenario import AirSection

@@ -23,6 +23,10 @@ from aerobat_pin.numerics.kernel_cache import KernelCache
 Function = TypeVar("Function", bound=Callable[..., Any])
 Integers = NDArray[np.intp]
 KERNEL_SOURCES = (
+    "aerobat/believed_air_kernels.py",
+    "aerobat/raw/dynamics_kernels.py",
+    "aerobat/raw/recursion.py",
+    "aerobat/raw/rows_kernels.py",
     "aerodynamics/added_mass.py",
     "aerodynamics/body_surfaces.py",
     "aerodynamics/lifting_line.py",
@@ -35,10 +39,6 @@ KERNEL_SOURCES = (
     "control/allocation.py",
     "control/disturbance.py",
     "control/law.py",
-    "estimation/believed_air_kernels.py",
-    "estimation/raw/dynamics_kernels.py",
-    "estimation/raw/recursion.py",
-    "estimation/raw/rows_kernels.py",
     "flight/attitude_hold.py",
     "flight/crank/motor.py",
     "flight/plant/kernels.py",

@@ -193,7 +193,7 @@ class RawNoiseSection(Section):
 
 
 class RawSection(Section):
-    """What `smoother` and `kalman` assume of raw samples; see `aerobat_pin.estimation.raw`."""
+    """What `smoother` and `kalman` assume of raw samples; see `aerobat_pin.aerobat.raw`."""
 
     walk: PerWorldAxis | None = Field(
         None, description="change of each force in a second, world x, y, z; left out: by likelihood [N/sqrt(s)]"

@@ -12,10 +12,10 @@ import matplotlib as mpl
 import xarray as xr
 from matplotlib.figure import Figure
 
+from aerobat_pin.aerobat import FlightLog, true_force
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import point_label, true_force
+from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import read_run
-from aerobat_pin.flight import FlightLog
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run

@@ -13,8 +13,8 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import TABLE_HEADER, TrueEvent
-from aerobat_pin.experiments import Experiment, Progress, estimate_dataset
+from aerobat_pin.aerobat import TrueEvent
+from aerobat_pin.experiments import TABLE_HEADER, Experiment, Progress, estimate_dataset
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description
 from aerobat_pin.visualization import style

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation import write_flight_mcap
-from aerobat_pin.estimation.recordings.mcap_file import LONGEST_MARKER
-from aerobat_pin.experiments import estimate_dataset, run
+from aerobat_pin.experiments import estimate_dataset, run, write_flight_mcap
+from aerobat_pin.experiments.mcap_file import LONGEST_MARKER
 from aerobat_pin.scenario import load_scenario
 
 DURATION = 0.3  # [s]

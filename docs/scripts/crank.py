@@ -11,7 +11,8 @@ import pinocchio as pin
 from matplotlib.figure import Figure
 from support.pages import ROOT, Part, run
 
-from aerobat_pin.flight import FlightLog, simulate
+from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.flight import simulate
 from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style

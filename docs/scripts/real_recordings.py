@@ -25,14 +25,8 @@ import tiago
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import (
-    MapCalibration,
-    RecordingEstimate,
-    calibrate_recording,
-    estimate_recording,
-    load_map,
-    parse_map,
-)
+from aerobat_pin.estimation import MapCalibration, RecordingEstimate, calibrate_recording, estimate_recording
+from aerobat_pin.records import load_map, parse_map
 from aerobat_pin.visualization import save_figure
 from aerobat_pin.visualization.figures.recording import draw_recording
 

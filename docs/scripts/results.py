@@ -10,7 +10,8 @@ import numpy as np
 from support.pages import HOLE, ROOT, Part
 from support.pages import run as write_or_check
 
-from aerobat_pin.estimation import FORCE_AXES, known_inputs, r_squared, true_force
+from aerobat_pin.aerobat import known_inputs, true_force
+from aerobat_pin.estimation import FORCE_AXES, r_squared
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.scenario import load_scenario

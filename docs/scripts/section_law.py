@@ -26,8 +26,8 @@ from support.high_incidence import (
 from support.measurements import plates, plunging
 from support.pages import HOLE, ROOT, Part, run
 
-from aerobat_pin.estimation import motion
-from aerobat_pin.estimation.believed_air import reconstructed_air
+from aerobat_pin.aerobat import motion
+from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import load_robot, rotations
 from aerobat_pin.scenario import load_scenario

@@ -21,7 +21,7 @@ from support.error_tables import (
 from support.mismatch import MISMATCHES, NOISY, Seen, estimated, flown, made_up, scores, seen
 from support.pages import HOLE, ROOT, Part, run
 
-from aerobat_pin.estimation import Calibration, FreeFlight, calibrate
+from aerobat_pin.aerobat import Calibration, FreeFlight, calibrate
 from aerobat_pin.observers import OBSERVERS
 
 PAGE = "docs/structural_error.md"

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-INNER = ["aerobat_pin.estimation.raw"]  # doors within a room that users enter, too
+INNER = ["aerobat_pin.aerobat.raw"]  # doors within a room that users enter, too
 
 
 def doors(root: Path) -> list[str]:

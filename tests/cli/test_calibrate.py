@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from support.commands import call
 
-from aerobat_pin.estimation import read_calibration
-from aerobat_pin.flight import FlightLog, write_csv
+from aerobat_pin.aerobat import FlightLog, read_calibration, write_csv
 
 QUICK = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4", "--set", "air.warm_up_cycles=1"]
 BELIEF = ["--set", "believed.air.density=1.47"]

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from support.commands import call
 from support.walking_log import FEET, bag, table, table_map, urdf, walk
 
-from aerobat_pin.estimation.recordings import parse_map
+from aerobat_pin.records import parse_map
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic
     [
         ("--help", LIBRARIES),
         ("--version", LIBRARIES),
-        (f"run paper --no-report --out here {SHORT}", (*SLOW, "scipy.linalg", "aerobat_pin.estimation.recordings")),
+        (f"run paper --no-report --out here {SHORT}", (*SLOW, "scipy.linalg", "aerobat_pin.records.bag_columns")),
         ("list", (*SLOW, "xarray", "aerobat_pin.flight")),
     ],
 )

@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from aerobat_pin.aerobat.air_stream import AirStream
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import moved
 from aerobat_pin.control.margins import loop_margins
 from aerobat_pin.errors import ControlWarning, ScenarioError
-from aerobat_pin.estimation.air_stream import AirStream
-from aerobat_pin.estimation.known_inputs import known_inputs
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot.load import believed_robot

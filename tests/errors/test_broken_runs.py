@@ -11,7 +11,7 @@ import support.broken_runs as broken
 from support.bench import RUN, Bench
 from support.broken_runs import Case
 
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog
 
 SIZES = (1_000, 30_000, 120_000, 400_000)  # [bytes]: a short run writes files of up to 0.2 MB
 RNG = np.random.default_rng([13, 4])

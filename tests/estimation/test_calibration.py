@@ -28,12 +28,12 @@ from support.calibrated import (
 from support.detection_bound import TORQUE, VELOCITIES, detectability
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
+from aerobat_pin.aerobat import FlightLog, calibrate, calibration_bytes, read_calibration
+from aerobat_pin.aerobat.calibration.calibration import joint_motion
+from aerobat_pin.aerobat.calibration.identified import Identified
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration
-from aerobat_pin.estimation.calibration.calibration import joint_motion
-from aerobat_pin.estimation.calibration.identified import Identified
-from aerobat_pin.flight import FlightLog, netcdf_bytes, read_netcdf
 from aerobat_pin.observers import JointFriction
+from aerobat_pin.records import netcdf_bytes, read_netcdf
 from aerobat_pin.scenario import AirSection
 
 QUASI_STEADY = "quasi-steady air"

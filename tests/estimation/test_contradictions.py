@@ -11,12 +11,12 @@ import pytest
 from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
+from aerobat_pin.aerobat.contradictions.log_channels import contradictions
+from aerobat_pin.aerobat.csv_log import write_csv
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.control import Controller
-from aerobat_pin.estimation.contradictions.log_channels import contradictions
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.experiments.experiment import write as write_results
-from aerobat_pin.flight.csv_log import write_csv
-from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import believed_robot, load_robot
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios

@@ -10,9 +10,10 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from aerobat_pin.estimation.recordings import RecordingEstimate, estimate_recording, parse_map
-from aerobat_pin.estimation.recordings.spool import Series, Spool, series_of
+from aerobat_pin.estimation import RecordingEstimate, estimate_recording
 from aerobat_pin.experiments import write_recorded
+from aerobat_pin.records import parse_map
+from aerobat_pin.records.spool import Series, Spool, series_of
 
 MASS = 1.5
 AXES = {"position": "pxyz", "velocity": "vxyz", "rate": "wxyz"}
@@ -32,12 +33,13 @@ SHORT, LONG = 2_000, 8_000  # rows
 @pytest.fixture
 def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make all pieces small, so that short recordings count as long ones."""
-    place = "aerobat_pin.estimation.recordings."
-    for module in ("spool", "columns", "channels", "open_record", "checks.stamps"):
-        monkeypatch.setattr(f"{place}{module}.EXTENT", 200)
-    monkeypatch.setattr(f"{place}spool.IN_MEMORY", 1)
-    monkeypatch.setattr(f"{place}csv_columns.ROWS_AT_ONCE", 200)
-    monkeypatch.setattr(f"{place}table_cells.BYTES_AT_ONCE", 20_000)
+    come_in, place = "aerobat_pin.records.", "aerobat_pin.estimation."
+    for module in ("spool", "columns", "channels", "file_source"):
+        monkeypatch.setattr(f"{come_in}{module}.EXTENT", 200)
+    monkeypatch.setattr(f"{place}checks.stamps.EXTENT", 200)
+    monkeypatch.setattr(f"{come_in}spool.IN_MEMORY", 1)
+    monkeypatch.setattr(f"{come_in}csv_columns.ROWS_AT_ONCE", 200)
+    monkeypatch.setattr(f"{come_in}table_cells.BYTES_AT_ONCE", 20_000)
     monkeypatch.setattr(f"{place}run_observers.BLOCK", 500)
     monkeypatch.setattr(f"{place}checks.kinematics.MOST_SAMPLES", 500)
     for name in ("MANY", "MOST_SAMPLES"):

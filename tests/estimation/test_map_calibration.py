@@ -17,15 +17,14 @@ from support.drone import MAP as DRONE
 from support.drone import flight
 
 from aerobat_pin.errors import AerobatError, CalibrationError, MapError
-from aerobat_pin.estimation.recordings import (
+from aerobat_pin.estimation import (
     OnlineEstimator,
     calibrate_recording,
     estimate_recording,
     map_calibration_bytes,
-    parse_map,
     read_map_calibration,
 )
-from aerobat_pin.flight import read_netcdf
+from aerobat_pin.records import parse_map, read_netcdf
 
 RATE, CONSTANT, HEAVIER = 500.0, 1.6, 1.06  # [Hz], [N m/A] of every joint, true mass over the believed one
 COULOMB, VISCOUS, OFFSET = (np.array(values) for values in ([0.4, 0.6, 0.3], [0.2, 0.3, 0.1], [0.1, -0.2, 0.05]))

@@ -10,8 +10,9 @@ import pytest
 from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings import estimate_recording, parse_map
-from aerobat_pin.estimation.recordings.mcap_checksums import mcap_is_sealed, seal_mcap
+from aerobat_pin.estimation import estimate_recording
+from aerobat_pin.records import parse_map
+from aerobat_pin.records.mcap_checksums import mcap_is_sealed, seal_mcap
 
 
 def test_damage_to_a_sealed_bag_is_noticed(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from support.elsewhere import as_believed, elsewhere, seen_elsewhere
 from support.mismatch import estimated, made_up, scores
 from support.other_plant import fly_elsewhere
 
-from aerobat_pin.estimation import calibrate
+from aerobat_pin.aerobat import calibrate
 
 
 def test_both_plants_agree_on_rigid_bodies_in_a_vacuum() -> None:

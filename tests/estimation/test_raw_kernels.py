@@ -7,10 +7,10 @@ import pinocchio as pin
 from support.kernel_cases import assert_equal
 from support.raw_twins import twin_accelerometer, twin_rows
 
-from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics, Middle, linearise
-from aerobat_pin.estimation.raw.layout import Layout
-from aerobat_pin.estimation.raw.rows_kernels import accelerometer_rows, felt_accelerations
+from aerobat_pin.aerobat.raw.air import AirForces
+from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics, Middle, linearise
+from aerobat_pin.aerobat.raw.layout import Layout
+from aerobat_pin.aerobat.raw.rows_kernels import accelerometer_rows, felt_accelerations
 
 
 def test_rows_of_the_dynamics_and_of_an_accelerometer_are_those_of_their_twins() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
+from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
 
 MOVING = 15
 STATES = MOVING + 5

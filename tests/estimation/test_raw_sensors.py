@@ -12,25 +12,26 @@ import pinocchio as pin
 import pytest
 from support.own_model import own_model_errors
 
-from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import (
+from aerobat_pin.aerobat import (
+    FlightLog,
     FreeFlight,
     calibrate,
     calibration_bytes,
     contradictions,
     estimate_log,
-    r_squared,
     read_calibration,
 )
-from aerobat_pin.estimation.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
-from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.linear import LinearRecord
-from aerobat_pin.estimation.raw.nominal import NominalMotion, first_guess
-from aerobat_pin.estimation.raw.prior import Prior, first_prior
-from aerobat_pin.estimation.raw.results import notes_of
-from aerobat_pin.estimation.raw.tuning import Tuning
-from aerobat_pin.estimation.raw.windows import part_of, stretches
-from aerobat_pin.flight import FlightLog, simulate
+from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
+from aerobat_pin.aerobat.raw.air import AirForces
+from aerobat_pin.aerobat.raw.linear import LinearRecord
+from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
+from aerobat_pin.aerobat.raw.prior import Prior, first_prior
+from aerobat_pin.aerobat.raw.results import notes_of
+from aerobat_pin.aerobat.raw.tuning import Tuning
+from aerobat_pin.aerobat.raw.windows import part_of, stretches
+from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
+from aerobat_pin.estimation import r_squared
+from aerobat_pin.flight import simulate
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.robot import Aerobat, believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario

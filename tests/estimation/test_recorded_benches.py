@@ -13,7 +13,8 @@ import pytest
 from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.recordings import calibrate_recording, estimate_recording, parse_map
+from aerobat_pin.estimation import calibrate_recording, estimate_recording
+from aerobat_pin.records import parse_map
 
 NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
 

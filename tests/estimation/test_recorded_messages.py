@@ -15,8 +15,9 @@ from support.pages import ROOT
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation.recordings import estimate_recording, parse_map
-from aerobat_pin.estimation.recordings.messages import stamp
+from aerobat_pin.estimation import estimate_recording
+from aerobat_pin.records import parse_map
+from aerobat_pin.records.messages import stamp
 
 
 @pytest.fixture

@@ -15,18 +15,12 @@ from scipy.spatial.transform import Rotation
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
-from aerobat_pin.estimation.recordings import (
-    OnlineEstimator,
-    OnlineSample,
-    RecordingEstimate,
-    describe_map,
-    estimate_recording,
-    parse_map,
-)
-from aerobat_pin.estimation.recordings.checks.compare import compare
-from aerobat_pin.estimation.recordings.columns import increasing
-from aerobat_pin.estimation.recordings.messages import stamp
-from aerobat_pin.estimation.recordings.resample import line_means, turn_rates
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, RecordingEstimate, estimate_recording
+from aerobat_pin.estimation.checks.compare import compare
+from aerobat_pin.records import describe_map, parse_map
+from aerobat_pin.records.columns import increasing
+from aerobat_pin.records.messages import stamp
+from aerobat_pin.records.resample import line_means, turn_rates
 
 Edit = Callable[[dict[str, Any]], None]
 
@@ -67,7 +61,7 @@ def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
 def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
     pytest.importorskip("rosbags")
-    monkeypatch.setattr("aerobat_pin.estimation.recordings.bag_columns.REORDERED", 100)  # as of a long bag
+    monkeypatch.setattr("aerobat_pin.records.bag_columns.REORDERED", 100)  # as of a long bag
     bag(walk(), folder / "walk")
     found = estimated(folder / "walk", bag_map(folder / "quadruped.urdf"))
     assert np.max(foot_errors(found, 1.7e9)) < 0.1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.estimate import belief_about
-from aerobat_pin.estimation.self_check import self_check
+from aerobat_pin.experiments.self_check import self_check
 from aerobat_pin.robot.load import believed_robot
 
 

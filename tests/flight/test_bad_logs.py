@@ -12,11 +12,12 @@ import xarray as xr
 from support.bad_logs import HARMLESS, KINDS, Kind, write_kind
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_pin.aerobat import csv_log
+from aerobat_pin.aerobat.estimate import belief_about, read_log
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.errors import AerobatError, LogError
-from aerobat_pin.estimation.estimate import belief_about, read_log
-from aerobat_pin.flight import csv_log, netcdf
-from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.records import netcdf
 from aerobat_pin.robot.aerobat import JOINTS, load_aerobat
 from aerobat_pin.robot.load import believed_robot
 from aerobat_pin.scenario import csv_rows

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerobat_pin.aerobat.csv_log import UNITS, read_csv, write_csv
+from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.raw_csv import ACCELEROMETER
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.flight.csv_log import UNITS, read_csv, write_csv
-from aerobat_pin.flight.flight_log import FlightLog
-from aerobat_pin.flight.raw_csv import ACCELEROMETER
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.aerobat import JOINTS
 from aerobat_pin.scenario.csv_rows import TextTable

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.known_inputs import known_inputs
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.result_tables import estimate_dataset
-from aerobat_pin.flight import netcdf_bytes
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.records import netcdf_bytes
 
 
 def test_a_log_survives_its_file(paper: Experiment, tmp_path: Path) -> None:

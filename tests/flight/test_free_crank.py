@@ -12,8 +12,8 @@ import pytest
 from support import twins
 from support.kernel_cases import instant
 
-from aerobat_pin.flight.crank import RateControlledMotor, SpinUp
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.flight import RateControlledMotor, SpinUp
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage import joint_series, joints_at

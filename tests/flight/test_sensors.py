@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 import xarray as xr
 
-from aerobat_pin.estimation.flight_summary import flight_summary
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.experiments.flight_summary import flight_summary
 from aerobat_pin.flight.sensors import sensed, sensed_attitude
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import load_robot

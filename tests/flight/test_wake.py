@@ -12,10 +12,10 @@ from support.gliding import BARE, evaluate, gliding, settled
 from support.shed_wake import impulse_lift, rectangle_wake
 from support.wakes import wake_at
 
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
 from aerobat_pin.aerodynamics.wind import Wind
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.wake import Wake, wake_of
 from aerobat_pin.robot.load import load_robot

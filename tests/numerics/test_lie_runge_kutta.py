@@ -15,7 +15,7 @@ import pinocchio as pin
 import pytest
 from support.stepping import stage_mean
 
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.scenario.scenario import load_scenario

@@ -15,8 +15,8 @@ import pytest
 from support.commands import call
 from support.quadruped import FEET, write_log, write_urdf
 
-from aerobat_pin.estimation.estimate import belief_about
-from aerobat_pin.flight.csv_log import UNITS
+from aerobat_pin.aerobat.csv_log import UNITS
+from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot.closing_bars import bar_placements, visual_model_with_bars
 

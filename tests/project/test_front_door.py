@@ -16,7 +16,7 @@ from PIL import Image
 
 import aerobat_pin
 from aerobat_pin import load_aerobat, load_scenario, run, simulate
-from aerobat_pin.estimation import known_inputs
+from aerobat_pin.aerobat import known_inputs
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()

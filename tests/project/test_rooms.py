@@ -60,8 +60,8 @@ def is_command(node: ast.stmt) -> bool:
 
 
 def test_the_top_of_the_package_fits_on_a_screen() -> None:
-    """At most sixteen entries."""
-    assert len([path for path in PIN.iterdir() if path.name != "__pycache__"]) <= 16
+    """At most eighteen entries."""
+    assert len([path for path in PIN.iterdir() if path.name != "__pycache__"]) <= 18
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
@@ -103,7 +103,7 @@ def test_rooms_are_entered_through_their_doors() -> None:
 
 
 def test_every_room_has_its_layer_in_the_import_contract() -> None:
-    """At most fourteen layers; that no import points upward, lint-imports and tests/project/test_house.py check."""
+    """At most fifteen layers; that no import points upward, lint-imports and tests/project/test_house.py check."""
     layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
-    assert len(layers) <= 14
+    assert len(layers) <= 15
     assert {f"aerobat_pin.{room.name}" for room in ROOMS} <= {name for layer in layers for name in layer.split(" | ")}

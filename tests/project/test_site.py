@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOORS = [
     "aerobat_description",
     *sorted(f"aerobat_pin.{path.parent.name}" for path in ROOT.glob("aerobat_pin/*/__init__.py")),
-    "aerobat_pin.estimation.raw",
+    "aerobat_pin.aerobat.raw",
 ]
 NO_NETWORK = """
 import socket, sys

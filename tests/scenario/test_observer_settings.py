@@ -7,8 +7,8 @@ import inspect
 import numpy as np
 import pytest
 
+from aerobat_pin.aerobat.estimate import estimate_log
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation.estimate import estimate_log
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.scenario.scenario import Scenario, load_scenario

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from aerobat_pin.flight.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog
 from support.log_kinds import (
     Cells,
     Rng,

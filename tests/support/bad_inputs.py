@@ -28,12 +28,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from aerobat_pin.aerobat.csv_log import write_csv
+from aerobat_pin.aerobat.estimate import belief_about, read_log
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation.estimate import belief_about, read_log
 from aerobat_pin.experiments.experiment import run_recorded
-from aerobat_pin.flight.csv_log import write_csv
-from aerobat_pin.flight.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.replay.serve import serve

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation import Calibration, FreeFlight, calibrate, known_inputs, motion, true_force
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, calibrate, known_inputs, motion, true_force
 from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
 from aerobat_pin.scenario import load_scenario
 from support.detection_bound import detectability, earliest

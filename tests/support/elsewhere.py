@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from aerobat_pin.estimation import Calibration, FreeFlight, belief_about, known_inputs, motion
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, belief_about, known_inputs, motion
 from aerobat_pin.robot import believed_robot
 from support.mismatch import Seen
 from support.other_plant import Push, crank_at, fly_elsewhere

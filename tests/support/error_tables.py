@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.estimation import calibrate
+from aerobat_pin.aerobat import calibrate
 from aerobat_pin.observers import moving_weight
 from support.calibrated import PUSHED, false_alarms, free_flight, ideal_latencies, latencies, learnt
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere

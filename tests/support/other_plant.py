@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import FlightLog
 from support.other_robot import (
     COUNT,
     DT,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.estimation.raw.air import AirForces
-from aerobat_pin.estimation.raw.dynamics import cross_matrices
-from aerobat_pin.estimation.raw.dynamics_kernels import LinearDynamics
-from aerobat_pin.estimation.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
+from aerobat_pin.aerobat.raw.air import AirForces
+from aerobat_pin.aerobat.raw.dynamics import cross_matrices
+from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.numerics import Array
 
 BASE = slice(0, 6)

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from aerobat_pin.estimation import AxisScore, FlightSummary
+from aerobat_pin.estimation import AxisScore
+from aerobat_pin.experiments import FlightSummary
 
 SCORES = {item.name: (item.metadata["unit"], item.metadata["meaning"]) for item in fields(AxisScore)}
 JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}

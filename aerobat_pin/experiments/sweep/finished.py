@@ -13,7 +13,8 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from aerobat_pin.errors import OutputError
-from aerobat_pin.estimation import FlightSummary, ObserverScores
+from aerobat_pin.estimation import ObserverScores
+from aerobat_pin.experiments import FlightSummary
 from aerobat_pin.scenario import Scenario
 
 MOST_BYTES_PER_RUN = 1_000_000  # of a line; one of two observers has 3,000

@@ -16,7 +16,7 @@ from aerobat_pin.experiments.experiment import versions
 from aerobat_pin.experiments.sweep.columns import FLIGHT_UNITS, JUDGED, LISTS, SCORES
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.sweep_file import DRAW
-from aerobat_pin.flight import netcdf_bytes
+from aerobat_pin.records import netcdf_bytes
 
 
 def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:

@@ -11,8 +11,8 @@ from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.executors import in_this_process, on_cluster, on_this_machine
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
-from aerobat_pin.flight import netcdf_bytes
 from aerobat_pin.numerics import guarded
+from aerobat_pin.records import netcdf_bytes
 
 SweepProgress = Callable[[int, int, int], None]
 

@@ -22,11 +22,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import robot_air, wind_of
 from aerobat_pin.aerodynamics import RobotInAir, fill
 from aerobat_pin.errors import CrankError, SimulationError
-from aerobat_pin.flight.air_from_scenario import robot_air, wind_of
 from aerobat_pin.flight.attitude_hold import hold_about
-from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
+from aerobat_pin.flight.crank.drives import CrankDrive, checked_motion
+from aerobat_pin.flight.crank.from_scenario import crank_drive
+from aerobat_pin.flight.crank.motor import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.memory import Forces, plant_in, unknown_forces
 from aerobat_pin.flight.plant.stepping import SteppedFlight

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.flight.crank import RateControlledMotor
+from aerobat_pin.flight.crank.motor import RateControlledMotor
 from aerobat_pin.flight.plant.divergence import HOPELESS, checked_flight
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.memory import Forces, split_forces

@@ -10,7 +10,8 @@ import pinocchio as pin
 
 from aerobat_pin.aerodynamics import STRIP_ROWS, RobotAir
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
+from aerobat_pin.flight.crank.drives import CrankDrive
+from aerobat_pin.flight.crank.motor import RateControlledMotor
 from aerobat_pin.flight.plant.memory import Forces, split_forces
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.linkage import Closure

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.flight import FlightLog
 from aerobat_pin.robot import Aerobat, world_velocity
 from aerobat_pin.visualization import style
 

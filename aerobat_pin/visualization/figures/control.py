@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
 
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, euler_angles
 from aerobat_pin.scenario import Scenario

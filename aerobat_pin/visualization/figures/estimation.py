@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from aerobat_pin.estimation import TrueEvent, point_label, true_events, true_force
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import FlightLog, TrueEvent, true_events, true_force
+from aerobat_pin.estimation import point_label
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import FORCE_POINTS

@@ -7,7 +7,7 @@ import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from aerobat_pin.flight import FlightLog
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, Aerobat, euler_angles, world_velocity
 from aerobat_pin.visualization import style

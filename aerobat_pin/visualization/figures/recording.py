@@ -9,9 +9,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Compared, LogChannel, RecordingEstimate, StoredEstimate
+from aerobat_pin.estimation import Compared, RecordingEstimate, StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy, slow_part
+from aerobat_pin.records import LogChannel
 from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
@@ -86,7 +87,7 @@ def _forces(found: RecordingEstimate) -> Figure:
     points = list(dict.fromkeys(label.rpartition(".")[0] for label in labels))[:MOST_COLUMNS]
     rows = max(sum(label.startswith(f"{point}.") for label in labels) for point in points)
     figure = Figure(figsize=(max(6.5, 3.2 * len(points)), 1.9 * rows + 1.0), layout="constrained")
-    figure.suptitle(f"Unknown forces in {found.log.name}, interval means")
+    figure.suptitle(f"Unknown forces in {found.record.title}, interval means")
     grid = figure.subplots(rows, len(points), sharex=True, squeeze=False)
     start, free = found.record.start, found.record.map.use.free
     side = next(iter(found.compared.values()), None)

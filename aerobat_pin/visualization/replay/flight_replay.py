@@ -11,19 +11,11 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
+from aerobat_pin.aerobat import SUM, FlightLog, belief_about, estimate_log, motion, read_log, true_events, true_force
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import (
-    SUM,
-    belief_about,
-    estimate_log,
-    motion,
-    point_label,
-    read_log,
-    true_events,
-    true_force,
-)
+from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import estimate_dataset, flight_note, read_run, recorded_note
-from aerobat_pin.flight import FlightLog, Wake, log_with_motion, wake_of
+from aerobat_pin.flight import Wake, log_with_motion, wake_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text

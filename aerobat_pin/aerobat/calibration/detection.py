@@ -1,0 +1,97 @@
+"""Find contacts in a flight: thresholds learnt from free flights, above which a force is an event.
+
+The detector is a Kalman filter whose forces walk slowly, a third of the robot's weight per root second: with noisy
+sensors it sees a step of 0.1 N on a robot of 0.9 N within 3 ms, where the usual walk, seven times as fast, needs a
+threshold above the step. Excursions are counted in the deviations that the filter states, which change within a wing
+beat; so counted, noise is nearly normal. A component's threshold is 5.3 times the root mean square of its excursions in
+the free flights, which noise does not pass in hours, but no more than 1.6 times the largest of them, as what repeats
+itself with the wings has no such tails; and at least 1.2 % of the weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.estimation import Contact, KnownInputs
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import KalmanObserver, LevelDetector, moving_weight
+
+DETECTOR_WALK = 0.33  # of the robot's weight per root second
+ABOVE_USUAL, ABOVE_LARGEST = 5.3, 1.6  # threshold, in usual and largest excursions of the free flights; the lower one
+LEAST_THRESHOLD = 0.012  # of the robot's weight
+SETTLING = 0.1  # [s] at the start of a flight in which the filter still learns its sensors
+FLOOR = 0.5  # of the threshold: where an event is said to begin
+ECHO = 0.25  # of a contact, in thresholds, below which an overlapping one elsewhere is its echo
+JOINED = 0.02  # [s]: events with shorter pauses are one
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What is normal where nothing pushes.
+
+    Attributes:
+        frames: points at which forces are sought.
+        bias: (3 n,) mean of the detector's forces in the free flights, world axes [N].
+        threshold: (3 n,) distance from it at which an event is found [N], where the filter is as sure as usual.
+        deviation: (3 n,) root mean square of the standard deviation that the filter states in the free flights [N];
+            thresholds are in proportion to what it states.
+    """
+
+    frames: tuple[str, ...]
+    bias: Array
+    threshold: Array
+    deviation: Array
+
+    def contacts(self, model: pin.Model, inputs: KnownInputs, near: Array) -> tuple[Contact, ...]:
+        """Return the contacts of a flight in the order of their onsets, sought in the intervals `near` (m,) alone."""
+        sought = near & (inputs.time[:-1] - inputs.time[0] >= SETTLING)
+        force, deviation = _detected(model, self.frames, inputs)
+        least = LEAST_THRESHOLD * moving_weight(model)
+        over = np.abs(force - self.bias) / np.maximum(self.threshold * deviation / self.deviation, least)
+        found: list[tuple[Contact, float]] = []
+        for i, frame in enumerate(self.frames):
+            statistic = np.where(sought, np.max(over[:, 3 * i : 3 * i + 3], axis=1), 0.0)
+            joined: list[tuple[Contact, float]] = []
+            for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(inputs.time, statistic):
+                contact, size = Contact(frame, event.onset, event.alarm, event.end), event.peak
+                if joined and joined[-1][0].end is not None and event.onset - joined[-1][0].end < JOINED:
+                    before, larger = joined.pop()
+                    contact, size = Contact(frame, before.onset, before.alarm, event.end), max(size, larger)
+                joined.append((contact, size))
+            found += joined
+        kept = [one for one, size in found if not any(_hides(other, large, one, size) for other, large in found)]
+        return tuple(sorted(kept, key=lambda contact: contact.onset))
+
+
+def _hides(other: Contact, large: float, one: Contact, size: float) -> bool:
+    """Whether a contact is the echo of a far larger one that overlaps it at another point."""
+    apart = (other.end is not None and other.end < one.onset) or (one.end is not None and one.end < other.onset)
+    return other.frame != one.frame and not apart and size < ECHO * large
+
+
+def learn_detection(frames: Sequence[str], flights: Sequence[tuple[pin.Model, KnownInputs]]) -> Detection:
+    """Return the thresholds that free flights show, given the model and the calibrated inputs of each."""
+    parts = []
+    for model, inputs in flights:
+        settled = inputs.time[:-1] - inputs.time[0] >= SETTLING
+        parts.append(_detected(model, frames, inputs)[:, settled])
+    forces, deviations = np.concatenate(parts, axis=1)
+    seen, bias = np.isfinite(deviations), np.mean(forces, axis=0)
+    excursions = np.abs(forces - bias) / deviations
+    size, largest = np.sqrt(np.mean(excursions**2, axis=0)), np.max(excursions, axis=0)
+    allowed = np.minimum(ABOVE_USUAL * size, ABOVE_LARGEST * largest)
+    mean = np.mean(np.square(deviations, where=seen, out=np.zeros_like(deviations)), axis=0)
+    usual = np.sqrt(np.where(mean > 0.0, mean / np.maximum(np.mean(seen, axis=0), 1e-9), 1.0))
+    least = LEAST_THRESHOLD * moving_weight(flights[0][0])
+    return Detection(tuple(frames), bias, np.maximum(allowed * usual, least), usual)
+
+
+def _detected(model: pin.Model, frames: Sequence[str], inputs: KnownInputs) -> Array:
+    """Return the detector's forces and their standard deviations (2, m, 3 n) [N]; infinite where there is no trace."""
+    detector = KalmanObserver(model, frames, rows=inputs.rows, force_walk=DETECTOR_WALK * moving_weight(model))
+    found = detector.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    return np.array([found.components, found.standard_deviation])

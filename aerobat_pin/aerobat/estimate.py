@@ -1,0 +1,171 @@
+"""Estimate the unknown forces from a flight log, simulated or recorded.
+
+What the observers assume about a flight (robot, air, gravity, settings) is called a belief; it has the form of a
+scenario.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
+from aerobat_pin.aerobat.csv_log import read_csv
+from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_record import known_inputs, motion, noted_air
+from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
+from aerobat_pin.errors import CalibrationError, ScenarioError
+from aerobat_pin.estimation import KnownInputs
+from aerobat_pin.numerics import guarded
+from aerobat_pin.observers import OBSERVERS, Estimate
+from aerobat_pin.robot import Aerobat, load_morphology
+from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
+
+BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
+
+
+@guarded()
+def read_log(path: Path) -> FlightLog:
+    """Read a flight log: a NetCDF file written by this package, or a recorded CSV table. Raises LogError."""
+    return read_csv(path) if path.suffix.lower() == ".csv" else FlightLog.load(path)
+
+
+@guarded()
+def belief_about(
+    log: FlightLog | None, name: str, morphology: str | None, names: Sequence[str], settings: Iterable[str]
+) -> Scenario:
+    """Return what the observers assume about a recorded flight, as a scenario.
+
+    Only robot, air, observers and gravity of the returned scenario are used.
+
+    Args:
+        log: the flight log. By default, the robot and the air noted in its attributes are assumed. None if there is
+            no flight.
+        name: name of the returned scenario.
+        morphology: morphology of the robot, a shipped name or a TOML file.
+        names: names of the observers; empty for the default observers.
+        settings: `dotted.key=value` texts.
+
+    Raises:
+        ScenarioError: a value breaks its rule, or a key cannot be set for a recorded flight.
+    """
+    settings = list(settings)
+    _check_keys(settings)
+    noted = {} if log is None else log.measured.attrs
+    channels = () if log is None else tuple(map(str, log.measured.data_vars))
+    robot: dict[str, Any] = {"morphology": morphology} if morphology is not None else {}
+    if morphology is None and "morphology" in noted:
+        robot = {"morphology": noted["morphology"], "changes": json.loads(noted.get("morphology_changes", "{}"))}
+    joints = any(name in channels for name in ("motor_torque", "joint_torque", "joint_torque_sample"))
+    crank = "crank_torque" in channels or "crank_torque_sample" in channels
+    torque = "measured" if joints else "motor_only" if crank else "none"
+    if log is not None and log.is_raw and not names:
+        names = ("smoother",)
+    values: dict[str, Any] = {
+        "name": name,
+        "robot": robot,
+        "air": {} if log is None else noted_air(log).model_dump(exclude_none=True),
+        "observers": {"torque": torque, **({"names": list(names)} if names else {})},
+    }
+    if "gravity" in noted:
+        values["flight"] = {"gravity": float(noted["gravity"])}
+    return parse_scenario(with_settings(values, settings), f"belief about {name}")
+
+
+@guarded()
+def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
+    """Return a line with the assumed robot, its mass, and where the choice of this robot comes from.
+
+    Args:
+        belief: belief that `belief_about` returned.
+        morphology: the argument given to `belief_about`.
+        settings: the argument given to `belief_about`.
+
+    Raises:
+        MorphologyFileError: the robot cannot be loaded.
+    """
+    chosen = belief.believed_robot
+    shape = load_morphology(chosen.morphology, chosen.changes)
+    keys = {setting.partition("=")[0].strip() for setting in settings}
+    why = "by default; --morphology chooses another"
+    if keys & {"robot", "robot.morphology"}:
+        why = "from --set"
+    elif morphology is not None:
+        why = "from --morphology"
+    elif "morphology" in belief.robot.model_fields_set:
+        why = "noted in the log"
+    return f"believed: {shape.name}{' with changes' if chosen.changes else ''}, {1e3 * shape.mass:.1f} g, {why}"
+
+
+@guarded()
+def estimate_log(
+    log: FlightLog,
+    robot: Aerobat,
+    belief: Scenario,
+    progress: Callable[[float], None] | None = None,
+    calibration: Calibration | None = None,
+) -> tuple[KnownInputs, dict[str, Estimate]]:
+    """Run observers on a flight log.
+
+    Args:
+        log: the flight log.
+        robot: the assumed robot.
+        belief: scenario of which the observers and the assumed air are used.
+        progress: called with the share of the observers that are done.
+        calibration: what free flights showed about this belief.
+
+    Returns:
+        The inputs of the observers, and observer -> estimate.
+
+    Raises:
+        ScenarioError: there is no observer of a given name.
+        CalibrationError: the calibration belongs to another belief, or the log lacks the crank's angle.
+        LogError, ObserverError, FrameNotFoundError: as raised by `known_inputs` and by the observers.
+    """
+    section, air = belief.observers, belief.believed_air
+    check_names(section.names)
+    if log.is_raw:
+        from aerobat_pin.aerobat.raw.results import estimate_raw  # compiles kernels that other logs do not need
+
+        if calibration is not None:
+            calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
+            if calibration.accelerometer is None:
+                raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
+        return estimate_raw(log, robot, belief, progress, None if calibration is None else calibration.accelerometer)
+    if calibration is not None:
+        calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
+        robot, air = calibration.believed(robot, air)
+    rows = ROWS_OF_TORQUE[section.torque]
+    observers = [
+        OBSERVERS[name](robot.model, section.frames, section.gain, rows, **section.settings(name))
+        for name in section.names
+    ]
+    inputs = known_inputs(log, robot, section.torque, air)
+    if calibration is not None:
+        inputs = calibration.applied(inputs, robot, motion(log, robot, air))
+    estimates = {}
+    for i, observer in enumerate(observers):
+        if progress is not None:
+            progress(i / len(observers))
+        estimates[observer.name] = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    return inputs, estimates
+
+
+@guarded()
+def check_names(names: Sequence[str]) -> None:
+    """Raise ScenarioError if no name is given, or if there is no observer of one of the names."""
+    if not names or any(name not in OBSERVERS for name in names):
+        raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
+
+
+def _check_keys(settings: Iterable[str]) -> None:
+    """Raise ScenarioError for a key that cannot be set because the recorded flight determines it, such as the crank."""
+    for setting in settings:
+        key = setting.partition("=")[0].strip()
+        if key.partition(".")[0] not in BELIEF_TABLES and key != GRAVITY:
+            raise ScenarioError(
+                f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
+                f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
+            )

@@ -1,0 +1,241 @@
+"""The flight log: the only data that pass from a flight to the estimators.
+
+`measured` holds the channels that an observer may use; `truth` holds the exact quantities that only a simulation
+provides. Both are labelled tables with units.
+
+| dimension | meaning |
+|---|---|
+| `time` | the n + 1 samples; the coordinate is their time [s] |
+| `interval` | the n intervals between samples; the coordinate is their start [s]. Forces are interval means |
+| `q_axis`, `v_axis` | entries of configuration and velocity; joint entries are named after their joints |
+| `point`, `axis` | frames at which unknown forces act; components x, y, z |
+| `event` | steps, pushes and impulses of unknown forces, with a start and an end |
+| `thruster` | the thrusters that flew a closed loop, by name |
+| `strip`, `link`, `wrench_axis` | strips, by their arc coordinate; links; components of force and moment |
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import InitVar, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from aerobat_pin.aerobat.channels import (
+    FASTEST_CRANK,
+    LARGEST_JOINT_ANGLE,
+    MEASURED,
+    OPTIONAL_TRUTH,
+    RAW_CLOCKS,
+    REQUIRED_TRUTH,
+    checked_channels,
+)
+from aerobat_pin.errors import LogError, write_files
+from aerobat_pin.numerics import guarded
+from aerobat_pin.records import netcdf_bytes, read_netcdf
+from aerobat_pin.robot import JOINTS
+from aerobat_pin.scenario import AirSection
+
+NAMES = ("scenario", "morphology")
+TEXT_ATTRIBUTES = (*NAMES, "morphology_changes", "air")  # the last two contain JSON
+LONGEST_NAME = 255
+
+
+@guarded()
+@dataclass(frozen=True, repr=False)
+class FlightLog:
+    """Channels of one flight.
+
+    Attributes:
+        measured: configuration `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone, or raw samples of
+            sensors, each with times of its own (`mocap_position` and others); known generalised forces or body
+            wrenches `known_*`; optional channels, which `motion` and `known_inputs` of `aerobat_pin.estimation` read.
+        truth: unknown forces `force_W`, `force_noise_free_W` (interval, point, axis) and `unknown` (interval, v_axis);
+            aerodynamic forces on robot, strips and links; the aerodynamic state; powers; crank rate and torques if a
+            motor turns the crank; `event_start` and `event_end` (event) if there are events. None for a recorded
+            flight.
+    """
+
+    measured: xr.Dataset
+    truth: xr.Dataset | None = None
+    name: InitVar[str] = "flight log"
+
+    def __post_init__(self, name: str) -> None:
+        """Put labelled columns in their order, and raise LogError for what an observer could misread.
+
+        Labels and units may be missing as a whole; the columns are then those of `channels.LABELS`, in SI units.
+
+        Args:
+            name: what error messages call the log.
+        """
+        measured = checked_channels(self.measured, MEASURED, name, complete=False)
+        object.__setattr__(self, "measured", measured)
+        if not any(channel in measured for channel in ("q", "pose", "mocap_position")):
+            raise LogError(f"{name}: no channel named q or pose, nor mocap_position")
+        if "time" not in measured.coords:
+            raise LogError(f"{name}: no coordinate named time")
+        time = measured["time"].values
+        if time.dtype.kind not in "fiu":
+            raise LogError(f"{name}: the coordinate time has no numbers: seconds were expected")
+        if len(time) < 2:
+            raise LogError(f"{name}: {len(time)} samples: two or more were expected")
+        wrong = ~np.isfinite(time) | (np.diff(time, prepend=time[0]) < 0.0)
+        if np.any(wrong):
+            at = int(np.argmax(wrong))
+            raise LogError(f"{name}: time, sample {at} = {time[at]:g} s: time must be finite and must not decrease")
+        intervals = measured.sizes.get("interval", len(time) - 1)
+        if intervals != len(time) - 1:
+            raise LogError(f"{name}: {intervals} intervals between {len(time)} samples")
+        _check_raw_clocks(measured, name)
+        _check_angles(measured, name)
+        _check_attributes(measured.attrs, name)
+
+    def __repr__(self) -> str:
+        time, truth = self.time, self.truth
+        name = self.measured.attrs.get("scenario", "recorded flight")
+        return (
+            f"FlightLog({str(name)!r}, {len(time)} samples from {time[0]:g} to {time[-1]:g} s\n"
+            f"  measured: {', '.join(map(str, self.measured.data_vars))}\n"
+            f"  truth: {'none' if truth is None else ', '.join(map(str, truth.data_vars))})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the channels with their dimensions, units and meaning."""
+        import pandas as pd  # takes half a second to import; a flight does without
+
+        rows = [
+            (name, side, " x ".join(map(str, values.dims)), values.attrs.get("units"), values.attrs.get("long_name"))
+            for side, data in (("measured", self.measured), ("truth", self.truth))
+            for name, values in ({} if data is None else data.data_vars).items()
+        ]
+        columns = ["channel", "side", "dimensions", "unit", "meaning"]
+        return str(pd.DataFrame(rows, columns=columns).to_html(index=False))
+
+    @property
+    def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Sample times (n + 1,) [s]."""
+        return np.asarray(self.measured["time"].values, float)
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether the log contains raw samples of sensors, each with times of its own, instead of q and v."""
+        return "mocap_position" in self.measured
+
+    @guarded()
+    def save(self, path: str | Path) -> None:
+        """Write NetCDF-4: measured channels at the root, truth in the group `truth`; completely or not at all.
+
+        Raises OutputError if the file cannot be written.
+        """
+        write_files({Path(path): netcdf_bytes(self.measured, self.truth)})
+
+    @classmethod
+    @guarded()
+    def load(cls, path: str | Path) -> FlightLog:
+        """Read a flight log from NetCDF-4.
+
+        Raises:
+            LogError: the file is missing, damaged, or not a flight log, or a label, unit or value in it is wrong.
+        """
+        name = f"flight log {path}"
+        parts = read_netcdf(path, "flight log", ("truth",))
+        measured = checked_channels(parts[""], MEASURED, name, complete=True)
+        log = cls(measured, None, name)
+        _check_clock(measured, log.time, name)
+        return log if "truth" not in parts else cls(measured, _checked_truth(parts["truth"], log.time, name), name)
+
+
+def _checked_truth(truth: xr.Dataset, time: Any, name: str) -> xr.Dataset:
+    """Return the truth of a log with its columns in order. Raises LogError if it is not the truth of this flight."""
+    name = f"{name}, group truth"
+    truth = checked_channels(truth, REQUIRED_TRUTH | OPTIONAL_TRUTH, name, complete=True)
+    for key in REQUIRED_TRUTH:
+        if key not in truth:
+            raise LogError(f"{name}: no channel named {key}")
+    _check_clock(truth, time, name)
+    if truth.sizes["interval"] != len(time) - 1:
+        raise LogError(f"{name}: {truth.sizes['interval']} intervals between {len(time)} samples")
+    for dim in ("point", "event"):
+        if truth.sizes.get(dim) and (dim not in truth.coords or truth[dim].dtype.kind != "U"):
+            raise LogError(f"{name}: {dim} has no labels: names were expected")
+    if "event" in truth.dims and not {"event_point", "event_start", "event_end"} <= set(truth.variables):
+        raise LogError(f"{name}: events need event_point, event_start and event_end")
+    return truth
+
+
+def _check_clock(data: xr.Dataset, time: Any, name: str) -> None:
+    """Raise LogError unless the coordinates of a dataset are the times (n + 1,) [s] of the flight."""
+    for key, expected in (("time", time), ("interval", time[:-1])):
+        if key in data.dims:
+            if key not in data.coords:
+                raise LogError(f"{name}: no coordinate named {key}")
+            found, unit = data[key].values, data[key].attrs.get("units")
+            if unit != "s":
+                raise LogError(f"{name}: coordinate {key} has units = {str(unit)[:40]!r}: 's' was expected")
+            if len(found) == len(expected) and not np.allclose(found, expected, rtol=0.0, atol=1e-9):
+                at = int(np.argmax(~(np.abs(found - expected) <= 1e-9)))
+                raise LogError(f"{name}: {key} {at} is {found[at]:g} s: {expected[at]:g} s was expected")
+
+
+def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:
+    """Raise LogError unless every raw channel has finite times of its own, two or more, that rise."""
+    if "mocap_position" in measured and "mocap_quaternion" not in measured:
+        raise LogError(f"{name}: mocap_position without mocap_quaternion: both or none were expected")
+    for clock in RAW_CLOCKS:
+        if clock not in measured.dims:
+            continue
+        if clock not in measured.coords or measured[clock].dtype.kind not in "fiu":
+            raise LogError(f"{name}: no coordinate named {clock} with numbers: seconds were expected")
+        time = measured[clock].values
+        if len(time) < 2:
+            raise LogError(f"{name}: {len(time)} samples along {clock}: two or more were expected")
+        wrong = ~np.isfinite(time) | (np.diff(time, prepend=-np.inf) <= 0.0)
+        if np.any(wrong):
+            at = int(np.argmax(wrong))
+            raise LogError(f"{name}: {clock}, sample {at} = {time[at]:g} s: time must be finite and rise")
+
+
+def _check_angles(measured: xr.Dataset, name: str) -> None:
+    """Raise LogError for angles that are in degrees: a crank that turns too fast, or a joint that turns too far."""
+    if "crank_angle" in measured:
+        steps = np.diff(measured["time"].values)
+        turned = np.abs(np.diff(measured["crank_angle"].values))[steps > 0.0] / steps[steps > 0.0]
+        rate = float(np.median(turned)) / (2.0 * np.pi) if len(turned) else 0.0
+        if rate > FASTEST_CRANK:
+            raise LogError(f"{name}: crank_angle turns at {rate:.0f} Hz: radians were expected")
+    for channel_name in ("q", "joint_angle"):
+        if channel_name in measured:
+            angles = measured[channel_name].values[:, -len(JOINTS) :]
+            large = np.argwhere(np.abs(angles) > LARGEST_JOINT_ANGLE)
+            if len(large):
+                at, joint = large[0]
+                raise LogError(
+                    f"{name}: sample {at} ({measured['time'].values[at]:g} s): {JOINTS[joint]} = "
+                    f"{angles[at, joint]:g}: radians were expected"
+                )
+
+
+def _check_attributes(attributes: dict[Any, Any], name: str) -> None:
+    """Raise LogError for a wrong note about the robot or the air."""
+    for key in TEXT_ATTRIBUTES:
+        if key in attributes and not isinstance(attributes[key], str):
+            raise LogError(f"{name}: attribute {key} = {str(attributes[key])[:60]!r}: text was expected")
+        if key in NAMES and len(attributes.get(key, "")) > LONGEST_NAME:
+            raise LogError(f"{name}: attribute {key} has {len(attributes[key])} letters: a name was expected")
+    if "gravity" in attributes:
+        gravity = attributes["gravity"]
+        if not isinstance(gravity, (int, float, np.number)) or not 0.0 <= float(gravity) <= 100.0:
+            raise LogError(f"{name}: attribute gravity = {str(gravity)[:60]!r}: a number in m/s2 was expected")
+    try:
+        if not isinstance(json.loads(attributes.get("morphology_changes", "{}")), dict):
+            raise ValueError
+    except (ValueError, RecursionError):
+        raise LogError(f"{name}: attribute morphology_changes: a JSON object was expected") from None
+    try:
+        AirSection.model_validate_json(attributes.get("air", "{}"))
+    except ValueError as error:
+        reason = " ".join(str(error).split("For further")[0].split())[:200]
+        raise LogError(f"{name}: attribute air: {reason}") from None

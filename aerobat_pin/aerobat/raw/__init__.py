@@ -1,0 +1,24 @@
+"""Raw laboratory sensors: from samples of motion capture, inertial unit, crank encoder and torque to forces."""
+
+from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord, raw_record
+from aerobat_pin.aerobat.raw.filter import JointFilter, JointSample
+from aerobat_pin.aerobat.raw.find_mount import find_mount, mounted
+from aerobat_pin.aerobat.raw.offsets import ClockOffset
+from aerobat_pin.aerobat.raw.results import estimate_raw
+from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.aerobat.raw.tuning import Tuning
+
+__all__ = [
+    "ClockOffset",
+    "JointEstimate",
+    "JointFilter",
+    "JointSample",
+    "JointSmoother",
+    "RawChannel",
+    "RawRecord",
+    "Tuning",
+    "estimate_raw",
+    "find_mount",
+    "mounted",
+    "raw_record",
+]

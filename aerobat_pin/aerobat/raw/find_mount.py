@@ -1,0 +1,72 @@
+"""Where the accelerometer sits and how it is turned, found from flights without unknown forces.
+
+An accelerometer at place r, turned by R_s, feels R_s^T (a + w' x r + w x (w x r)) + b, with a the specific force at the
+body's centre of mass. Place and turn are six more constant states of the joint smoother: errors dr and e of what is
+stated, r + dr and R_s exp(e). Their columns of a sample's row are R_s^T ([w']x + [w]x [w]x) and [y]x, y the sample.
+The smoother runs again about what it has found, until that stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerobat.accelerometer_mount import Mount
+from aerobat_pin.aerobat.raw.channels import RawRecord
+from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.robot import Aerobat
+from aerobat_pin.scenario import AirSection, RawSection
+
+ROUNDS = 3  # of the smoother, each about the last result
+SETTLED_PLACE, SETTLED_TURN = 1.0e-4, 5.0e-4  # [m, rad]: smaller changes end the rounds
+
+
+def mounted(record: RawRecord, mount: Mount) -> RawRecord:
+    """Return a record whose accelerometer is where it was found."""
+    if "accelerometer" not in record.channels:
+        return record
+    here = replace(record.channels["accelerometer"], place=mount.place, turn=mount.turn)
+    return replace(record, channels={**record.channels, "accelerometer": here})
+
+
+def find_mount(
+    records: Sequence[RawRecord], robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection
+) -> tuple[Mount, list[JointEstimate]]:
+    """Find place and turn of the accelerometer; also return the last estimate of each flight.
+
+    Args:
+        records: flights without unknown forces.
+        robot: the believed robot.
+        air: the believed air.
+        frames: frames at which forces take up what the belief gets wrong.
+        settings: the table `observers.raw`; clock offsets are not looked for.
+
+    Raises:
+        CalibrationError: a flight has no accelerometer.
+    """
+    for record in records:
+        if "accelerometer" not in record.channels:
+            raise CalibrationError("raw samples: no accelerometer, whose place and turn are what is learnt from them")
+    stated = records[0].channels["accelerometer"]
+    mount = Mount(stated.place, stated.turn, np.zeros((6, 6)))
+    settings = settings.model_copy(update={"offset_error": 0.0})
+    for _ in range(ROUNDS):
+        smoother = JointSmoother(robot, air, frames, settings, mount=True)
+        found = [smoother.run(mounted(record, mount)) for record in records]
+        information, pull = np.zeros((6, 6)), np.zeros(6)
+        for one in found:
+            assert one.mount is not None
+            error, covariance = one.mount
+            weight = np.linalg.inv(covariance)
+            information, pull = information + weight, pull + weight @ error
+        covariance = np.linalg.inv(information)
+        step = covariance @ pull
+        mount = Mount(mount.place + step[:3], mount.turn @ pin.exp3(step[3:]), covariance)
+        if np.all(np.abs(step[:3]) < SETTLED_PLACE) and np.all(np.abs(step[3:]) < SETTLED_TURN):
+            break
+        settings = settings.model_copy(update=found[0].tuning.stated())  # chosen once
+    return mount, found

@@ -1,0 +1,153 @@
+"""The motion about which the joint smoother linearises, and a first guess of it from splines and the gyro."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import Array
+
+POSITION_KNOTS = 0.030  # [s] between the knots of the splines of a first guess; longer if samples are rare
+CRANK_KNOTS = 0.020
+DRIFT_KNOTS = 0.10  # of the correction of the integrated gyro
+
+
+@dataclass(frozen=True)
+class NominalMotion:
+    """A motion at the knots.
+
+    Attributes:
+        time: (m + 1,) [s].
+        rotation: (m + 1, 3, 3) body to world.
+        position: (m + 1, 3) of the body's COM in world axes [m].
+        twist: (m + 1, 6) of the body, body axes [m/s, rad/s].
+        crank: (m + 1, 3) angle, rate and acceleration of the crank.
+    """
+
+    time: Array
+    rotation: Array
+    position: Array
+    twist: Array
+    crank: Array
+
+    def moved(self, errors: Array) -> NominalMotion:
+        """Return the motion with errors (m + 1, 15) added: pose (in se(3), body axes), twist, crank."""
+        rotation, position = np.empty_like(self.rotation), np.empty_like(self.position)
+        for k, error in enumerate(errors[:, :6]):
+            step = pin.exp6(error)
+            rotation[k] = self.rotation[k] @ step.rotation
+            position[k] = self.position[k] + self.rotation[k] @ step.translation
+        twist, crank = self.twist + errors[:, 6:12], self.crank + errors[:, 12:15]
+        return NominalMotion(self.time, rotation, position, twist, crank)
+
+    def part(self, start: int, stop: int) -> NominalMotion:
+        """Return the knots `start` to `stop`, both included."""
+        cut = slice(start, stop + 1)
+        return NominalMotion(self.time[cut], self.rotation[cut], self.position[cut], self.twist[cut], self.crank[cut])
+
+    def extended(self, dt: float, rate: Array) -> NominalMotion:
+        """Return one knot and the next one, `dt` [s] later, under an acceleration of the twist `rate` (6,)."""
+        twist = self.twist[0] + dt * rate
+        step = pin.exp6(0.5 * dt * (self.twist[0] + twist))
+        rotation = self.rotation[0] @ step.rotation
+        position = self.position[0] + self.rotation[0] @ step.translation
+        angle, turning, speeding = self.crank[0]
+        crank = np.array([angle + dt * turning + 0.5 * dt**2 * speeding, turning + dt * speeding, speeding])
+        there = NominalMotion(self.time + dt, rotation[None], position[None], twist[None], crank[None])
+        return NominalMotion.joined([self, there])
+
+    @classmethod
+    def joined(cls, parts: Sequence[NominalMotion]) -> NominalMotion:
+        """Return motions one after the other as one."""
+        names = [item.name for item in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    def middles(self) -> Array:
+        """Return the times (m,) in the middle of the intervals [s]."""
+        return 0.5 * (self.time[1:] + self.time[:-1])
+
+    def placements(self) -> Array:
+        """Return position and quaternion xyzw of the body (m + 1, 7), the quaternion without jumps of sign."""
+        quaternion = np.array([pin.Quaternion(R).coeffs() for R in self.rotation])
+        signs = np.cumprod(np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0.0, -1.0, 1.0))
+        quaternion[1:] *= signs[:, None]
+        return np.concatenate([self.position, quaternion], axis=1)
+
+
+def first_guess(record: RawRecord) -> NominalMotion:
+    """Return a first guess: position by a spline, attitude by the gyro held to the poses, crank by a spline.
+
+    Raises:
+        LogError: too few samples.
+    """
+    channels, time = record.channels, record.time
+    position, crank = channels["position"], channels["crank"]
+    for channel in (position, crank):
+        if len(channel.time) < 8:
+            raise LogError(f"flight log: {len(channel.time)} samples of {channel.name}: 8 or more were expected")
+    marker = np.array([pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in channels["orientation"].values])
+    body = marker @ channels["orientation"].turn.T
+    rotation = _attitude(time, position.time, body, channels.get("gyro"))
+    seen = position.values - body @ position.place
+    path = _spline(position.time, seen, POSITION_KNOTS)
+    where, velocity = path(time), path.derivative()(time)
+    rate = _rates(time, rotation)
+    twist = np.concatenate([np.einsum("kji,kj->ki", rotation, velocity), rate], axis=1)
+    angle = _spline(crank.time, np.unwrap(crank.values[:, 0]), CRANK_KNOTS)
+    turned = np.column_stack([angle(time), angle.derivative()(time), angle.derivative(2)(time)])
+    return NominalMotion(time, rotation, where, twist, turned)
+
+
+def _spline(time: Array, values: Array, step: float, degree: int = 5):  # type: ignore[no-untyped-def]  # scipy's
+    """Return the least-squares spline with knots `step` apart, or three samples if these are rare."""
+    from scipy.interpolate import make_lsq_spline
+
+    span = time[-1] - time[0]
+    step = max(step, 3.0 * span / (len(time) - 1))
+    inside = np.linspace(time[0], time[-1], max(int(span / step), 1) + 1)[1:-1]
+    knots = np.concatenate([np.full(degree + 1, time[0]), inside, np.full(degree + 1, time[-1])])
+    return make_lsq_spline(time, values, knots, k=degree)
+
+
+def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None) -> Array:
+    """Return rotations (m + 1, 3, 3): the integrated gyro, turned slowly to those seen (n, 3, 3) by motion capture."""
+    if gyro is None:
+        return _slerped(time, seen_at, seen)
+    rates = gyro.values @ gyro.turn.T
+    middle = 0.5 * (time[1:] + time[:-1])
+    steps = np.column_stack([np.interp(middle, gyro.time, rates[:, i]) for i in range(3)]) * np.diff(time)[:, None]
+    turned = np.empty((len(time), 3, 3))
+    turned[0] = np.eye(3)
+    for k, step in enumerate(steps):
+        turned[k + 1] = turned[k] @ pin.exp3(step)
+    there = _slerped(seen_at, time, turned)
+    offsets = np.array([a @ b.T for a, b in zip(seen, there, strict=True)])  # world axes
+    left = offsets[0]
+    logs = np.array([pin.log3(left.T @ offset) for offset in offsets])
+    for k in range(1, len(logs)):  # without jumps by whole turns
+        size = np.linalg.norm(logs[k])
+        if size > 0.0 and np.linalg.norm(logs[k] - logs[k - 1]) > np.pi:
+            logs[k] *= 1.0 - 2.0 * np.pi / size
+    drift = _spline(seen_at, logs, DRIFT_KNOTS, degree=1)(time)
+    return np.array([left @ pin.exp3(turn) @ R for turn, R in zip(drift, turned, strict=True)])
+
+
+def _slerped(time: Array, at: Array, rotation: Array) -> Array:
+    """Interpolate rotations (n, 3, 3) given at times `at` (n,) at `time` (m,), each interval at a constant rate."""
+    first = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
+    share = np.clip((time - at[first]) / (at[first + 1] - at[first]), 0.0, 1.0)
+    steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)])
+    return np.array([rotation[k] @ pin.exp3(s * steps[k]) for k, s in zip(first.tolist(), share.tolist(), strict=True)])
+
+
+def _rates(time: Array, rotation: Array) -> Array:
+    """Return body rates (m + 1, 3) of rotations at the knots."""
+    steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)])
+    steps /= np.diff(time)[:, None]
+    return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])

@@ -1,0 +1,204 @@
+"""From raw samples to the estimates that every observer gives: forces, deviations, identifiability, redundancy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerobat.accelerometer_mount import Mount
+from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
+from aerobat_pin.aerobat.raw.filter import JointFilter
+from aerobat_pin.aerobat.raw.find_mount import mounted
+from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
+from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
+from aerobat_pin.aerobat.truth import SUM
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation import CalibrationUse, KnownInputs
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation
+from aerobat_pin.robot import BASE_SIZE, Aerobat
+from aerobat_pin.scenario import RawSection, Scenario
+
+RAW_OBSERVERS = ("smoother", "kalman")
+NIS_LIMITS = 0.5, 1.6  # of a sensor's innovations, outside of which its stated noise is questioned
+
+
+def check_raw_names(names: tuple[str, ...]) -> None:
+    """Raise ScenarioError for an observer that cannot use raw samples."""
+    wrong = [name for name in names if name not in RAW_OBSERVERS]
+    if wrong:
+        raise ScenarioError(
+            f"observers.names: {wrong[0]} needs q and v, and the log has raw samples: {' and '.join(RAW_OBSERVERS)} "
+            "find both"
+        )
+
+
+def estimate_raw(
+    log: FlightLog,
+    robot: Aerobat,
+    belief: Scenario,
+    progress: Callable[[float], None] | None = None,
+    mount: Mount | None = None,
+) -> tuple[KnownInputs, dict[str, Estimate]]:
+    """Do what `estimate_log` does, with a log of raw samples: the inputs that it returns are the smoothed motion.
+
+    `mount` is place and turn of the accelerometer as found by a calibration; as stated when omitted.
+
+    Raises:
+        ScenarioError: an observer cannot use raw samples.
+        LogError: a channel is missing.
+    """
+    section, settings = belief.observers, belief.observers.raw or RawSection()
+    check_raw_names(section.names)
+    record = raw_record(log, robot, section.torque, settings)
+    if mount is not None:
+        record = mounted(record, mount)
+    smoother = JointSmoother(robot, belief.believed_air, section.frames, settings)
+    found = smoother.run(record, progress)
+    inputs = smoothed_inputs(record, robot, smoother, found)
+    if mount is not None:
+        inputs = replace(inputs, calibration=CalibrationUse("inside", f"calibration: {mount}"))
+    checked = OBSERVERS["force_level"](robot.model, section.frames, section.gain, ROWS_OF_TORQUE[section.torque]).run(
+        inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
+    )
+    estimates = {}
+    for name in section.names:
+        made = (found.force, found.force_covariance, found.innovation)
+        if name == "kalman":
+            made = filtered_forces(record, smoother, found)
+        estimates[name] = as_estimate(name, checked, inputs, robot, record.torque, *made, found)
+    return inputs, estimates
+
+
+def filtered_forces(record: RawRecord, smoother: JointSmoother, found: JointEstimate) -> tuple[Array, Array, Array]:
+    """Return forces (m, points, 3), covariances and innovations as in `JointEstimate`, of the causal filter.
+
+    Until the filter starts, the forces are zero, as uncertain as before any sample.
+    """
+    samples, _ = JointFilter(smoother, found.tuning, record.channels, record.torque).run(record)
+    m, points = found.force.shape[:2]
+    spread = (FORCE_PRIOR * smoother.weight) ** 2
+    force, covariance = np.zeros((m, points, 3)), np.tile(spread * np.eye(3 * points), (m, 1, 1))
+    innovation = np.zeros((m, 2))
+    for k, sample in enumerate(samples[1:]):
+        if sample is not None:
+            force[k], covariance[k], innovation[k] = sample.force, sample.covariance, sample.innovation
+    return force, covariance, innovation
+
+
+def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, found: JointEstimate) -> KnownInputs:
+    """Return the smoothed motion, the torque over each interval and the air along it, as inputs of an observer."""
+    moved = smoother.air.motion(found.nominal)
+    tau = np.zeros((len(record.time) - 1, robot.model.nv))
+    if (torque := record.channels.get("torque")) is not None:
+        middle = 0.5 * (record.time[1:] + record.time[:-1])
+        values = np.column_stack([np.interp(middle, torque.time, column) for column in torque.values.T])
+        if record.torque == "motor_only":
+            angle = 0.5 * (found.nominal.crank[1:, 0] + found.nominal.crank[:-1, 0])
+            values = np.column_stack(robot.linkage.solve(angle).joint_torques(0.5 * values[:, 0]) * 2)
+        tau[:, list(robot.idx_v)] = values
+    known = {"aerodynamic": smoother.air.fly(found.nominal, np.zeros((len(tau), robot.model.nv, BASE_SIZE))).force}
+    known["other known forces"] = record.known
+    source = dict.fromkeys(("q", "v"), "smoothed from raw samples") | {
+        "aerodynamic": "reconstructed",
+        "other known forces": "measured",
+        "motor_torque": record.torque,
+    }
+    rows = ROWS_OF_TORQUE[record.torque]
+    return KnownInputs(record.time, moved.q, moved.v, tau, known, rows, source, crank=found.nominal.crank[:, 0])
+
+
+def as_estimate(
+    name: str,
+    checked: Estimate,
+    inputs: KnownInputs,
+    robot: Aerobat,
+    torque: str,
+    force: Array,
+    covariance: Array,
+    innovation: Array,
+    found: JointEstimate,
+) -> Estimate:
+    """Return forces as an estimate; without any torque, their sum over the frames takes their place.
+
+    Args:
+        name: of the observer.
+        checked: estimate of `force_level` along the smoothed motion: its identifiability and redundancy are kept.
+        inputs: the smoothed motion.
+        robot: the believed robot.
+        torque: which torque was used.
+        force: as `JointEstimate.force`, like the next two.
+        covariance: as `JointEstimate.force_covariance`.
+        innovation: as `JointEstimate.innovation`.
+        found: what the joint smoother found.
+    """
+    m, points = force.shape[:2]
+    counted = innovation[:, 1] > 0.0
+    nis = np.where(counted, innovation[:, 0] / np.maximum(innovation[:, 1], 1.0), 1.0)
+    centred = nis[counted] - 1.0
+    white = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred[:-1] ** 2)), 1e-300))
+    components, frames, units = force.reshape(m, -1), checked.frames, checked.units
+    identifiability, warnings = checked.identifiability, warnings_of(found)
+    if torque == "none" and points > 1:
+        warnings.append(f"torque none: the split between {', '.join(frames)} is not determined; the sum is given")
+        adding = np.tile(np.eye(3), points)
+        components, covariance = components @ adding.T, adding @ covariance @ adding.T
+        frames, units = (SUM,), units[:3]
+        labels = tuple(f"{SUM}.F{axis}" for axis in "xyz")
+        identifiability = Identifiability(labels, 3, np.ones(3), np.zeros((0, 3)), np.ones(3))
+    deviation = np.sqrt(np.maximum(np.einsum("kii->ki", covariance), 0.0))
+    return replace(
+        checked,
+        observer=name,
+        components=components,
+        frames=frames,
+        units=units,
+        residual=generalised(robot, checked.frames, inputs, force),
+        identifiability=identifiability,
+        standard_deviation=deviation,
+        innovation=Innovation(nis, white),
+        notes=tuple(notes_of(found)),
+        warnings=tuple(warnings),
+    )
+
+
+def generalised(robot: Aerobat, frames: tuple[str, ...], inputs: KnownInputs, force: Array) -> Array:
+    """Return J^T f (m, nv) of forces (m, points, 3) in world axes, with J at the start of each interval."""
+    model, data = robot.model, robot.model.createData()
+    ids = [model.getFrameId(frame) for frame in frames]
+    made = np.zeros((len(force), model.nv))
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for k, forces in enumerate(force):
+        for frame, one in zip(ids, forces, strict=True):
+            made[k] += pin.computeFrameJacobian(model, data, inputs.q[k], frame, world)[:3].T @ one
+    return made
+
+
+def notes_of(found: JointEstimate) -> list[str]:
+    """Return what a reader of the estimate should know: tuning, jumps, factors."""
+    lines = [f"{'chosen by likelihood' if found.chosen else 'stated'}: {found.tuning}"]
+    if found.jumps:
+        lines.append(f"the forces jump at {', '.join(f'{time:.4g}' for time in found.jumps)} s")
+    lines += [f"factor of the {name} {value:.3f} +- {spread:.3f}" for name, (value, spread) in found.factors.items()]
+    return lines
+
+
+def warnings_of(found: JointEstimate) -> list[str]:
+    """Return what spoils the estimate: clock offsets, stated noise that the samples contradict, no convergence."""
+    lines = []
+    if sure := [one for one in found.offsets if one.sure]:
+        lines.append(f"late channel: {sure[0]}; not applied: observers.raw.apply_offsets")
+    for name, ratio in found.nis.items():
+        if not NIS_LIMITS[0] < ratio < NIS_LIMITS[1]:
+            lines.append(
+                f"noise of {name}: its samples are {np.sqrt(ratio):.2g} times as far from their prediction as stated; "
+                f"check observers.raw.noise.{name}"
+            )
+    if not found.settled:
+        lines.append(f"after {found.iterations} linearisations the motion still changes: observers.raw.iterations")
+    return lines

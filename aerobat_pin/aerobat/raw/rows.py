@@ -1,0 +1,209 @@
+"""Each raw sample as a row: what it says about the state at the start of its interval.
+
+A sample at stamp t belongs to the last knot before it, s = t - t_k later, and is compared with the nominal motion at t:
+
+    pose            log of the measured against the nominal,   x(t) = Ad(exp(v s))^-1 x_k + s dv_k
+    gyro            R_s^T (w + dw + s a) + b_g
+    accelerometer   R_s^T (v' + w x v - R^T g + ...) + b_a,    its row: a + w x dv - v x dw - [R^T g]x xi
+    crank, torque   see `dynamics`
+
+A clock offset o means that the sample shows the time t - o: its column is minus the sample's rate of change.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.aerobat.raw.dynamics import cross_matrices
+from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
+from aerobat_pin.aerobat.raw.nominal import NominalMotion
+from aerobat_pin.aerobat.raw.recursion import SampleRows
+from aerobat_pin.aerobat.raw.rows_kernels import accelerometer_rows, felt_accelerations
+from aerobat_pin.aerobat.robot import Torque
+from aerobat_pin.numerics import Array, Integers
+
+TURNING = slice(9, 12)  # the states of the body's rate
+SLOPE_OVER = 15  # samples over which the rate of change of a series is taken
+LATE = 1.5  # intervals after the last knot: later samples are not used
+
+
+class Sensed(NamedTuple):
+    """Samples of one sensor, and about what they are linearised.
+
+    Attributes:
+        sensor: noise, place and turn; its own samples are not used.
+        layout: places of the states.
+        nominal: the motion.
+        d: the linear model about it.
+        torque: which torque is used.
+        knot: (k,) last knot before each sample.
+        at: (k,) times [s].
+        values: (k, c) samples.
+    """
+
+    sensor: RawChannel
+    layout: Layout
+    nominal: NominalMotion
+    d: LinearDynamics
+    torque: Torque
+    knot: Integers
+    at: Array
+    values: Array
+
+    @property
+    def late(self) -> Array:
+        """Time (k, 1) since the knot."""
+        return (self.at - self.nominal.time[self.knot])[:, None]
+
+    @property
+    def interval(self) -> Integers:
+        """The interval (k,) of each sample; the last one for those after its end."""
+        return np.minimum(self.knot, len(self.d.push) - 1)
+
+    def no_rows(self) -> Array:
+        """Return rows (k, c, n) of zeros."""
+        return np.zeros((*self.values.shape, self.layout.size))
+
+    def shown(self, time: Array, series: Array) -> tuple[Array, Array]:
+        """Return a series (m, c) at the samples' times, and its rate of change if a clock offset is estimated."""
+        here = _interpolated(time, series, self.at)[0]
+        wanted = self.sensor.name in self.layout.offset_at
+        return here, _rate_of(time, series, self.at) if wanted else np.zeros_like(here)
+
+
+def sample_rows(
+    record: RawRecord, layout: Layout, nominal: NominalMotion, dynamics: LinearDynamics, shifts: dict[str, float]
+) -> SampleRows:
+    """Return all samples of a record as rows; `shifts`: sensor -> clock offset [s] that is applied."""
+    found = []
+    for index, (name, channel) in enumerate(record.channels.items()):
+        at = channel.time - shifts.get(name, 0.0)
+        last = nominal.time[-1] + LATE * (nominal.time[-1] - nominal.time[-2])
+        use = (at > nominal.time[0] - 1e-9) & (at < last)
+        at, values = at[use], channel.values[use]
+        k = np.clip(np.searchsorted(nominal.time, at + 1e-9, side="right") - 1, 0, len(nominal.time) - 1)
+        sensed = Sensed(channel, layout, nominal, dynamics, record.torque, k, at, values)
+        h, e, rate = ROWS_BY_SENSOR[name](sensed)
+        if name in layout.offset_at:
+            h[:, :, layout.offset_at[name]] = -rate
+        count = e.shape[1]
+        variance = np.full(e.size, channel.noise**2)
+        found.append((np.repeat(k, count), h.reshape(-1, layout.size), e.ravel(), variance, np.full(e.size, index)))
+    knot, h, e, R, sensor = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(knot, kind="stable")
+    start = np.searchsorted(knot[order], np.arange(len(nominal.time) + 1))
+    return SampleRows(start.astype(np.intp), np.ascontiguousarray(h[order]), e[order], R[order], sensor[order])
+
+
+def _interpolated(time: Array, series: Array, at: Array) -> tuple[Array, Array]:
+    """Return a series (m, c) at times `at` (k,), and its rate of change there; straight lines, extended at the ends."""
+    if len(time) == 1:
+        return np.repeat(series, len(at), axis=0), np.zeros((len(at), series.shape[1]))
+    first = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    slope = (series[first + 1] - series[first]) / (time[first + 1] - time[first])[:, None]
+    return series[first] + (at - time[first])[:, None] * slope, slope
+
+
+def _rate_of(time: Array, series: Array, at: Array) -> Array:
+    """Return the rate of change of a series (m, c) at times `at` (k,), over some samples.
+
+    Noise of the series would make up a clock offset, because a sample's own noise is in the smoothed series too.
+    """
+    if len(time) < 3 * SLOPE_OVER:
+        return _interpolated(time, series, at)[1]
+    window = np.hanning(SLOPE_OVER + 2)[1:-1]
+    window /= np.sum(window)
+    half = SLOPE_OVER // 2
+    padded = np.pad(series, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    smooth = np.column_stack([np.convolve(column, window, mode="valid") for column in padded.T])
+    return np.column_stack([np.interp(at, time, column) for column in np.gradient(smooth, time, axis=0).T])
+
+
+def _poses_at(sensed: Sensed) -> tuple[Array, Array, Array]:
+    """Return rotation (k, 3, 3), position (k, 3) and Ad(exp(v s))^-1 (k, 6, 6) at the samples' times."""
+    count, nominal = len(sensed.knot), sensed.nominal
+    rotation, position, ad = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((count, 6, 6))
+    last = len(nominal.time) - 2
+    for i, (first, t) in enumerate(zip(sensed.knot.tolist(), sensed.at.tolist(), strict=True)):
+        j = min(first, last)
+        here = pin.SE3(nominal.rotation[j], nominal.position[j])
+        there = pin.SE3(nominal.rotation[j + 1], nominal.position[j + 1])
+        share = (t - nominal.time[j]) / (nominal.time[j + 1] - nominal.time[j])
+        seen = here * pin.exp6(share * pin.log6(here.actInv(there)))
+        rotation[i], position[i] = seen.rotation, seen.translation
+        ad[i] = pin.exp6((t - nominal.time[first]) * nominal.twist[first]).toActionMatrixInverse()
+    return rotation, position, ad
+
+
+def _position(sensed: Sensed) -> tuple[Array, Array, Array]:
+    (rotation, position, ad), place, h = _poses_at(sensed), sensed.sensor.place, sensed.no_rows()
+    lever = np.concatenate([np.eye(3), -cross_matrices(place[None])[0]], axis=1)
+    h[:, :, POSE_ERROR] = rotation @ (lever @ ad)
+    h[:, :, TWIST_ERROR] = sensed.late[:, :, None] * (rotation @ lever)
+    e = sensed.values - position - rotation @ place
+    return h, e, np.zeros_like(e)
+
+
+def _orientation(sensed: Sensed) -> tuple[Array, Array, Array]:
+    (rotation, _, ad), turn = _poses_at(sensed), sensed.sensor.turn
+    seen = [pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in sensed.values]
+    e = np.array([pin.log3((R @ turn).T @ S) for R, S in zip(rotation, seen, strict=True)])
+    h = np.zeros((*e.shape, sensed.layout.size))
+    h[:, :, POSE_ERROR] = turn.T @ ad[:, 3:]
+    h[:, :, TURNING] = sensed.late[:, :, None] * turn.T
+    return h, e, np.zeros_like(e)
+
+
+def _gyro(sensed: Sensed) -> tuple[Array, Array, Array]:
+    d, turn, s, k, h = sensed.d, sensed.sensor.turn, sensed.late, sensed.interval, sensed.no_rows()
+    rate, slope = sensed.shown(sensed.nominal.time, sensed.nominal.twist[:, 3:] @ turn)
+    h[:, :, TURNING] = turn.T
+    h += s[:, :, None] * (turn.T @ d.acceleration[k, 3:])
+    h[:, :, sensed.layout.gyro_bias] += np.eye(3)
+    return h, sensed.values - rate - s * (d.push[k, 3:] @ turn), slope
+
+
+def _accelerometer(sensed: Sensed) -> tuple[Array, Array, Array]:
+    turn, place, h = sensed.sensor.turn, sensed.sensor.place, sensed.no_rows()
+    felt, constant, by_place = np.empty((len(sensed.d.up), 3)), np.empty(h.shape[:2]), np.empty((len(h), 3, 3))
+    felt_accelerations(sensed.d, place, felt)
+    here, slope = sensed.shown(sensed.nominal.middles(), felt @ turn)
+    accelerometer_rows(sensed.d, sensed.interval, turn, place, h, constant, by_place)
+    h[:, :, sensed.layout.accelerometer_bias] += np.eye(3)
+    if (mount := sensed.layout.mount_at) is not None:
+        h[:, :, mount] = np.concatenate([turn.T @ by_place, cross_matrices(here)], axis=2)
+    return h, sensed.values - here - constant, slope
+
+
+def _crank(sensed: Sensed) -> tuple[Array, Array, Array]:
+    s, h = sensed.late, sensed.no_rows()
+    angle, rate, bend = (part[:, None] for part in sensed.nominal.crank[sensed.knot].T)
+    h[:, :, CRANK_ERROR] = np.stack([np.ones_like(s), s, 0.5 * s**2], axis=2)
+    e = sensed.values - (angle + s * rate + 0.5 * s**2 * bend)
+    e -= 2.0 * np.pi * np.round(e / (2.0 * np.pi))
+    return h, e, rate + s * bend
+
+
+def _torque(sensed: Sensed) -> tuple[Array, Array, Array]:
+    d, k = sensed.d, sensed.interval
+    series, h = d.torque_at, d.torque[k]
+    if sensed.torque == "motor_only":
+        series = np.sum(d.slope * d.torque_at, axis=1, keepdims=True)
+        h = np.einsum("ki,kij->kj", d.slope[k], h)[:, None]
+    here, slope = sensed.shown(sensed.nominal.middles(), series)
+    return h, sensed.values - here, slope
+
+
+ROWS_BY_SENSOR = {  # each returns rows (k, c, n), samples less their prediction (k, c), rates of change (k, c)
+    "position": _position,
+    "orientation": _orientation,
+    "gyro": _gyro,
+    "accelerometer": _accelerometer,
+    "crank": _crank,
+    "torque": _torque,
+}

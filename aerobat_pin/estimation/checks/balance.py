@@ -1,0 +1,231 @@
+"""Check the efforts against what the motion and the weight need: units, signs, swapped joints, wrong masses.
+
+Whatever the unknown forces f are, the believed rows obey  W (rnea(q, v, a) - known) = W (S tau) + A f  with A = W J^T.
+Projected on the directions that A does not reach, f disappears, and the factors of the efforts (and of the base link's
+mass) follow by least squares: 1 for each effort and 0 for the mass if map and robot are right.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import believed_rows
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import MOMENT_ARM, AllBut
+from aerobat_pin.records import Block, Record
+
+INSTANTS = 1200  # of the record that are looked at
+STRETCHES = 6
+NAMED = 0.1  # deviation of a factor from 1 that is named
+SURE = 4.0  # in standard deviations
+EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
+UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
+SWAP = 0.5  # of the imbalance that is left if two efforts change places
+RANK = 1e-6
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The projected equations at some instants: `needed` (n,) = `efforts` (n, joints) s - `base` (n,) d."""
+
+    needed: Array
+    efforts: Array  # (n, joints)
+    per_joint: Array  # (n, joints, instants' joints): the column of row j for the effort of joint k
+    base: Array
+
+
+def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]:
+    """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them."""
+    if "joints.effort" not in record.channels:
+        return
+    found = _balance(record, forces)
+    if found is None:
+        free = "" if record.map.use.free else "; use.free names a stretch without contact"
+        yield LogFinding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
+        return
+    b, B = found.needed, found.efforts
+    size = float(np.sum(b * b))
+    here = float(np.sum((b - B.sum(axis=1)) ** 2))
+    share = here / max(size, 1e-300)
+    text = (
+        f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
+        "efforts and known forces"
+    )
+    yield LogFinding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
+    pair, left = _best_swap(found)
+    if pair is not None and left < SWAP * here and share > 0.005:
+        names = " and ".join(record.driven[j] for j in pair)
+        what = (
+            f"efforts of {names} in exchanged columns leave {100.0 * np.sqrt(left / size):.1f} %, as "
+            f"mapped {100.0 * np.sqrt(share):.1f} %"
+        )
+        yield LogFinding("swapped joints", "warning", what, float(np.sqrt(left / size)), "1")
+        return
+    yield from _factors(record, found, here)
+
+
+def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding]:
+    """Yield factors of efforts and of the base's mass that differ from what the map says."""
+    b, B = found.needed, found.efforts
+    with_base = record.robot.free and bool(np.any(found.base))
+    table = np.column_stack([B, -found.base]) if with_base else B
+    scale = np.linalg.norm(table, axis=0)
+    seen = scale > 1e-6 * max(float(scale.max(initial=0.0)), 1e-300)
+    if not seen.any():
+        return
+    normal = table[:, seen] / scale[seen]
+    solution, _, rank, _ = np.linalg.lstsq(normal, b, rcond=1e-6)
+    left = b - normal @ solution
+    explained = 1.0 - float(left @ left) / max(here, 1e-300)
+    deviation = np.sqrt(float(left @ left) / max(len(b) - rank, 1) * np.diag(np.linalg.pinv(normal.T @ normal)))
+    factors, sure = np.ones(table.shape[1]), np.full(table.shape[1], np.inf)
+    factors[seen], sure[seen] = solution / scale[seen], deviation / scale[seen]
+    n = len(record.driven)
+    good = [k for k in range(n) if sure[k] * SURE < max(abs(factors[k] - 1.0), NAMED) and np.isfinite(sure[k])]
+    off = [k for k in good if abs(factors[k] - 1.0) > NAMED]
+    if explained < EXPLAINED:
+        return
+    if float(left @ left) > UNFIT * float(b @ b):
+        rest = 100.0 * float(np.sqrt(left @ left / (b @ b)))
+        what = (
+            f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
+            "another order of joints, another robot"
+        )
+        yield LogFinding("effort against motion", "warning", what, rest, "%")
+        return
+    if with_base and seen[n] and abs(factors[n]) > 0.05 and sure[n] * SURE < abs(factors[n]):
+        what = f"the record wants {1.0 + factors[n]:.2f} times the believed mass of the base link"
+        yield LogFinding("mass", "warning", what, 1.0 + float(factors[n]), "1")
+    if good and len(off) == len(good) and float(np.ptp(factors[good])) < 0.15 * abs(float(np.mean(factors[good]))):
+        c = float(np.mean(factors[good]))
+        what = (
+            f"all efforts would have to be {c:.3g} times as large: their unit (A, N m), or all masses "
+            f"{c:.3g} times too large"
+        )
+        yield LogFinding("effort unit or mass", "warning", what, c, "1")
+        return
+    for k in off:
+        what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large"
+        reason = "its sign" if factors[k] < 0.0 else "its unit (A, N m): torque_per_unit"
+        if 0.0 < factors[k] < 1.0:
+            reason += "; or friction, of which a joint that carries little shows nothing else: joints.friction"
+        yield LogFinding(
+            "effort sign" if factors[k] < 0.0 else "effort unit", "warning", f"{what}: {reason}", float(factors[k]), "1"
+        )
+
+
+def _best_swap(found: Balance) -> tuple[tuple[int, int] | None, float]:
+    """Return the pair of joints whose exchanged efforts leave least, and the sum of squares that is left."""
+    b, table = found.needed, found.per_joint
+    left = b - np.einsum("njj->n", table)
+    best: tuple[int, int] | None = None
+    smallest = float(np.inf)
+    for j, k in itertools.combinations(range(table.shape[1]), 2):
+        rest = left + table[:, j, j] + table[:, k, k] - table[:, j, k] - table[:, k, j]
+        size = float(rest @ rest)
+        if size < smallest:
+            best, smallest = (j, k), size
+    return best, smallest
+
+
+def _balance(record: Record, forces: KnownForces) -> Balance | None:
+    """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
+    model = record.robot.model
+    ignored = believed_rows(record)
+    rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
+    weight = np.array([1.0 if _is_force(record, i) else 1.0 / MOMENT_ARM for i in rows])
+    at = [record.robot.v_index(joint) for joint in record.driven]
+    lighter = _heavier_base(model) if record.robot.free else None
+    needed, efforts, base = [], [], []
+    free = record.map.use.free
+    for block in _force_free_stretches(record):
+        a = accelerations(block, record)
+        whole = required_torque(record, block, a)
+        for force in forces.known(block).values():
+            whole = whole - force
+        tau = forces.torque(block)
+        middle = range(len(tau) // 10, len(tau) - len(tau) // 10, max(1, len(tau) * STRETCHES // INSTANTS))
+        data = model.createData()
+        for k in middle:
+            Q = np.eye(len(rows)) if free is not None else _beyond_forces(record, data, block.q[k], rows, weight)
+            if Q.shape[1] == 0:
+                return None
+            project = Q.T * weight
+            needed.append(project @ whole[k, rows])
+            unit = np.zeros((len(rows), len(at)))
+            for j, row in enumerate(at):
+                if row in rows:
+                    unit[rows.index(row), j] = 1.0
+            columns = project @ unit
+            efforts.append(columns[:, :, None] * tau[k, at][None, None, :])
+            if lighter is not None:
+                v = 0.5 * (block.v[k] + block.v[k + 1])
+                light = pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])
+                base.append(project @ light[rows])
+            else:
+                base.append(np.zeros(Q.shape[1]))
+    per_joint = np.concatenate(efforts)
+    return Balance(np.concatenate(needed), np.einsum("njj->nj", per_joint).copy(), per_joint, np.concatenate(base))
+
+
+def _is_force(record: Record, row: int) -> bool:
+    model = record.robot.model
+    if record.robot.free and row < 6:
+        return row < 3
+    joint = next(j for j in model.joints.tolist()[1:] if j.idx_v <= row < j.idx_v + j.nv)
+    return bool(joint.shortname().startswith("JointModelP"))
+
+
+def _heavier_base(model: pin.Model) -> pin.Model:
+    """Return a model of which only the base link has mass: its rnea is the base's share."""
+    alone = model.copy()
+    for k in range(2, model.njoints):
+        alone.inertias[k] = pin.Inertia.Zero()
+    return alone
+
+
+def _force_free_stretches(record: Record) -> Iterator[Block]:
+    """Yield short blocks, spread over the used parts, or the stretch that the map calls free."""
+    free = record.map.use.free
+    length = max(40, round(0.5 * record.rate))
+    if free is not None:
+        first, last = (round(second * record.rate) for second in free)
+        spans = [
+            (max(first, low), min(last, high)) for low, high in record.parts if min(last, high) - max(first, low) > 10
+        ]
+    else:
+        spans = list(record.parts)
+    total = sum(last - first for first, last in spans)
+    count = max(1, min(STRETCHES, total // length))
+    for k in range(count):
+        place = round((k + 0.5) / count * total)
+        for first, last in spans:
+            if place <= last - first:
+                middle = first + place
+                low = max(first, min(middle - length // 2, last - length))
+                yield record.block(low, min(last, low + length))
+                break
+            place -= last - first
+
+
+def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> Array:
+    """Return an orthonormal basis (rows, k) of what the forces sought cannot reach."""
+    model, chosen = record.robot.model, record.map.robot
+    parts = []
+    for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
+        jacobian = pin.computeFrameJacobian(
+            model, data, q, model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        parts.append((jacobian[:size, rows] * weight).T)
+    A = np.concatenate(parts, axis=1)
+    u, values, _ = np.linalg.svd(A)
+    rank = int(np.sum(values > RANK * max(float(values.max(initial=0.0)), 1e-300)))
+    return np.asarray(u[:, rank:])

@@ -1,0 +1,189 @@
+"""Checks of the estimate: mean force over weight, the stretch without contact, power, fits, commands, the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.estimation.checks.compare import compare
+from aerobat_pin.estimation.checks.kinematics import CONFUSED, FOLLOWS, MOST_SAMPLES, checked_times
+from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
+from aerobat_pin.estimation.run_observers import rms_in, settled
+from aerobat_pin.estimation.sensor_scores import Compared
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Record
+
+LATE_COMMAND = 5.0e-3  # [s]
+WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
+UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
+STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
+MANY = 20_000  # intervals of which the power is taken
+
+
+def result_findings(
+    record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
+) -> Iterator[LogFinding]:
+    """Yield what the estimate itself shows, and the sensor beside it."""
+    yield from fit_findings(forces)
+    yield from _check_commands(record, forces)
+    for side in list(sides.values())[:1]:
+        yield from _sensor_findings(record, side)
+    estimate = next(iter(estimates.values()))
+    sums, count = np.zeros(len(estimate.head.units)), 0
+    for block in estimate.blocks():
+        good = settled(record, block.time[:-1])
+        sums, count = sums + block.components[good].sum(axis=0), count + int(good.sum())
+    if not count:
+        yield LogFinding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
+        return
+    if estimate.head.are_world_forces:
+        yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
+        yield from _power(record, estimate)
+    if record.map.use.free is not None:
+        yield from _free_stretch(record, estimates)
+
+
+def fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
+    """Yield fits that do not hold on the part of the record that they did not use."""
+    for fit in forces.fits:
+        if np.isnan(fit.outside):
+            yield LogFinding(
+                "fit",
+                "note",
+                f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it",
+            )
+        elif fit.outside > fit.before or fit.outside > WORSE * fit.inside:
+            sizes = (
+                f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
+                f"{fit.before:.3g} without"
+            )
+            yield LogFinding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
+
+
+def _sensor_findings(record: Record, side: Compared) -> Iterator[LogFinding]:
+    """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
+    k = side.liveliest
+    one, other = side.sample(MOST_SAMPLES)
+    found = compare(one[:, [k]], other[:, [k]], record.dt)
+    if found is None:
+        return
+    name = f"{side.point}.{side.labels[k]}"
+    text = f"the sensor's {name} is {found.factor:.3g} times the estimate, correlation {found.correlation:.2f}"
+    if found.correlation < -FOLLOWS:
+        yield LogFinding("sensor against estimate", "warning", f"{text}: check.wrench.sign", found.factor, "1")
+    elif abs(found.correlation) < CONFUSED:
+        yield LogFinding("sensor against estimate", "warning", f"{text}: other axes, another point", found.factor, "1")
+    else:
+        good = abs(found.factor - 1.0) < 0.15
+        yield LogFinding("sensor against estimate", "good" if good else "warning", text, found.factor, "1")
+
+
+def _check_commands(record: Record, forces: KnownForces) -> Iterator[LogFinding]:
+    """Yield how late the acceleration follows each thrust's commands."""
+    if "check.specific_force" not in record.channels:
+        return
+    time = checked_times(record)
+    for name, section in record.map.known.items():
+        if section.powers:
+            measured = (record.means("check.specific_force", time) @ unit_direction(section))[:, None]
+            found = compare(command_sum(record, name, time)[:, None], measured, record.dt)
+            if found is None or found.correlation < FOLLOWS:
+                continue
+            text = (
+                f"known.{name} leads the acceleration by {1e3 * found.lag:.0f} ms beyond its delay "
+                f"of {1e3 * section.delay:.0f} ms"
+            )
+            late = abs(found.lag) > max(LATE_COMMAND, record.dt)
+            yield LogFinding("lag of command", "warning" if late else "good", text, found.lag, "s")
+
+
+def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[LogFinding]:
+    """Yield the mean (3,) of all forces together over the weight, for a robot whose base is free."""
+    if not record.robot.free or record.map.base.held:
+        return
+    mean = force / record.robot.weight
+    carried = bool(forces.record.map.known)
+    expected = 0.0 if carried else 1.0
+    text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
+    off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
+    if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
+        yield LogFinding(
+            "mean force", "refused", f"{text}: about 2 if the attitude is misread and thrust points down", off, "1"
+        )
+    elif off > 0.5:
+        yield LogFinding(
+            "mean force", "warning", f"{text}; {'the weight' if expected else 'little'} was expected", off, "1"
+        )
+    else:
+        yield LogFinding("mean force", "good", text, off, "1")
+
+
+def _power(record: Record, estimate: StoredEstimate) -> Iterator[LogFinding]:
+    """Yield the mean power of each force at its point: positive drives the robot, negative brakes it."""
+    model = record.robot.model
+    first, last = record.parts[0]
+    block = record.block(first, min(last, first + MANY))
+    offset = estimate.index(block.time[0])
+    own = estimate.between(offset, offset + len(block.tau))
+    good, frames = settled(record, own.time[:-1]), own.frames
+    data, powers, count = model.createData(), np.zeros(len(frames)), 0
+    moved, pushed = np.zeros((2, len(frames)))
+    for k in range(0, len(own.components), max(1, len(block.tau) // 2000)):
+        if not good[k]:
+            continue
+        pin.forwardKinematics(model, data, block.q[k], block.v[k])
+        count += 1
+        for i, frame in enumerate(frames):
+            index = model.getFrameId(frame)
+            speed = pin.getFrameVelocity(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
+            powers[i] += float(own.force[k, i] @ speed)
+            size = float(own.force[k, i] @ own.force[k, i])
+            moved[i], pushed[i] = moved[i] + size * float(speed @ speed), pushed[i] + size
+    if count:
+        yield from _held_still(record, frames, np.sqrt(moved / np.maximum(pushed, 1e-12)))
+        means = ", ".join(f"{frame} {power / count:.3g} W" for frame, power in zip(frames, powers, strict=True))
+        yield LogFinding(
+            "power", "note", f"mean power of the force at its point: {means}", float(powers.sum()) / count, "W"
+        )
+
+
+def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[LogFinding]:
+    """Yield points that move where they carry force, though something that the map holds still may move instead.
+
+    Args:
+        record: the record.
+        frames: the points.
+        speeds: (k,) rms speed of each [m/s], weighted by the square of its force.
+    """
+    model, held = record.robot.model, ["the base"] if record.map.base.held else []
+    fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
+    carrying = {
+        joint for frame, _ in fast for joint in model.supports[model.frames[model.getFrameId(frame)].parentJoint]
+    }
+    held += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
+    if held and fast:
+        words = ", ".join(f"{frame} at {speed:.2g} m/s" for frame, speed in fast)
+        text = (
+            f"points move where they carry force: {words}. A foot on the ground stands; does what the map holds still "
+            f"move in its place ({', '.join(held)})? Then its position belongs into the map"
+        )
+        yield LogFinding("held still", "note", text, max(speed for _, speed in fast), "m/s")
+
+
+def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> Iterator[LogFinding]:
+    """Yield the force that is found where the map says that nothing touches the robot."""
+    free = record.map.use.free
+    assert free is not None
+    for name, estimate in estimates.items():
+        sizes = rms_in(record, estimate, free)
+        if sizes is None:
+            yield LogFinding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
+            return
+        labels, units = estimate.head.identifiability.components, estimate.head.units
+        words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
+        text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
+        yield LogFinding("stretch without contact", "note", text, float(sizes.max()), "N")

@@ -1,0 +1,239 @@
+"""Fit friction, factors of efforts, and the mass where nothing touches the robot, or a force sensor says what does.
+
+Of each joint's row  m n(q, v, a) = c tau + tau_f + known  everything but friction tau_f, the factor c of its effort and
+the factor m of all masses is measured or computed (n: what the motion needs, Pinocchio's rnea). The first two are
+fitted joint by joint. The mass is common to all believed rows: what friction can explain of a row is taken out of it
+and of n first, and rows count by what is left over of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.errors import MapError, ObserverError
+from aerobat_pin.estimation.inverse_dynamics import SMOOTHING, accelerations, contact_torque, required_torque
+from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces
+from aerobat_pin.estimation.run_observers import believed_rows
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, JointFriction, fit_friction
+from aerobat_pin.records import FrictionSection, Record
+
+MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
+COULOMB_RATES = (0.01, SMOOTH_RATE, 0.05, 0.1, 0.2)  # [rad/s, m/s] from which one is chosen, see `_coulomb_rate`
+FOLDS, LEAST_DROP = 4, 0.01  # parts of the stretch, each predicted from the others; [-] of the error, for another rate
+UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a record does not show it
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Samples of some rows of the equations of motion, (m, n) each.
+
+    Attributes:
+        q: angles of the joints; 0 for rows of the base.
+        v: rates.
+        a: accelerations.
+        needed: generalised force that the motion needs.
+        given: that of known forces and of the sensor, without the efforts.
+        tau: efforts.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    needed: Array
+    given: Array
+    tau: Array
+
+
+def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
+    """Fit friction (and factors of the efforts) where the map says that no unknown force acts, or a known one.
+
+    Raises:
+        MapError: efforts or the stretch of the fit are missing, or too short.
+    """
+    section = record.map.joints.friction
+    assert section is not None
+    if "joints.effort" not in record.channels:
+        raise MapError("map: joints.friction needs joints.effort")
+    ignored = believed_rows(record)
+    joints = tuple(joint for joint in record.driven if joint not in ignored)
+    if section.fit is None:
+        raise MapError(
+            "map: joints.friction.fit: from and to [s], where nothing touches the robot, was expected; or "
+            "--calibration FILE, which `aerobat calibrate` writes from another recording"
+        )
+    inside, rest = _fitted_samples(record, forces, [record.robot.v_index(joint) for joint in joints], section.fit)
+    needed, scale = inside.needed - inside.given, np.ones(len(joints))
+    rate = _coulomb_rate(section, inside)
+    if section.scale:
+        for k in range(len(joints)):
+            scale[k] = np.linalg.lstsq(_regressors(section, inside, k, rate), needed[:, k], rcond=None)[0][-1]
+    try:
+        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), needed - scale * inside.tau, rate)
+    except ObserverError as error:
+        raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
+    fits = []
+    for k, joint in enumerate(joints):
+        kept, lost = (_left_over(section, part, friction, scale)[:, k] for part in (inside, rest))
+        before = rms_or_nan((rest.needed - rest.given - rest.tau)[:, k])
+        values = friction_values(friction, float(scale[k]) if section.scale else None, k)
+        unit = "N" if record.robot.slides(joint) else "N m"
+        fits.append(Fit(f"friction of {joint}", values, unit, before, rms_or_nan(kept), rms_or_nan(lost)))
+    return FittedValues({}, joints, friction, scale, fits=tuple(fits))
+
+
+def friction_values(friction: JointFriction, scale: float | None, k: int) -> dict[str, float]:
+    """Return coefficient -> value of joint `k`, its rate and the factor of its effort, as a fit tells them."""
+    values = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": friction.rate}
+    return values if scale is None else {**values, "effort times": scale}
+
+
+def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) -> Fit:
+    """Fit the factor of all masses and inertias over all believed rows.
+
+    Args:
+        record: the record.
+        forces: its known forces, without friction.
+        stretch: from and to [s] after the start: no unknown force acts there.
+
+    Raises:
+        MapError: the record does not show the mass.
+    """
+    section, robot = record.map.joints.friction, record.robot
+    if section is not None and section.scale and section.to is None:
+        raise MapError(
+            "calibrate: the mass, and factors of all efforts (joints.friction.scale = true), cannot be told apart: one "
+            "of them was expected"
+        )
+    fitted = [name for name, known in record.map.known.items() if known.fit is not None]
+    if fitted:
+        raise MapError(f"calibrate: known.{fitted[0]}.fit takes the mass as given: its coefficients were expected")
+    ignored = believed_rows(record)
+    rows = AllBut(*ignored).kept(robot.model) if ignored else list(range(robot.model.nv))
+    joint_rows = {robot.v_index(joint) for joint in record.joints}
+    inside, rest = _fitted_samples(record, forces, rows, stretch)
+    along, power, lines = 0.0, 0.0, []
+    for k, row in enumerate(rows):
+        needed, target = inside.needed[:, k], (inside.tau + inside.given - inside.needed)[:, k]
+        if section is not None and row in joint_rows:
+            columns = _regressors(section, inside, k, SMOOTH_RATE)
+            explained = np.linalg.lstsq(columns, np.column_stack([needed, target]), rcond=None)[0]
+            needed, target = (np.column_stack([needed, target]) - columns @ explained).T
+        own = float(needed @ needed)
+        if own <= 1e-12 * float(inside.needed[:, k] @ inside.needed[:, k]) or own == 0.0:
+            continue
+        rest_of = target - needed * float(needed @ target) / own
+        variance = max(float(rest_of @ rest_of), 1e-12 * own) / len(target)
+        along, power = along + float(needed @ target) / variance, power + own / variance
+        lines.append(k)
+    repeats = max(1.0, SMOOTHING * record.rate)  # samples that the window of the accelerations ties together
+    change, deviation = (along / power, (repeats / power) ** 0.5) if power else (0.0, np.inf)
+    if deviation > UNSURE_MASS:
+        raise MapError(
+            f"calibrate: the record does not show the mass (standard deviation {deviation:.2g}, {UNSURE_MASS:g} was "
+            "expected): move joints that carry weight, or leave --identify mass out"
+        )
+    before, left, left_over = (
+        rms_or_nan(np.ravel((part.tau + part.given - factor * part.needed)[:, lines]))
+        for part, factor in ((rest, 1.0), (inside, 1.0 + change), (rest, 1.0 + change))
+    )
+    return Fit("mass", {"times": 1.0 + change, "deviation": deviation}, "N, N m", before, left, left_over)
+
+
+def rms_or_nan(values: Array) -> float:
+    """Return the root mean square of values (m,); NaN if there are none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _regressors(section: FrictionSection, rows: _Rows, k: int, rate: float) -> Array:
+    """Return what friction of the law, and last a factor of the effort, can be in row `k`: (m, coefficients)."""
+    v, a = rows.v[:, k], rows.a[:, k]
+    inertia = [-a] if section.law.endswith("inertia") else []
+    factor = [rows.tau[:, k]] if section.scale else []
+    return np.column_stack([-np.tanh(v / rate), -v, *inertia, -np.ones(len(v)), *factor])
+
+
+def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
+    """Return the rate at which Coulomb friction sets in: the one whose fit predicts what it did not see best.
+
+    Where friction sets in too early, noise of the rate makes it a coin; too late, and a viscous part stands in for it,
+    which is too large at other speeds. The stretch is cut into parts; each is predicted by the fit to the others.
+    """
+    targets = rows.needed - rows.given - (0.0 if section.scale else rows.tau)
+    errors = np.zeros((len(COULOMB_RATES), targets.shape[1]))
+    for (i, rate), k in product(enumerate(COULOMB_RATES), range(targets.shape[1])):
+        table = np.column_stack([_regressors(section, rows, k, rate), targets[:, k]])
+        squares = np.stack([part.T @ part for part in np.array_split(table, FOLDS)])
+        for own in squares:
+            others = squares.sum(axis=0) - own
+            found = np.append(np.linalg.lstsq(others[:-1, :-1], others[:-1, -1], rcond=None)[0], -1.0)
+            errors[i, k] += found @ own @ found
+    size = np.mean(0.5 * np.log(np.maximum(errors, np.finfo(float).tiny)), axis=1)
+    usual = COULOMB_RATES.index(SMOOTH_RATE)
+    best = int(np.argmin(size))
+    return COULOMB_RATES[best if size[best] < size[usual] - LEAST_DROP else usual]
+
+
+def _rotor(section: FrictionSection, rows: _Rows) -> Array:
+    """Return the accelerations (m, n) that the law knows: zero if it has no inertia of the rotors."""
+    return rows.a if section.law.endswith("inertia") else np.zeros_like(rows.a)
+
+
+def _left_over(section: FrictionSection, rows: _Rows, friction: JointFriction, scale: Array) -> Array:
+    return np.asarray(rows.needed - rows.given - scale * rows.tau - friction.torque(rows.v, _rotor(section, rows)))
+
+
+def _fitted_samples(
+    record: Record, forces: KnownForces, rows: Sequence[int], fit: tuple[float, float]
+) -> tuple[_Rows, _Rows]:
+    """Return the samples of rows of the velocity for a fit, and those that test it."""
+    to = None if record.map.joints.friction is None else record.map.joints.friction.to
+    tested = (-np.inf, np.inf) if to is not None else record.map.use.free
+    inside: list[Array] = []
+    held_out: list[Array] = []
+    places = {record.robot.v_index(joint): record.robot.q_index(joint) for joint in record.joints}
+    for first, last, fits_here, tests_here in _fitted_stretches(record, fit, tested):
+        block = record.block(first, last)
+        a = accelerations(block, record)
+        given = sum(forces.known(block).values(), np.zeros_like(block.tau))
+        if to is not None:
+            given = given + contact_torque(record, block)
+        q = np.zeros_like(block.tau)
+        q[:, list(places)] = 0.5 * (block.q[1:] + block.q[:-1])[:, list(places.values())]
+        v = 0.5 * (block.v[1:] + block.v[:-1])
+        table = np.stack([q, v, a, required_torque(record, block, a), given, block.tau])[:, :, list(rows)]
+        when = block.time[:-1] - record.start
+        chosen = (when >= fit[0]) & (when < fit[1])
+        if fits_here:
+            inside.append(table[:, chosen])
+        if tests_here:
+            held_out.append(table[:, ~chosen & _within(when, tested)])
+    if not inside:
+        raise MapError(f"map: joints.friction.fit = {list(fit)}: no used part of the record is there")
+    return _Rows(*np.concatenate(inside, axis=1)), _Rows(*np.concatenate(held_out, axis=1))
+
+
+def _within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+    return np.zeros(len(when), bool) if stretch is None else (when >= stretch[0]) & (when < stretch[1])
+
+
+def _fitted_stretches(
+    record: Record, fit: tuple[float, float], tested: tuple[float, float] | None
+) -> Iterator[tuple[int, int, bool, bool]]:
+    """Yield (first, last) of stretches, and whether they are for the fit, and for its test; a long record is thinned.
+
+    Args:
+        record: the record.
+        fit: times after the start [s] between which there is a fit.
+        tested: times between which nothing unknown acts, so that the fit can be tested; None: nobody knows where.
+    """
+    if sum(last - first for first, last in record.parts) <= MOST_FITTED:
+        yield from ((first, last, True, True) for first, last in record.parts)
+        return
+    yield from ((first, last, True, False) for first, last in record.spread(MOST_FITTED, *fit))
+    yield from ((first, last, False, True) for first, last in record.spread(MOST_FITTED, *(tested or ())))

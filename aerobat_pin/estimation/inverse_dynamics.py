@@ -1,0 +1,102 @@
+"""What the motion needs, computed without an observer: for fits and checks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Block, Record, slopes, world_turn
+
+SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
+
+
+def accelerations(block: Block, record: Record) -> Array:
+    """Return accelerations (m, nv) between the samples of a block: slopes of parabolas through the velocities."""
+    found = slopes(block.v, record.dt, SMOOTHING)
+    return np.asarray(0.5 * (found[1:] + found[:-1]))
+
+
+def required_torque(record: Record, block: Block, acceleration: Array) -> Array:
+    """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea)."""
+    model = record.robot.model
+    data, found = model.createData(), np.empty_like(block.tau)
+    v = 0.5 * (block.v[1:] + block.v[:-1])
+    for k in range(len(found)):
+        found[k] = pin.rnea(model, data, block.q[k], v[k], acceleration[k])
+    return found
+
+
+def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) -> Array:
+    """Return the force (m, 3 or 6) of `check.wrench` on the robot, interval means between times (m + 1,), tare off.
+
+    Args:
+        record: the record.
+        time: (m + 1,) times [s].
+        attitude_of: (m, 3, 3) axes of the sensor's frame in the world, if its columns are in the frame's axes.
+    """
+    section = record.map.check.wrench
+    assert section is not None
+    force = record.means("check.wrench", time)
+    if section.tare is not None:
+        force = force - mean_in(record, "check.wrench", section.tare)
+    force = section.sign * force
+    if section.axes == "world":
+        force = turned(force, world_turn(record.map))
+    if section.axes == "frame" and attitude_of is not None:
+        parts = [np.einsum("nij,nj->ni", attitude_of, force[:, k : k + 3]) for k in range(0, force.shape[1], 3)]
+        return np.concatenate(parts, axis=1)
+    return np.asarray(force)
+
+
+def mean_in(record: Record, key: str, part: tuple[float, float]) -> Array:
+    """Return the mean (k,) of a channel from and to times after the start [s]. Raises MapError without samples."""
+    _, values = record.channels[key].between(record.start + part[0], record.start + part[1])
+    if not len(values):
+        raise MapError(f"map: {key}: no sample from {part[0]:g} to {part[1]:g} s after the start")
+    return np.asarray(values.mean(axis=0))
+
+
+def turned(wrench: Array, turn: Array) -> Array:
+    """Return forces (m, 3), or forces and moments (m, 6), in axes turned by a matrix (3, 3)."""
+    return np.concatenate([wrench[:, k : k + 3] @ turn.T for k in range(0, wrench.shape[1], 3)], axis=1)
+
+
+def frame_axes(record: Record, block: Block, frame: str) -> Array:
+    """Return the axes (m, 3, 3) of a frame in the world at the start of each interval."""
+    model = record.robot.model
+    data, index = model.createData(), model.getFrameId(frame)
+    found = np.empty((len(block.tau), 3, 3))
+    for k in range(len(found)):
+        pin.framesForwardKinematics(model, data, block.q[k])
+        found[k] = data.oMf[index].rotation
+    return found
+
+
+def sensor_point(record: Record) -> str:
+    """Return the frame of `check.wrench`. Raises MapError if it is not one of the points."""
+    section, robot = record.map.check.wrench, record.map.robot
+    assert section is not None
+    points = (*robot.points, *robot.wrenches)
+    point = section.point or (points[0] if len(points) == 1 else None)
+    if point is None or point not in points:
+        raise MapError(f"map: check.wrench.point = {section.point}: one of {', '.join(points)} was expected")
+    return point
+
+
+def contact_torque(record: Record, block: Block) -> Array:
+    """Return the generalised force (m, nv) of the sensor's force at its point. Raises MapError without a sensor."""
+    if "check.wrench" not in record.channels:
+        raise MapError("map: joints.friction.to = check.wrench, but check.wrench has no columns")
+    model, point = record.robot.model, sensor_point(record)
+    section = record.map.check.wrench
+    assert section is not None
+    axes = frame_axes(record, block, point) if section.axes == "frame" else None
+    force = sensor_force(record, block.time, axes)
+    data, index = model.createData(), model.getFrameId(point)
+    found = np.empty_like(block.tau)
+    for k in range(len(found)):
+        jacobian = pin.computeFrameJacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        found[k] = jacobian[: force.shape[1]].T @ force[k]
+    return found

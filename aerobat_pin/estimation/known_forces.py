@@ -1,0 +1,174 @@
+"""Known forces of a recording: thrust from commands, measured wrenches, and friction.
+
+A polynomial's force is sum_k c_k U^p_k along a direction, with U the sum of all commands over full scale, times or over
+the supply. Coefficients and friction are given, fitted (`fit_known_forces.py`), or learnt from another recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.inverse_dynamics import turned
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import JointFriction
+from aerobat_pin.records import Block, KnownSection, Record, world_turn
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit, and how well it holds on data that it did not use.
+
+    Attributes:
+        name: key of the map.
+        values: coefficient -> value.
+        unit: of the residuals.
+        before: rms of what is left without the fit, on the part that was not fitted.
+        inside: rms of what is left on the fitted part.
+        outside: rms of what is left on the rest, NaN if there is none.
+        log: the recording, if it is another one.
+    """
+
+    name: str
+    values: dict[str, float]
+    unit: str
+    before: float
+    inside: float
+    outside: float
+    log: str = ""
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{key} {value:.4g}" for key, value in self.values.items())
+        outside = "no part left to test it"
+        if np.isfinite(self.outside):
+            outside = f"{self.outside:.3g} on the rest ({self.before:.3g} without)"
+        where = f" in {self.log}" if self.log else ""
+        return f"{self.name}: {values}; left over {self.inside:.3g} {self.unit} where fitted{where}, {outside}"
+
+
+@dataclass(frozen=True)
+class FittedValues:
+    """What a record shows about a map's known forces.
+
+    Attributes:
+        coefficients: name of a thrust -> coefficients of its powers [N].
+        joints: those whose friction is known, and whose efforts have factors.
+        friction: of these joints; None if it is not known.
+        scale: (n,) factor of each of their efforts.
+        mass: factor of all masses and inertias.
+        fits: how well each holds.
+    """
+
+    coefficients: dict[str, Array] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
+    friction: JointFriction | None = None
+    scale: Array = field(default_factory=lambda: np.ones(0))
+    mass: float = 1.0
+    fits: tuple[Fit, ...] = ()
+
+
+@dataclass(frozen=True)
+class KnownForces:
+    """The known forces of a record, ready to be evaluated block by block.
+
+    Attributes:
+        record: the record, whose robot already has the mass of the values.
+        values: coefficients, friction and factors of efforts.
+        tare: name of a wrench -> mean (k,) that is taken off.
+    """
+
+    record: Record
+    values: FittedValues = FittedValues()
+    tare: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """What was fitted, here or in another recording."""
+        return self.values.fits
+
+    def torque(self, block: Block) -> Array:
+        """Return the joint torques (m, nv) of a block: the efforts times their factors."""
+        if not len(self.values.scale):
+            return block.tau
+        tau = block.tau.copy()
+        tau[:, self._rows] *= self.values.scale
+        return tau
+
+    def known(self, block: Block) -> dict[str, Array]:
+        """Return the known generalised forces of a block: name -> (m, nv), interval means."""
+        forces = dict(self.record.robot.known(block))
+        forces |= {name: self._force(name, section, block) for name, section in self.record.map.known.items()}
+        if self.values.friction is not None:
+            v = 0.5 * (block.v[1:] + block.v[:-1])[:, self._rows]
+            a = np.diff(block.v, axis=0)[:, self._rows] * self.record.rate
+            found = np.zeros_like(block.tau)
+            found[:, self._rows] = self.values.friction.torque(v, a)
+            forces["friction"] = found
+        return forces
+
+    def thrust(self, name: str, block: Block) -> Array:
+        """Return the size (m,) of a thrust [N], interval means."""
+        commands = command_sum(self.record, name, block.time)
+        section = self.record.map.known[name]
+        return sum(
+            (c * commands**p for c, p in zip(self.values.coefficients[name], section.powers, strict=True)),
+            0.0 * commands,
+        )
+
+    @property
+    def _rows(self) -> list[int]:
+        return [self.record.robot.v_index(joint) for joint in self.values.joints]
+
+    def _force(self, name: str, section: KnownSection, block: Block) -> Array:
+        wrench: Array = np.zeros((len(block.tau), 6))
+        if section.powers:
+            wrench[:, :3] = self.thrust(name, block)[:, None] * unit_direction(section)
+        else:
+            values = section.sign * (self.record.means(f"known.{name}", block.time) - self.tare.get(name, 0.0))
+            wrench[:, : values.shape[1]] = values
+            if section.axes == "world":
+                wrench = turned(wrench, world_turn(self.record.map))
+        return frame_wrench(self.record, section, block, wrench)
+
+
+def command_sum(record: Record, name: str, time: Array) -> Array:
+    """Return the sum (m,) of a thrust's commands over full scale, with its supply, means between times (m + 1,)."""
+    section = record.map.known[name]
+    total = np.sum(record.means(f"known.{name}", time), axis=1) / section.full_scale
+    if section.supply is None:
+        return np.asarray(total)
+    supply = record.means(f"known.{name}.supply", time)[:, 0]
+    return np.asarray(total / supply if section.supply.divide else total * supply)
+
+
+def unit_direction(section: KnownSection) -> Array:
+    """Return the direction (3,) of a thrust. Raises MapError if it is zero."""
+    size = float(np.linalg.norm(section.direction))
+    if size == 0.0:
+        raise MapError("map: known: direction = [0, 0, 0]: a direction was expected")
+    return np.array(section.direction) / size
+
+
+def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Array) -> Array:
+    """Return the generalised force (m, nv) of a wrench (m, 6) at a frame, in its axes or those of the world."""
+    model = record.robot.model
+    frame = model.getFrameId(section.frame) if section.frame is not None else _base_frame(record)
+    if section.frame is not None and not model.existFrame(section.frame):
+        raise MapError(f"map: known: no frame '{section.frame}' in robot {record.robot.title}")
+    data, found = model.createData(), np.empty((len(wrench), model.nv))
+    axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
+        jacobian = pin.computeFrameJacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
+        return np.asarray(wrench @ jacobian)
+    for k, q in enumerate(block.q[:-1]):
+        found[k] = pin.computeFrameJacobian(model, data, q, frame, axes).T @ wrench[k]
+    return found
+
+
+def _base_frame(record: Record) -> int:
+    """Return the frame of the base: that of the free joint, or the universe."""
+    model = record.robot.model
+    return int(model.getFrameId(model.names[1])) if record.robot.free else 0

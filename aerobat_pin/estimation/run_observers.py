@@ -1,0 +1,157 @@
+"""Run observers over a record in blocks: an hour needs the memory of a block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.inputs import inputs_of
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Observer, Rows
+from aerobat_pin.records import Map, PlainRobot, Record, Spool
+
+BLOCK = 30_000  # intervals that are estimated at once
+LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
+TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
+
+
+def observers_of(record: Record, names: Sequence[str] = ()) -> tuple[list[Observer], tuple[str, ...]]:
+    """Return observers of a record, and which rows they do not believe and why, in words.
+
+    Args:
+        record: the record.
+        names: of the observers; those that the map names when empty.
+
+    Raises:
+        MapError: there is no observer of a name.
+        ObserverError: an observer cannot be built for this robot.
+    """
+    rows, notes = rows_of(record.map, record.robot, record.joints, record.channels)
+    return built_observers(record.map, record.robot, rows, names), notes
+
+
+def built_observers(chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = ()) -> list[Observer]:
+    """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
+    names = tuple(names) or chosen.observer.names
+    if not names or any(name not in OBSERVERS for name in names):
+        raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
+    points: list[str | Application] = [
+        *chosen.robot.points,
+        *(Application(frame, "wrench") for frame in chosen.robot.wrenches),
+    ]
+    return [OBSERVERS[name](robot.model, points, chosen.observer.gain, rows) for name in names]
+
+
+def believed_rows(record: Record) -> tuple[str, ...]:
+    """Return the joints, and parts of the base, whose rows are not believed."""
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    if isinstance(rows, AllBut):
+        return rows.names
+    return () if rows == "all" else record.robot.joints
+
+
+def rows_of(
+    chosen: Map, robot: PlainRobot, joints: Sequence[str], channels: Collection[str]
+) -> tuple[Rows, tuple[str, ...]]:
+    """Return the rows that are believed, and the reasons in words.
+
+    Args:
+        chosen: the map.
+        robot: the robot, which may know better.
+        joints: those that have channels.
+        channels: keys of the channels that are there.
+    """
+    own = robot.rows()
+    if own is not None:
+        return own, ()
+    ignored = list(chosen.robot.rows.ignore)
+    notes = []
+    ignored += [joint for joint in chosen.joints.held if joint not in ignored]
+    unsensed = [joint for joint in joints if joint not in ignored]
+    if "joints.effort" not in channels and unsensed:
+        ignored += unsensed
+        notes.append(f"no effort is recorded: rows of {', '.join(unsensed)} are not believed")
+    if robot.free and chosen.base.held and not any(row.startswith("base") for row in ignored):
+        plate = any(not known.powers for known in chosen.known.values())
+        frames = (*chosen.robot.points, *chosen.robot.wrenches)
+        model = robot.model
+        if not plate and not any(model.frames[model.getFrameId(frame)].parentJoint == 1 for frame in frames):
+            ignored.append("base")
+            notes.append("what holds the base is not measured: its six rows are not believed")
+    return AllBut(*ignored) if ignored else "all", tuple(notes)
+
+
+def run_observers(
+    record: Record, forces: KnownForces, observers: Sequence[Observer], progress: Callable[[float], None] | None = None
+) -> dict[str, StoredEstimate]:
+    """Estimate the unknown forces on all parts of a record: name of the observer -> estimate."""
+    gain = float(record.map.observer.gain)
+    lead = int(np.ceil(LEAD / gain * record.rate)) + 1
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    spool = Spool()
+    found = {observer.name: StoredEstimate(spool) for observer in observers}
+    total, done = len(observers) * sum(last - first for first, last in record.parts), 0
+    for first, last in record.parts:
+        for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
+            early, late = max(first, begin - lead), min(last, end + lead)
+            inputs = inputs_of(record, early, late, forces, rows)
+            for observer in observers:
+                if progress is not None:
+                    progress(done / total)
+                whole = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+                found[observer.name].append(_some_intervals(whole, begin - early, end - early))
+                done += end - begin
+    if progress is not None:
+        progress(1.0)
+    return found
+
+
+def blocks_of(first: int, last: int) -> Iterator[tuple[int, int]]:
+    """Yield (begin, end) of blocks of `BLOCK` intervals that make up a part; the last one may be a tenth longer."""
+    while first < last:
+        end = last if last - first < 1.1 * BLOCK else first + BLOCK
+        yield first, end
+        first = end
+
+
+def settled(record: Record, time: Array) -> NDArray[np.bool_]:
+    """Return which intervals, by their starts (m,) [s], are not at the start of a part, where filters still rise."""
+    wait = TIME_CONSTANTS_TO_SETTLE / float(record.map.observer.gain)
+    good = np.ones(len(time), bool)
+    for first, _ in record.parts:
+        begin = record.start + first * record.dt
+        good &= ~((time >= begin - 1e-9) & (time < begin + wait))
+    return good
+
+
+def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float]) -> Array | None:
+    """Return the rms (c,) of each component between two times after the start [s]; None if nothing is settled there."""
+    squares, count = np.zeros(len(estimate.head.units)), 0
+    first, last = (estimate.index(record.start + time) for time in stretch)
+    for begin in range(first, last + 1, ROWS_READ):
+        block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
+        when = block.time[:-1] - record.start
+        inside = settled(record, block.time[:-1]) & (when >= stretch[0]) & (when <= stretch[1])
+        squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
+    return np.asarray(np.sqrt(squares / count)) if count else None
+
+
+def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
+    """Return the intervals from `first` to `last` (exclusive) of an estimate."""
+    inside = slice(first, last)
+    deviation, innovation = estimate.standard_deviation, estimate.innovation
+    return replace(
+        estimate,
+        time=estimate.time[first : last + 1],
+        components=estimate.components[inside].copy(),
+        residual=estimate.residual[inside].copy(),
+        unexplained=estimate.unexplained[inside].copy(),
+        standard_deviation=None if deviation is None else deviation[inside].copy(),
+        innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
+    )

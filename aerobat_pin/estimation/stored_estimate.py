@@ -1,0 +1,172 @@
+"""The estimate of one observer over a whole recording, on disk if it is long: appended and read block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, innovation_score
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate, Redundancy
+from aerobat_pin.records import Series, Spool
+
+ROWS_READ = 50_000  # intervals that are read at once
+
+
+class StoredEstimate:
+    """Blocks of intervals in time order, with sizes over all of them.
+
+    The judgements on the whole record are: of the identifiability, the worst block's; of what no force explains, the
+    mean of the squares over the blocks; of a filter's whiteness, the mean.
+
+    Attributes:
+        head: what all blocks have in common, without intervals.
+        start: (m,) starts of the intervals [s].
+    """
+
+    def __init__(self, spool: Spool) -> None:
+        self.start, self._end = Series(spool), Series(spool)
+        self._spool = spool
+        self._columns: dict[str, Series] = {}
+        self._counts: list[int] = []
+        self._blocks: list[Redundancy] = []
+        self._innovations: list[InnovationScore | None] = []
+        self.head: Estimate
+
+    def append(self, block: Estimate) -> None:
+        """Append the intervals of a block, which begins where the last one ended or after a hole."""
+        found = {"components": block.components, "residual": block.residual, "unexplained": block.unexplained}
+        if block.standard_deviation is not None:
+            found["standard_deviation"] = block.standard_deviation
+        if block.innovation is not None:
+            found["nis"] = block.innovation.nis
+        if not self._counts:
+            self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
+            self._sum, self._squares, self._variance = np.zeros((3, block.components.shape[1]))
+            self._columns = {
+                name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in found.items()
+            }
+        worse = not self._counts or _severity(block) < _severity(self.head)
+        self.head = replace(
+            block if not self._counts else self.head,
+            **_rows_of(np.empty(0), np.empty(0), {name: rows[:0] for name, rows in found.items()}, block),
+            identifiability=block.identifiability if worse else self.head.identifiability,
+        )
+        for name, series in self._columns.items():
+            series.append(found[name])
+        self.start.append(block.time[:-1])
+        self._end.append(block.time[1:])
+        self._counts.append(len(block.components))
+        self._blocks.append(block.redundancy)
+        self._innovations.append(innovation_score(block))
+        self._least = np.minimum(self._least, block.components.min(axis=0))
+        self._most = np.maximum(self._most, block.components.max(axis=0))
+        self._sum += block.components.sum(axis=0)
+        self._squares += np.sum(block.components**2, axis=0)
+        if block.standard_deviation is not None:
+            self._variance += np.sum(block.standard_deviation**2, axis=0)
+
+    def __len__(self) -> int:
+        """Return the number of intervals."""
+        return len(self.start)
+
+    def index(self, time: float) -> int:
+        """Return the index of the first interval that does not start before a time [s]."""
+        return self.start.index(time - 1e-9)
+
+    def between(self, first: int, last: int) -> Estimate:
+        """Return the intervals from `first` to `last` (exclusive)."""
+        rows = slice(first, last)
+        columns = {name: series[rows] for name, series in self._columns.items()}
+        return replace(self.head, **_rows_of(self.start[rows], self._end[rows], columns, self.head))
+
+    def blocks(self) -> Iterator[Estimate]:
+        """Yield all intervals, at most `ROWS_READ` at once."""
+        for first in range(0, len(self), ROWS_READ):
+            yield self.between(first, min(first + ROWS_READ, len(self)))
+
+    def whole(self) -> Estimate:
+        """Return all intervals at once, in memory.
+
+        The time of an interval's end is that of the next interval's start, also across a hole between two parts.
+        """
+        return self.between(0, len(self))
+
+    @property
+    def mean(self) -> Array:
+        """Mean (c,) of each component."""
+        return np.asarray(self._sum / len(self))
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square (c,) of each component."""
+        return np.asarray(np.sqrt(self._squares / len(self)))
+
+    @property
+    def extremes(self) -> tuple[Array, Array]:
+        """The least (c,) and the largest (c,) of each component."""
+        return self._least, self._most
+
+    @property
+    def redundancy(self) -> Redundancy:
+        """What no force explains."""
+        mean: dict[str, Any] = {
+            name: float(np.sqrt(self._average([getattr(one, name) ** 2 for one in self._blocks])))
+            for name in ("rms", "sensors", "belief", "allowed")
+        }
+        return replace(self._blocks[0], **mean)
+
+    @property
+    def innovation(self) -> InnovationScore | None:
+        """How well a filter predicts the samples; None for other observers."""
+        found = [one for one in self._innovations if one is not None]
+        if not found:
+            return None
+        return InnovationScore(
+            self._average([one.nis for one in found]), self._average([one.whiteness for one in found])
+        )
+
+    def component_sizes(self) -> tuple[ComponentSize, ...]:
+        """Return size and deviation of each component."""
+        found = self.head.identifiability
+        sure: list[float | None] = [None] * len(self._sum)
+        if "standard_deviation" in self._columns:
+            own = np.sqrt(self._variance / len(self))
+            sure = [float(size) if np.isfinite(size) else None for size in own]
+        unseen = np.isinf(found.deviation).tolist()
+        return tuple(map(ComponentSize, found.components, self.rms.tolist(), self.head.units, sure, unseen))
+
+    def __str__(self) -> str:
+        """Show the observer, the record, and the mean and range of each component."""
+        head, (least, most) = self.head, self.extremes
+        lines = [
+            f"Estimate of '{head.observer}': {len(self)} intervals from {self.start[0]:.12g} s to "
+            f"{self._end[-1]:.12g} s, rows '{head.rows}', rank {head.identifiability.rank} of {len(head.units)}"
+        ]
+        for row in zip(head.identifiability.components, self.mean, least, most, head.units, strict=True):
+            lines.append("  {:<24} mean {:>9.4g}, {:>9.4g} to {:>9.4g} {}".format(*row))
+        return "\n".join([*lines, f"  {self.redundancy.describe()}"])
+
+    def _average(self, values: list[float]) -> float:
+        return float(np.average(values, weights=self._counts))
+
+
+def _severity(estimate: Estimate) -> tuple[int, float]:
+    """Return what orders estimates: the smallest is the one that sees least."""
+    return estimate.identifiability.rank, -estimate.identifiability.condition
+
+
+def _rows_of(start: Array, end: Array, columns: dict[str, Array], like: Estimate) -> dict[str, Any]:
+    """Return the fields of an estimate that have a row for each interval."""
+    nis = columns.get("nis")
+    return {
+        "time": np.concatenate([start, end[-1:]]),
+        "components": columns["components"],
+        "residual": columns["residual"],
+        "unexplained": columns["unexplained"],
+        "standard_deviation": columns.get("standard_deviation"),
+        "innovation": None if nis is None or like.innovation is None else replace(like.innovation, nis=nis),
+    }

@@ -1,0 +1,96 @@
+"""What the MCAP file of an estimate, or of a simulated flight, tells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import xarray as xr
+
+from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation import RecordingEstimate, blocks_of
+from aerobat_pin.experiments.mcap_file import Telling, joint_rows, write_telling
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import Estimate
+
+
+@guarded()
+def write_mcap(found: RecordingEstimate, path: Path) -> None:
+    """Write forces, joints, pose and arrows of an estimated recording. Raises OutputError if it cannot be written."""
+    largest = 0.0
+    for estimate in found.stored.values():
+        for columns in _force_columns(estimate.head).values():
+            for block in estimate.blocks():
+                largest = max(largest, _largest_force(block.components[:, columns]))
+    write_telling(_tellings(found, largest), path)
+
+
+def _tellings(found: RecordingEstimate, largest: float) -> Iterator[Telling]:
+    """Yield the stretches of an estimated recording, short enough for memory."""
+    record = found.record
+    for part in record.parts:
+        for first, last in blocks_of(*part):
+            block = record.block(first, last)
+            forces: dict[str, tuple[str, Array]] = {}
+            for name, estimate in found.stored.items():
+                low = estimate.index(block.time[0])
+                own = estimate.between(low, low + last - first)
+                for frame, columns in _force_columns(own).items():
+                    forces[f"/force/{name}/{frame}"] = (frame, own.components[:, columns])
+            for side in list(found.compared.values())[:1]:
+                low = side.start.index(block.time[0] - 1e-9)
+                forces[f"/truth/{side.point}"] = (side.point, side.sensor[low : low + last - first])
+            tau = found.forces.torque(block) if "joints.effort" in record.channels else None
+            model = record.robot.model
+            yield Telling(model, block.time, block.q, block.v, tau, forces, joint_rows(model), largest)
+
+
+def _force_columns(estimate: Estimate) -> dict[str, list[int]]:
+    """Return frame -> columns of its force, or of its force and moment."""
+    labels = estimate.identifiability.components
+    columns = {
+        frame: [
+            labels.index(f"{frame}.{axis}")
+            for axis in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+            if f"{frame}.{axis}" in labels
+        ]
+        for frame in estimate.frames
+    }
+    return {frame: own for frame, own in columns.items() if len(own) in (3, 6)}
+
+
+def _largest_force(forces: Array) -> float:
+    """Return the largest size of forces (m, 3 or 6)."""
+    return float(np.max(np.linalg.norm(forces[:, :3], axis=1), initial=0.0))
+
+
+@guarded()
+def write_flight_mcap(model: pin.Model, log: FlightLog, estimates: xr.Dataset, path: Path) -> None:
+    """Write a simulated flight with its estimates and true forces.
+
+    Args:
+        model: the robot that flew.
+        log: the flight log.
+        estimates: content of `estimate.nc`, with `force_W`.
+        path: the MCAP file.
+
+    Raises:
+        LogError: the log has no configuration.
+        OutputError: the file cannot be written.
+    """
+    if "q" not in log.measured or "v" not in log.measured:
+        raise LogError("convert: the flight log has no channels q and v")
+    q, v = log.measured["q"].values, log.measured["v"].values
+    forces: dict[str, tuple[str, Array]] = {}
+    points = [str(point) for point in estimates["point"].values]
+    for name in map(str, estimates["observer"].values):
+        for point in points:
+            forces[f"/force/{name}/{point}"] = (point, estimates["force_W"].sel(observer=name, point=point).values)
+    if log.truth is not None and "force_W" in log.truth:
+        for point in map(str, log.truth["point"].values):
+            forces[f"/truth/{point}"] = (point, log.truth["force_W"].sel(point=point).values)
+    largest = max((_largest_force(force) for _, force in forces.values()), default=0.0)
+    write_telling([Telling(model, log.time, q, v, None, forces, joint_rows(model), largest)], path)

@@ -1,0 +1,5 @@
+"""Everything that comes in: recordings of any robot, read by a map, as channels in SI units at common times."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,132 @@
+"""Read MCAP files and ROS 2 bags (and ROS 1 bags) as columns, without ROS: the package `rosbags`, extra `ros`."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.records.columns import Clock, Columns, GrowingTable
+from aerobat_pin.records.map_tables import LogTable
+from aerobat_pin.records.messages import entries, stamp
+from aerobat_pin.records.spool import Spool
+
+LATEST_STAMP = 3600.0  # [s]: header stamps further from the recorder's are taken for another epoch, not for a delay
+REORDERED = 10_000  # messages of a topic that are put in order together
+
+
+def rosbags_reader(path: Path) -> Any:
+    """Return an opened reader of a bag. Raises LogError if it is none, or if `rosbags` is not installed."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise LogError(f"log {path}: reading bags needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
+    try:
+        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        reader.open()
+    except Exception as error:  # the reader raises errors of a dozen kinds for a damaged bag
+        raise LogError(f"log {path}: cannot be read as a bag: {' '.join(str(error).split())[:200]}") from error
+    return reader
+
+
+def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
+    """Read topics of a bag, with the stamps that `log.clock` names.
+
+    Args:
+        path: a file .mcap, .db3 or .bag, or the folder of a ROS 2 bag.
+        log: the table `log` of the map.
+        wanted: names of columns to read, such as `/imu.angular_velocity.x`; None reads all topics.
+
+    Raises:
+        LogError: the bag cannot be read or lacks a topic.
+    """
+    reader = rosbags_reader(path)
+    try:
+        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+        topics = set(kinds) if wanted is None else {name.partition(".")[0] for name in wanted}
+        read = [connection for connection in reader.connections if connection.topic in topics]
+        tables: dict[str, _Topic] = {}
+        spool = Spool()
+        for connection, recorded, raw in reader.messages(connections=read) if read else ():
+            table = tables.setdefault(connection.topic, _Topic(spool, log.clock))
+            if table.useless:
+                continue
+            message = reader.deserialize(raw, connection.msgtype)
+            found = entries(message)
+            if found is None:
+                table.useless = True
+                continue
+            table.add(stamp(message), 1e-9 * recorded, found)
+    except LogError:
+        raise
+    except Exception as error:  # damaged chunks, unknown types
+        raise LogError(f"log {path}: cannot be read as a bag: {' '.join(str(error).split())[:200]}") from error
+    finally:
+        reader.close()
+    clocks: dict[str, Clock] = {}
+    values, clock_of = {}, {}
+    for topic, table in tables.items():
+        if not table.useless and table.count > 0:
+            table.flush(0)
+            clocks[topic] = table.clock
+            for name, column in table.rows.columns.items():
+                values[f"{topic}.{name}"], clock_of[f"{topic}.{name}"] = column, topic
+    names = tuple(values) if wanted is None else tuple(values) + tuple(sorted(set(kinds) - set(tables)))
+    return Columns(path, names, clocks, clock_of, values, kinds, log.clock)
+
+
+class _Topic:
+    """The messages of one topic: stamps and columns, which may begin late (a joint that is named late).
+
+    A recorder writes messages as they arrive, not as they were stamped: they are put in order within the last
+    `REORDERED` ones; one that is later still goes back in time.
+    """
+
+    def __init__(self, spool: Spool, chosen: str) -> None:
+        self.rows, self.useless, self.count = GrowingTable(spool), False, 0
+        self._chosen, self._largest_delay, self._stamped = chosen, 0.0, True
+        self._header, self._recorded = array("d"), array("d")
+        self._table: dict[str, array[float]] = {}
+
+    def add(self, header: float, recorded: float, found: dict[str, float]) -> None:
+        """Append a message."""
+        count = len(self._recorded)
+        if self.count == 0:
+            self._stamped = header > 0.0
+        self._header.append(header)
+        self._recorded.append(recorded)
+        self.count += 1
+        for name, value in found.items():
+            column = self._table.get(name)
+            if column is None:
+                column = self._table[name] = array("d", [np.nan] * count)
+            column.append(value)
+        if len(found) < len(self._table):
+            for column in self._table.values():
+                if len(column) == count:
+                    column.append(np.nan)
+        if count >= 2 * REORDERED:
+            self.flush(REORDERED)
+
+    def flush(self, kept: int) -> None:
+        """Hand on all messages but the `kept` last ones by the chosen stamps."""
+        header, recorded = np.array(self._header), np.array(self._recorded)
+        time = header if self._chosen == "header" and self._stamped else recorded
+        order = np.argsort(time, kind="stable")
+        done, rest = order[: len(order) - kept], order[len(order) - kept :]
+        late = recorded - header
+        self._largest_delay = max(self._largest_delay, float(np.max(np.abs(late), initial=0.0)))
+        columns = {name: np.array(column) for name, column in self._table.items()}
+        self.rows.add(time[done], {name: column[done] for name, column in columns.items()}, late[done])
+        self._header, self._recorded = array("d", header[rest]), array("d", recorded[rest])
+        self._table = {name: array("d", column[rest]) for name, column in columns.items()}
+
+    @property
+    def clock(self) -> Clock:
+        """The stamps; with the recorder's delays if the headers have stamps of the same epoch."""
+        return self.rows.clock(late=self._stamped and self._largest_delay < LATEST_STAMP)

@@ -1,0 +1,256 @@
+"""The channels of a map in SI units, each on its own clock, read from the columns that the map names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.numerics import Array
+from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
+from aerobat_pin.records.robots import PlainRobot
+from aerobat_pin.records.spool import EXTENT, Series
+
+G = 9.80665  # [m/s2] of the unit g
+SI_FACTORS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3},
+    "speed": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1.0 / 3.6},
+    "rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3},
+    "acceleration": {"m/s2": 1.0, "g": G, "mg": 1e-3 * G},
+    "force": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "gf": 1e-3 * G, "kgf": G},
+    "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
+    "none": {},
+}
+JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
+CURRENTS = ("A", "mA", "1")  # units that are no torque
+VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
+COLUMN_PARTS = {
+    "base.position": ("position", VECTOR),
+    "base.quaternion": ("orientation", TURN_AXES),
+    "base.velocity": ("linear", VECTOR),
+    "base.rate": ("angular_velocity", VECTOR),
+    "check.specific_force": ("linear_acceleration", VECTOR),
+    "check.wrench": ("force", VECTOR),
+}
+SHARED = {"base.rate": "angular"}  # part of a message that also has the pose, where it is not that of an Imu
+
+
+@dataclass(frozen=True)
+class LogChannel:
+    """Samples of one channel, on disk if they are many.
+
+    Attributes:
+        key: key of the map, such as `base.rate`.
+        names: its columns in the log.
+        time: (n,) stamps [s], the delay that the map states taken off.
+        values: (n, k) samples in SI units.
+        means: whether they are means over the intervals that begin at the stamps, of a record at its own times.
+    """
+
+    key: str
+    names: tuple[str, ...]
+    time: Series
+    values: Series
+    means: bool = False
+
+    def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
+        """Return stamps and samples from a time to another [s], and `extra` more on either side."""
+        rows = slice(max(0, self.time.index(first) - extra), self.time.index(last, "right") + extra)
+        return self.time[rows], self.values[rows]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a key of the map asks of the log.
+
+    Attributes:
+        key: the key.
+        names: of the columns.
+        factor: to SI; one number, or (k,) one for each column.
+        delay: to take off the stamps [s].
+        optional: whether the log may lack it.
+        joints: whose columns these are, for a channel of joints.
+    """
+
+    key: str
+    names: tuple[str, ...]
+    factor: float | Array = 1.0
+    delay: float = 0.0
+    optional: bool = False
+    joints: tuple[str, ...] = ()
+
+
+def base_requests(chosen: Map) -> Iterator[Request]:
+    """Yield what a map asks of the log about a free base. Raises LogError for a number of columns or a unit."""
+    base = chosen.base
+    if base.held:
+        return
+    yield from _asked("base.position", base.position, "length", 3, base.topic)
+    yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
+    if base.velocity is None or base.velocity.from_ is None:
+        yield from _asked("base.velocity", base.velocity, "speed", 3, base.topic)
+    if base.rate is None or base.rate.from_ is None:
+        yield from _asked("base.rate", base.rate, "rate", 3, base.topic)
+
+
+def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:
+    """Yield what a map asks of the log about joints, those that have channels, in the order of the columns.
+
+    Raises LogError for a number of columns or a unit that do not fit the key, and MapError for a current without a
+    torque per ampere of every joint.
+    """
+    table = chosen.joints
+    driven = tuple(name for name in joints if name not in chosen.robot.rows.ignore)
+    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
+        key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
+        if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
+            continue
+        counts = (len(joints), len(driven)) if part == "effort" else (len(joints),)
+        if section is not None and section.columns:
+            names, optional = section.columns, False
+            _check_count(key, names, counts)
+        elif topic is not None and joints:
+            names, optional = tuple(f"{topic}.{part}.{joint}" for joint in joints), part != "position"
+        else:
+            continue
+        unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
+        own = joints if len(names) == len(joints) else driven
+        factor = np.full(len(names), factor_of(key, unit, kind))
+        if part == "effort":
+            factor *= [_torque_per_unit(table.effort, joint, own) for joint in own]
+        elif unit is not None and not unit.startswith("m"):  # sliding joints stay in m: a unit of angles is not theirs
+            factor[[robot.slides(joint) for joint in own]] = 1.0
+        yield Request(key, names, factor, delay, optional, own)
+
+
+def further_requests(chosen: Map) -> Iterator[Request]:
+    """Yield what a map asks of the log to compare with, of known forces, and of what only the robot itself reads."""
+    yield from _asked("check.specific_force", chosen.check.specific_force, "acceleration", 3, None)
+    if chosen.check.wrench is not None:
+        yield from _asked("check.wrench", chosen.check.wrench, "force", (3, 6), None)
+    for name, known in chosen.known.items():
+        yield from _known(f"known.{name}", known)
+
+
+def named_columns(chosen: Map) -> set[str]:
+    """Return the names that a map's joints, topics and conditions have, whoever of the joints has a channel."""
+    table, when = chosen.joints, chosen.use.when
+    sections = (table.position, table.velocity, table.effort)
+    names = {name for section in sections if section is not None for name in section.columns}
+    names |= {topic for topic in (table.topic, chosen.base.topic) if topic is not None}
+    return names | ({when.column} if when is not None and when.column is not None else set())
+
+
+def _torque_per_unit(section: EffortSection | None, joint: str, joints: tuple[str, ...]) -> float:
+    """Return the torque [N m, N] per unit of a joint's effort. Raises MapError for a current that says none."""
+    if section is None:
+        return 1.0
+    factors = section.torque_per_unit
+    wrong = [name for name in factors if name not in (*joints, "*")]
+    if wrong:
+        raise MapError(f"map: joints.effort.torque_per_unit: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
+    missing = [name for name in joints if name not in factors and "*" not in factors]
+    if section.unit in CURRENTS and missing:
+        raise MapError(
+            f"map: joints.effort.unit = '{section.unit}': torque_per_unit = {{{missing[0]} = ...}} was "
+            f'expected, in N m per unit, for {", ".join(missing)}; "*" stands for all'
+        )
+    return section.torque_of(joint)
+
+
+def channel_of(request: Request, columns: Columns) -> LogChannel | None:
+    """Read a channel; None if it is optional and missing.
+
+    Raises LogError if the log has no such columns, or if quaternions do not have length one.
+    """
+    if request.optional and not all(name in columns.values for name in request.names):
+        return None
+    parts = [columns.series(name, request.key) for name in request.names]
+    own = parts[0][0]
+    time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
+    for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
+        stamps = own[rows]
+        table = request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1)
+        values.append(_unit_length(request, stamps, table) if request.key == "base.quaternion" else table)
+        if time is not own:
+            time.append(stamps - request.delay)
+    return LogChannel(request.key, request.names, time, values)
+
+
+def _unit_length(request: Request, time: Array, values: Array) -> Array:
+    """Return quaternions (m, 4) with length one. Raises LogError if they are none."""
+    length = np.linalg.norm(values, axis=1)
+    if np.any(np.abs(length - 1.0) > 0.05):
+        row = int(np.argmax(np.abs(length - 1.0)))
+        raise LogError(
+            f"map: base.quaternion ({', '.join(request.names)}) has length {length[row]:.3g} at "
+            f"{time[row] - request.delay:g} s: 1 was expected"
+        )
+    return np.asarray(values / length[:, None])
+
+
+def _column_at(stamps: Array, rows: slice, own: Series, time: Series, values: Series) -> Array:
+    """Return a column (m,) at stamps, which are the rows of a clock: its own rows, or interpolated linearly."""
+    if time is own or (len(time) == len(own) and np.array_equal(time[rows], stamps)):
+        return np.asarray(values[rows])
+    around = slice(max(0, time.index(stamps[0]) - 1), time.index(stamps[-1]) + 1)
+    return np.asarray(np.interp(stamps, time[around], values[around]))
+
+
+def factor_of(key: str, unit: str | None, kind: str) -> float:
+    """Return the factor from a unit to SI. Raises LogError for a unit that the kind of quantity does not have."""
+    known = SI_FACTORS[kind]
+    if unit is None or not known:
+        return 1.0
+    if unit not in known:
+        raise LogError(f"map: {key}.unit = '{unit}': one of {', '.join(known)} was expected")
+    return known[unit]
+
+
+def _asked(
+    key: str, section: ChannelSection | None, kind: str, count: int | tuple[int, ...], topic: str | None
+) -> Iterator[Request]:
+    """Yield the request of a section with columns or a topic, or of a topic that several sections share."""
+    optional, (part, axes) = False, COLUMN_PARTS.get(key, ("", ()))
+    if section is not None and section.columns:
+        names = section.columns
+    elif section is not None and section.topic:
+        names = tuple(f"{section.topic}.{part}.{axis}" for axis in axes)
+    elif topic is not None:
+        optional, part = key in ("base.velocity", "base.rate"), SHARED.get(key, part)
+        names = tuple(f"{topic}.{part}.{axis}" for axis in axes)
+    else:
+        return
+    _check_count(key, names, (count,) if isinstance(count, int) else count)
+    unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
+    yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional)
+
+
+def _check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
+    """Raise LogError unless there are as many columns as a key takes."""
+    if len(names) not in allowed:
+        expected = " or ".join(map(str, dict.fromkeys(allowed)))
+        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected")
+
+
+def _known(key: str, known: KnownSection) -> Iterator[Request]:
+    names = known.columns
+    if known.topic is not None and not names:
+        names = tuple(f"{known.topic}.{part}.{axis}" for part in ("force", "torque") for axis in VECTOR)
+    if not names:
+        raise LogError(f"map: {key} has neither columns nor topic")
+    if not known.powers and len(names) not in (3, 6):
+        raise LogError(f"map: {key} has {len(names)} columns: 3 of force, or 6 with the moment, were expected")
+    factor = 1.0 if known.powers else factor_of(key, known.unit, "force")
+    yield Request(key, names, factor, -known.delay if known.powers else known.delay)
+    supply = known.supply
+    if supply is not None:
+        column = supply.columns or ((supply.column,) if supply.column else ())
+        if len(column) != 1:
+            raise LogError(f"map: {key}.supply: one column was expected")
+        yield Request(f"{key}.supply", column, 1.0, supply.delay)

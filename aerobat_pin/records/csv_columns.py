@@ -1,0 +1,123 @@
+"""Read any table of numbers: separator, unit and column of the time are found, or asked for."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import Array
+from aerobat_pin.records.columns import Columns, GrowingTable
+from aerobat_pin.records.map_tables import LogTable
+from aerobat_pin.records.spool import Spool
+from aerobat_pin.records.table_cells import check_rows, decimal_sign, numbers_of
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
+SEPARATORS = (",", ";", "\t", " ")
+ROWS_AT_ONCE = 50_000
+
+
+def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
+    """Return the separator and the names of the columns of a table. Raises LogError if it is none."""
+    if not os.path.isfile(path):
+        raise LogError(f"log {path}: there is no such file")
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            line = file.readline(1_000_000).strip("\r\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
+    separator = log.delimiter or max(SEPARATORS, key=lambda sign: (line.count(sign), -SEPARATORS.index(sign)))
+    if log.delimiter is None and any(sign in line for sign in ",;\t"):
+        separator = max((",", ";", "\t"), key=line.count)
+    names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    if len(names) < 2:
+        raise LogError(
+            f"log {path}: its first line has {len(names)} cells: a header of two columns or more was expected"
+        )
+    return separator, names
+
+
+def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
+    """Read columns of a table.
+
+    Args:
+        path: the table. Cells such as `[1, 2, 3]` become columns `name.0`, `name.1`, `name.2`.
+        log: the table `log` of the map.
+        wanted: names to read; None reads all.
+
+    Raises:
+        LogError: it is no table, a cell is no number, or the time is not found.
+    """
+    separator, names = header_of(path, log)
+    column = None if log.time.rate else log.time.column or _time_column(path, names)
+    if column is not None and column not in names:
+        raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
+    read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
+    used = [i for i, name in enumerate(names) if read is None or name in read]
+    table, strict = GrowingTable(Spool()), wanted is not None
+    signs: dict[str, str] = {}
+    check_rows(path, separator, len(names))
+    try:
+        chunks = pd.read_csv(
+            path, sep=separator, usecols=used, chunksize=ROWS_AT_ONCE, encoding="utf-8-sig", skipinitialspace=True
+        )
+        for chunk in chunks:
+            values: dict[str, Array] = {}
+            for i, label in zip(used, chunk.columns, strict=True):
+                values |= numbers_of(path, names[i], chunk[label], len(table) + 2, strict=strict)
+                if separator != ",":
+                    signs[names[i]] = _one_sign(path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2)
+            if len(chunk):
+                table.add(_stamps(path, log, column, values, len(table), len(chunk)), values)
+    except (ValueError, OSError) as error:
+        if isinstance(error, LogError):
+            raise
+        raise LogError(f"log {path}: {' '.join(str(error).split())[:200]}") from error
+    if len(table) < 2:
+        raise LogError(f"log {path}: {len(table)} rows: two or more were expected")
+    clocks, values_of = {"table": table.clock()}, table.columns
+    return Columns(
+        path, tuple(dict.fromkeys([*names, *values_of])), clocks, dict.fromkeys(values_of, "table"), values_of
+    )
+
+
+def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str:
+    """Return the decimal sign of a column so far. Raises LogError if rows from `first` on have another one."""
+    found = decimal_sign(cells)
+    if str(cells.iloc[0]).startswith("[") or found in ("", before):
+        return before
+    if before or len(found) > 1:
+        raise LogError(
+            f"log {path}: '{name}' has decimal points and decimal commas (rows {first} to {first + len(cells) - 1}): "
+            "one of them was expected, and nothing between thousands"
+        )
+    return found
+
+
+def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Array], before: int, count: int) -> Array:
+    """Return the stamps [s] of `count` rows with `before` rows before them, and take their column out of the values."""
+    if column is None:
+        return np.asarray((before + np.arange(count)) / (log.time.rate or 1.0))
+    time = np.asarray(values.pop(column) * SECONDS[log.time.unit])
+    if not np.all(np.isfinite(time)):
+        raise LogError(f"log {path}: row {before + int(np.argmin(np.isfinite(time))) + 2} has no time in '{column}'")
+    return time
+
+
+def _time_column(path: Path, names: list[str]) -> str:
+    """Return the name of the column that looks like a time. Raises LogError, which asks for it, if none does."""
+    for wanted in TIME_NAMES:
+        for name in names:
+            if name.lower() == wanted:
+                return name
+    raise LogError(
+        f"log {path}: which column is the time? Write [log] time = {{column = ..., unit = ...}} into the map, or "
+        f"time = {{rate = 1000}} if there is none; columns: {', '.join(names[:40])}"
+    )

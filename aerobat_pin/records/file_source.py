@@ -1,0 +1,204 @@
+"""Open a recording: read what the map names, find the common times, and leave out what cannot be used."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records.channels import (
+    LogChannel,
+    base_requests,
+    channel_of,
+    further_requests,
+    joint_requests,
+    named_columns,
+)
+from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.map_tables import Map
+from aerobat_pin.records.read import read_columns
+from aerobat_pin.records.record import Record
+from aerobat_pin.records.resample import holes
+from aerobat_pin.records.robots import PlainRobot, robot_of_map
+from aerobat_pin.records.spool import EXTENT, typical_spacing
+
+LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
+FASTEST = 20_000.0  # [Hz] of the common times
+
+
+@guarded()
+def open_record(path: Path, chosen: Map, folder: Path, robot: PlainRobot | None = None) -> Record:
+    """Read a recording by its map.
+
+    Args:
+        path: the log.
+        chosen: the map.
+        folder: where relative paths of the map begin.
+        robot: a robot that knows more than the map says; the map's own when omitted.
+
+    Raises:
+        LogError, MapError: the log or the map lacks something, or they do not fit together.
+    """
+    robot = robot or robot_of_map(chosen.robot, folder)
+    chosen = _with_held(chosen, robot)
+    base, further = list(base_requests(chosen)), list(further_requests(chosen))
+    wanted = {name for request in (*base, *further) for name in request.names} | named_columns(chosen)
+    columns = read_columns(path, chosen.log, wanted)
+    joints, notes = _sensed_joints(chosen, robot, columns)
+    asked = [*base, *joint_requests(chosen, robot, joints), *further]
+    found = {request.key: channel_of(request, columns) for request in asked}
+    channels = {key: channel for key, channel in found.items() if channel is not None}
+    _check_complete(chosen, robot, channels)
+    start, rate, end = _common_times(path, chosen, channels, columns)
+    parts, dropped = _parts(chosen, columns, channels, start, rate, end)
+    if not parts:
+        raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
+    driven = next((one.joints for one in asked if one.key == "joints.effort" and one.key in channels), ())
+    log = replace(columns, values={})
+    return Record(chosen, robot, channels, joints, driven, start, rate, parts, (*notes, *dropped), None, log, folder)
+
+
+def _with_held(chosen: Map, robot: PlainRobot) -> Map:
+    """Return a map in which `held = {"*" = 0.0}` stands for every joint that `joints.names` does not name."""
+    held = chosen.joints.held
+    if "*" not in held:
+        return chosen
+    rest = {name: held["*"] for name in robot.joints if name not in chosen.joints.names}
+    named = {name: place for name, place in held.items() if name != "*"}
+    joints = chosen.joints.model_copy(update={"held": {**rest, **named}})
+    return chosen.model_copy(update={"joints": joints})
+
+
+def _named_joints(chosen: Map, robot: PlainRobot) -> tuple[str, ...]:
+    """Return the joints of the columns, as far as the map says."""
+    return chosen.joints.names or tuple(name for name in robot.joints if name not in chosen.joints.held)
+
+
+def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the joints that have channels, and notes. Raises MapError unless every joint is known or held."""
+    table = chosen.joints
+    unknown = [name for name in (*table.names, *table.held) if name not in robot.joints]
+    if unknown:
+        raise MapError(f"map: joints: no joint '{unknown[0]}' in the robot; there are {', '.join(robot.joints)}")
+    notes: list[str] = []
+    names = _named_joints(chosen, robot)
+    if table.topic is not None:
+        start = f"{table.topic}.position."
+        there = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
+        if not there:
+            raise columns.missing(table.topic, "joints.topic")
+        strangers = [name for name in there if name not in robot.joints]
+        if strangers:
+            notes.append(f"joints of {table.topic} that the robot does not have are left out: {', '.join(strangers)}")
+        names = table.names or tuple(name for name in there if name in robot.joints and name not in table.held)
+    elif table.position is None:
+        names = ()
+    missing = [name for name in robot.joints if name not in names and name not in table.held]
+    if missing:
+        raise MapError(
+            f"map: joints: {', '.join(missing)} have no channel; name their columns, or write joints.held = "
+            f"{{{missing[0]} = 0.0}} for a joint that stands still (its row is then not believed)"
+        )
+    if table.held:
+        held = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
+        notes.append(f"held still, rows not believed: {held}")
+    return names, tuple(notes)
+
+
+def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, LogChannel]) -> None:
+    """Raise MapError if a free base has no pose."""
+    if robot.free and not chosen.base.held:
+        for part in ("position", "quaternion"):
+            if f"base.{part}" not in channels:
+                raise MapError(
+                    f"map: the robot's base is free, but base.{part} has no columns and no topic; a base that stands "
+                    'still is base.held = true, and one that is screwed down robot.root = "fixed"'
+                )
+
+
+def _common_times(
+    path: Path, chosen: Map, channels: dict[str, LogChannel], columns: Columns
+) -> tuple[float, float, float]:
+    """Return first time [s], rate [Hz] and last time [s] of the common times."""
+    if not channels:
+        raise MapError(
+            "map: no channel is named: base.held = true and no joints and no known force leave nothing to see"
+        )
+    leading = next(channels[key] for key in ("joints.position", "base.position", *channels) if key in channels)
+    rate = chosen.log.rate or 1.0 / typical_spacing(leading.time)
+    if not 0.0 < rate <= FASTEST:
+        unit = f" (log.time.unit = '{chosen.log.time.unit}')" if not columns.kinds else ""
+        raise LogError(
+            f"log {path}: {leading.key} has {rate:.3g} samples a second{unit}: at most {FASTEST:g} were expected"
+        )
+    start = max(channel.time[0] for channel in channels.values())
+    end = min(channel.time[-1] for channel in channels.values())
+    if chosen.use.part is not None:
+        origin = start
+        start, end = max(start, origin + chosen.use.part[0]), min(end, origin + chosen.use.part[1])
+    if (end - start) * rate < LEAST_SAMPLES:
+        spans = ", ".join(
+            f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
+        )
+        raise LogError(f"log {path}: its channels have less than {LEAST_SAMPLES} samples in common: {spans}")
+    return float(start), float(rate), float(end)
+
+
+def _parts(
+    chosen: Map, columns: Columns, channels: dict[str, LogChannel], start: float, rate: float, end: float
+) -> tuple[tuple[tuple[int, int], ...], tuple[str, ...]]:
+    """Return the parts of the common times that are used, and what was dropped and why."""
+    count = int(np.floor((end - start) * rate + 1e-6)) + 1
+    notes: list[str] = []
+    missing: list[tuple[float, float]] = []
+    for key, channel in channels.items():
+        for begin, finish in holes(channel.time, chosen.log.longest_gap):
+            if finish > start and begin < end:
+                missing.append((begin, finish))
+                notes.append(
+                    f"{key}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
+                )
+    when = chosen.use.when
+    level = None
+    if when is not None and when.column is not None:
+        level = LogChannel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
+    runs: list[tuple[int, int]] = []
+    used = 0
+    for low in range(0, count, EXTENT):
+        time = start + np.arange(low, min(low + EXTENT, count)) / rate
+        good = np.ones(len(time), bool)
+        for begin, finish in missing:
+            good &= (time <= begin) | (time >= finish)
+        if level is not None and when is not None:
+            stamps, values = level.between(time[0], time[-1], extra=2)
+            height = np.interp(time, stamps, values)
+            wanted = height >= (-np.inf if when.above is None else when.above)
+            wanted &= height <= (np.inf if when.below is None else when.below)
+            good &= wanted
+            used += int(np.sum(wanted))
+        for first, last in _runs(good):
+            if runs and runs[-1][1] == low + first - 1:
+                runs[-1] = (runs[-1][0], low + last)
+            else:
+                runs.append((low + first, low + last))
+    trim = (0.0, 0.0)
+    if level is not None and when is not None:
+        trim = when.trim
+        notes.append(f"use.when {when.column}: {100.0 * (1.0 - used / count):.0f} % of the record is left out")
+    parts = []
+    for first, last in runs:
+        first, last = first + round(trim[0] * rate), last - round(trim[1] * rate)
+        if last - first + 1 >= LEAST_SAMPLES:
+            parts.append((first, last))
+        elif last > first:
+            notes.append(f"a part of {last - first + 1} samples is left out")
+    return tuple(parts), tuple(notes)
+
+
+def _runs(good: Array) -> list[tuple[int, int]]:
+    """Return (first, last) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

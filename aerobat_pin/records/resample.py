@@ -1,0 +1,123 @@
+"""The one rule by which channels of different rates come to common times.
+
+The common times are evenly spaced, at the rate of the pose or of the joints (or at `log.rate`), over the time in which
+every channel has samples. At these times, positions, velocities and commands are interpolated linearly between the two
+samples around them, and quaternions likewise and made unit length again. Torques and measured forces are means over
+each interval: the exact integral of the straight lines between samples. Rates that are not measured are the slopes of
+parabolas (Savitzky & Golay 1964) over a stated window. An interval with a hole longer than `log.longest_gap` in any
+channel is not used.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.numerics import Array
+from aerobat_pin.records.spool import Series
+
+
+def sampled(time: Array, values: Array, wanted: Array) -> Array:
+    """Interpolate samples (n, k) at times (n,) linearly at times (m,) [s]; returns (m, k)."""
+    return np.stack([np.interp(wanted, time, column) for column in values.T], axis=1)
+
+
+def sampled_turns(time: Array, quaternions: Array, wanted: Array) -> Array:
+    """Interpolate unit quaternions (n, 4) at times (m,) [s]; returns unit quaternions (m, 4) without jumps of sign."""
+    turns = continuous(quaternions)
+    found = sampled(time, turns, wanted)
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def continuous(quaternions: Array) -> Array:
+    """Return quaternions (n, 4) with the signs that make neighbours close; q and -q are the same attitude."""
+    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
+    signs = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)])
+    return np.asarray(quaternions * signs[:, None])
+
+
+def line_means(time: Array, values: Array, wanted: Array) -> Array:
+    """Return the means (m, k) over intervals between times (m + 1,) [s] of the line through samples (n, k)."""
+    steps = np.diff(time)[:, None]
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
+    at = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, len(time) - 2)
+    into = np.clip(wanted, time[0], time[-1]) - time[at]
+    slope = (values[at + 1] - values[at]) / steps[at]
+    integral = sums[at] + into[:, None] * (values[at] + 0.5 * slope * into[:, None])
+    return np.asarray(np.diff(integral, axis=0) / np.diff(wanted)[:, None])
+
+
+def slopes(values: Array, dt: float, window: float, order: int = 1) -> Array:
+    """Return the derivative (m, k) of evenly spaced values: slopes of parabolas over a window [s].
+
+    Args:
+        values: (m, k) values.
+        dt: spacing [s].
+        window: length of the parabolas [s]; at least three samples are used.
+        order: 1 for the first derivative, 2 for the second.
+    """
+    from scipy.signal import savgol_filter  # slow to import
+
+    count = window_length(window, dt, len(values))
+    if count < 3:
+        return np.zeros_like(values)
+    return np.asarray(savgol_filter(values, count, 2, deriv=order, delta=dt, axis=0))
+
+
+def window_length(window: float, dt: float, most: int) -> int:
+    """Return the odd number of samples of a window [s], at least 3 and at most `most`."""
+    count = max(3, 2 * round(0.5 * window / dt) + 1)
+    return min(count, most if most % 2 == 1 else most - 1)
+
+
+def neighbour_rates(model: pin.Model, time: Array, q: Array) -> Array:
+    """Return the velocities (m, nv) of configurations (m, nq) at uneven times (m,) [s], differentiated numerically.
+
+    At each sample it is the weighted mean of the rates over the two neighbouring intervals: the shorter one has the
+    larger weight (the length of the other).
+    """
+    dt = np.diff(time)
+    steps = np.array([pin.difference(model, a, b) for a, b in itertools.pairwise(q)])
+    rates = np.divide(steps, dt[:, None], out=np.zeros_like(steps), where=dt[:, None] > 0.0)
+    v = np.empty((len(time), model.nv))
+    v[0], v[-1] = rates[0], rates[-1]
+    total = np.maximum(dt[1:] + dt[:-1], 1e-300)[:, None]
+    v[1:-1] = (dt[1:, None] * rates[:-1] + dt[:-1, None] * rates[1:]) / total
+    return v
+
+
+def turn_rates(quaternions: Array, dt: float, window: float) -> Array:
+    """Return the angular velocity (m, 3) [rad/s] in body axes of evenly spaced quaternions (m, 4) x, y, z, w.
+
+    The quaternion's derivative is the slope of parabolas; the rate is twice the vector part of conj(q) q'.
+    """
+    turns = continuous(quaternions)
+    slope = slopes(turns, dt, window)
+    x, y, z, w = turns.T
+    a, b, c, d = slope.T
+    return 2.0 * np.stack(
+        [w * a - x * d - y * c + z * b, w * b - y * d - z * a + x * c, w * c - z * d - x * b + y * a], axis=1
+    )
+
+
+def rotation_matrices(quaternions: Array) -> Array:
+    """Return the matrices (m, 3, 3), body to world, of unit quaternions (m, 4) x, y, z, w."""
+    x, y, z, w = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def holes(time: Series, longest: float) -> list[tuple[float, float]]:
+    """Return the holes in stamps (n,) that are longer than `longest` [s]: their start and end."""
+    found, before = [], float(time[0])
+    for piece in time.pieces():
+        stamps = np.concatenate([[before], piece])
+        found += [(float(stamps[i]), float(stamps[i + 1])) for i in np.flatnonzero(np.diff(stamps) > longest)]
+        before = float(stamps[-1])
+    return found

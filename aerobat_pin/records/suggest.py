@@ -1,0 +1,222 @@
+"""Suggest a map for a log: what its names and numbers look like, and questions where they do not say."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import guarded
+from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.csv_columns import SECONDS, header_of
+from aerobat_pin.records.map_tables import LogTable, TimeSection
+from aerobat_pin.records.read import BAGS, NETCDF, read_columns
+from aerobat_pin.records.suggest_joints import (
+    UNITS_IN_NAMES,
+    joint_columns,
+    listed,
+    named_unit,
+    suggest_joints,
+    topic_of,
+)
+
+TIME = re.compile(
+    r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds)[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$", re.IGNORECASE
+)
+STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
+GROUP_WORDS = {  # what a group of columns may be -> words in its name
+    "acceleration": ("acc", "specific", "linear_acceleration"),
+    "rate": ("gyro", "omega", "angular", "ang_vel", "angvel", "rate", "w"),
+    "quaternion": ("q", "quat", "orientation", "attitude"),
+    "velocity": ("v", "vel", "velocity", "linear"),
+    "position": ("p", "pos", "position", "translation", "mocap", "vicon", "optitrack", "base", "xyz", ""),
+    "force": ("f", "force", "wrench"),
+}
+
+
+@guarded()
+def suggested_map(log: Path, urdf: Path | None) -> str:
+    """Return the text of a map for a log, with questions as comments. Raises LogError if the log cannot be read."""
+    columns = _all_columns(log)
+    groups = dict(_column_groups(columns))
+    lines = [
+        f"# A map for {log.name}: what it looks like. Answer the questions, then",
+        f"#   aerobat estimate {log} --map map.toml",
+        "",
+    ]
+    lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
+    lines += ["", "[log]"]
+    if not columns.kinds and not str(log).endswith(NETCDF):
+        lines += _time(log, columns)
+    lines += ['world = "z_up"  # or "ned": does z point down?', ""]
+    lines += (
+        list(_suggest_base(columns, groups))
+        + list(suggest_joints(columns, urdf))
+        + list(_suggest_check(columns, groups))
+    )
+    lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
+    return "\n".join(lines)
+
+
+def _all_columns(log: Path) -> Columns:
+    """Read all columns; where a table's time is not found, as if there were none."""
+    try:
+        return read_columns(log, LogTable())
+    except LogError as error:
+        if os.path.isdir(log) or log.suffix.lower() in (*BAGS, *NETCDF) or "which column is the time" not in str(error):
+            raise
+        return read_columns(log, LogTable(time=TimeSection(rate=1.0)))
+
+
+def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield kind -> columns of each group of x, y, z (and w) that belongs together, for tables."""
+    if columns.kinds:
+        return
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for name in columns.names:
+        match = STEM.match(name)
+        if match is not None:
+            key = match["stem"].lower(), (match["tail"] or "").lower()
+            found.setdefault(key, {})[match["axis"].lower()] = name
+    taken: set[str] = set()
+    forces = 0
+    for (stem, tail), axes in sorted(
+        found.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
+    ):
+        for kind, words in GROUP_WORDS.items():
+            needed = "xyzw" if kind == "quaternion" else "xyz"
+            last = stem.rstrip("_ .").rpartition("_")[2].rpartition(".")[2]
+            first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
+            exact = {first, last} & set(words) or (
+                len(last) > 2 and any(len(word) > 2 and word in stem for word in words)
+            )
+            if (
+                kind not in taken
+                and set(needed) <= set(axes)
+                and exact
+                and (kind == "quaternion" or "w" not in axes or tail)
+            ):
+                taken.add(kind)
+                yield kind, tuple(axes[axis] for axis in needed)
+                break
+            if kind == "force" and set(needed) <= set(axes) and exact:
+                forces += 1
+                yield f"force {forces + 1}", tuple(axes[axis] for axis in needed)
+                break
+
+
+def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
+    if urdf is None:
+        lines = [
+            "[robot]",
+            "# Which robot? A file:",
+            '#   urdf = "robot.urdf"  (or mjcf = ...)',
+            "# or one rigid body by numbers, kg and kg m2:",
+        ]
+        lines += ["body = {mass = 1.0, inertia = [0.01, 0.01, 0.01]}", 'points = ["body"]  # where may something push?']
+        return [
+            *lines,
+            'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}  # are all moments on the body known? '
+            "Then leave this out",
+        ]
+    model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if free else []))
+    moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
+    leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
+    bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
+    ends = [[frame.name for frame in bodies if frame.parentJoint == joint][-1] for joint in leaves]
+    known = ", ".join(frame.name for frame in model.frames.tolist()[1:][:60])
+    return [
+        "[robot]",
+        f"urdf = {json.dumps(str(urdf.absolute()), ensure_ascii=False)}",  # whole, as the map may be in another folder
+        f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
+        f"points = {listed(ends)}  # where may something push? Its frames: {known}",
+    ]
+
+
+def _time(log: Path, columns: Columns) -> list[str]:
+    found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
+    if found is None:
+        return [
+            "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
+            '= ..., unit = "s"}'
+        ]
+    name = found[0]
+    series = columns.values.get(name, columns.clocks["table"].time)
+    step = float(np.median(np.diff(series[:1000])))
+    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+    unit = UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess)
+    return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
+
+
+def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
+    pose, imu = topic_of(columns, "Pose", "Odometry", "Transform"), topic_of(columns, "Imu")
+    if pose:
+        yield "[base]"
+        yield f'topic = "{pose}"  # the pose of the base link, or of markers on it?'
+        if imu:
+            yield f'rate = {{topic = "{imu}"}}  # are its axes those of the base link?'
+        yield ""
+    elif "position" in groups:
+        yield "[base]"
+        unit = named_unit("length", groups["position"]) or "m"
+        yield f'position = {{columns = {listed(groups["position"])}, unit = "{unit}"}}'
+        if "quaternion" in groups:
+            yield f'quaternion = {{columns = {listed(groups["quaternion"])}, order = "xyzw", sense = "body_to_world"}}'
+        else:
+            yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
+        if "velocity" in groups:
+            yield (
+                f'velocity = {{columns = {listed(groups["velocity"])}, unit = "m/s", axes = "world"}} '
+                ' # or axes = "body"?'
+            )
+        else:
+            yield 'velocity = {from = "pose", window = 0.05}'
+        if "rate" in groups:
+            size = float(np.nanstd(np.stack([columns.sample(name) for name in groups["rate"]])))
+            unit = named_unit("rate", groups["rate"]) or ("deg/s" if size > 8.0 else "rad/s")
+            yield (
+                f'rate = {{columns = {listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
+                f"scatter is {size:.3g}"
+            )
+        else:
+            yield 'rate = {from = "pose", window = 0.05}'
+        yield ""
+
+
+def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
+    wrench, imu = topic_of(columns, "Wrench"), topic_of(columns, "Imu")
+    if wrench or imu or "acceleration" in groups or "force" in groups:
+        yield "[check]"
+    if imu:
+        yield f'specific_force = {{topic = "{imu}"}}'
+    elif "acceleration" in groups:
+        size = float(
+            np.nanmedian(np.linalg.norm(np.stack([columns.sample(name) for name in groups["acceleration"]]), axis=0))
+        )
+        unit = named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
+        yield (
+            f'specific_force = {{columns = {listed(groups["acceleration"])}, unit = "{unit}"}}  # its '
+            f"median is {size:.3g}"
+        )
+    if wrench:
+        yield (
+            f'wrench = {{topic = "{wrench}", sign = 1}}  # force on the robot (1) or on the sensor '
+            "(-1)? At which point?"
+        )
+    elif "force" in groups:
+        yield (
+            f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # force on the '
+            "robot (1) or on the sensor (-1)?"
+        )
+        others = [name for kind, own in groups.items() if kind.startswith("force ") for name in own]
+        if others:
+            yield f"# And {', '.join(others)}? A sensor can also be a known input, 3 or 6 columns at its frame:"
+            yield '# [known.NAME] with columns = [...], frame = "...", axes = "frame"; then its force is not sought'
+    if wrench or imu or "acceleration" in groups or "force" in groups:
+        yield ""

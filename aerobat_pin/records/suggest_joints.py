@@ -1,0 +1,146 @@
+"""Suggest the joints of a map: which columns are whose positions, velocities and efforts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.records.columns import Columns
+
+NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)\]?$", re.IGNORECASE)
+PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
+    "velocity": {"vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
+    "effort": {"tau", "torque", "effort", "efforts", "current", "cur", "i", "moment"},
+    "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
+}
+UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
+    "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
+    "length": {"mm": "mm", "cm": "cm", "m": "m"},
+    "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
+    "rate": {"dps": "deg/s", "deg": "deg/s", "rad": "rad/s", "rads": "rad/s", "rpm": "rpm"},
+    "torque": {"a": "A", "ma": "mA", "nm": "N m"},
+    "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
+}
+LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
+
+
+def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
+    """Yield the lines of the table `joints`."""
+    topic = topic_of(columns, "JointState")
+    if topic:
+        yield "[joints]"
+        yield (
+            f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
+            f'{{unit = "A", torque_per_unit = {{...}}}}'
+        )
+        yield ""
+        return
+    if urdf is None or columns.kinds:
+        return
+    names = pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
+    found = joint_columns(columns, names)
+    there = [name for name in names if "position" in found.get(name, {})]
+    yield "[joints]"
+    if not there:
+        yield f"# names = {listed(names)}"
+        yield '# position = {columns = [...], unit = "rad"}  # which columns are the angles of these joints?'
+        yield '# effort = {columns = [...], unit = "N m"}  # and which their torques?'
+        yield "# held = {joint = 0.0}  # which stand still?"
+        yield ""
+        return
+    whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
+    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
+    angle = named_unit("angle", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
+    if not _named_columns(columns, names):
+        yield "# the columns have numbers, not names: are they in this order?"
+    yield f"names = {listed(there)}"
+    yield f'position = {{columns = {listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
+    if len(whole["velocity"]) == len(there):
+        yield f'velocity = {{columns = {listed(whole["velocity"])}, unit = "{angle}/s"}}'
+    else:
+        yield 'velocity = {from = "position", window = 0.02}'
+    if len(whole["effort"]) == len(there):
+        unit = named_unit("torque", whole["effort"])
+        if unit in ("A", "mA"):
+            yield f"# how many N m for each {unit} (torque constant times gear ratio, with its sign)? Or joint by joint"
+            columns_of = listed(whole["effort"])
+            yield f'effort = {{columns = {columns_of}, unit = "{unit}", torque_per_unit = {{"*" = 1.0}}}}'
+        else:
+            yield f'effort = {{columns = {listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
+    if len(there) < len(names):
+        rest = ", ".join(name for name in names if name not in there)
+        yield f'held = {{"*" = 0.0}}  # do they stand still? {rest}'
+    if len(whole["effort"]) == len(there):
+        yield "# When does nothing touch the robot [s]? There friction can be fitted, and the error bar is seen:"
+        yield '# friction = {law = "coulomb+viscous", fit = [0, 2]}'
+        yield ""
+        yield "[use]"
+        yield "# free = [0, 3]"
+    yield ""
+
+
+def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
+    """Return joint -> position, velocity, effort -> column, by names or, where no column has one, by numbers."""
+    return _named_columns(columns, names) or _numbered_columns(columns, names)
+
+
+def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
+    """Return joint -> position, velocity, effort -> column, as far as the columns' names say."""
+    found: dict[str, dict[str, str]] = {}
+    for joint in names:
+        short = joint.lower().removesuffix("_joint")
+        here = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
+        for name in columns.values:
+            if here.search(name.lower()):
+                words = set(re.split(r"[^a-z0-9]+", here.sub(" ", name.lower())))
+                part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
+                part = "position" if part is None and words <= {""} else part
+                if part is not None:
+                    found.setdefault(joint, {}).setdefault(part, name)
+    return found
+
+
+def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
+    """Return joint -> part -> column of names such as q1, q2 and tau_J1, tau_J2: the first joints in their order."""
+    series: dict[str, dict[int, str]] = {}
+    for name in columns.values:
+        match = NUMBERED.match(name)
+        if match is not None:
+            series.setdefault(match["stem"].lower(), {})[int(match["number"])] = name
+    found: dict[str, dict[str, str]] = {}
+    for stem, listed in series.items():
+        words = set(re.split(r"[^a-z0-9]+", stem)) - {"j", "joint", "joints"}
+        part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
+        first, count = min(listed), len(listed)
+        if count == 4 and _are_turns(columns, list(listed.values())):
+            continue
+        if part is not None and first in (0, 1) and count == max(listed) - first + 1 and 1 < count <= len(names):
+            for joint, number in zip(names, sorted(listed), strict=False):
+                found.setdefault(joint, {}).setdefault(part, listed[number])
+    return found if any("position" in parts for parts in found.values()) else {}
+
+
+def _are_turns(columns: Columns, names: list[str]) -> bool:
+    """Return whether columns are quaternions: their squares add up to one."""
+    squares = sum(columns.sample(name) ** 2 for name in names)
+    return bool(np.nanmax(np.abs(squares - 1.0)) < 0.01)
+
+
+def named_unit(kind: str, names: Sequence[str]) -> str | None:
+    """Return the unit that the last words of columns' names say, if they all say the same."""
+    found = {UNITS_IN_NAMES[kind].get(re.split(r"[^a-z0-9]+", name.lower().rstrip(")] "))[-1]) for name in names}
+    return found.pop() if len(found) == 1 else None
+
+
+def topic_of(columns: Columns, *kinds: str) -> str | None:
+    """Return the first topic of one of these types."""
+    return next((topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds)), None)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names as an array of TOML."""
+    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
