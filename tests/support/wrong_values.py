@@ -9,13 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial, wraps
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import tomli_w
 
-from aerobat_pin import aerodynamics, estimation, experiments, flight, linkage, observers, robot, scenario
+from aerobat_pin import scenario
 from aerobat_pin.errors import AerobatError, ShapeError
 from support import drone
 
@@ -66,7 +67,7 @@ class Call:
         return made
 
 
-def _stepped(plant: flight.Plant) -> Callable[..., Any]:
+def _stepped(plant: Any) -> Callable[..., Any]:
     """Return the first step of a flight that begins anew with every call."""
 
     @wraps(plant.step)
@@ -80,49 +81,49 @@ def _stepped(plant: flight.Plant) -> Callable[..., Any]:
 @cache
 def calls() -> dict[str, Call]:
     """Return a call of every public function and of every method that a user calls."""
-    folder = Path(tempfile.mkdtemp())
+    api, folder = SimpleNamespace(**exported("records", "aerobat", *DOORS)), Path(tempfile.mkdtemp())
     short = ["simulation.duration=0.01", "air.strips=4", "air.warm_up_cycles=0", 'observers.names=["force_level"]']
-    paper = scenario.load_scenario("paper", short)
-    bat = robot.load_aerobat()
+    paper = api.load_scenario("paper", short)
+    bat = api.load_aerobat()
     model, q, v = bat.model, bat.q0, np.zeros(bat.model.nv)
-    done = experiments.run(paper)
+    done = api.run(paper)
     log, estimate = done.log, done.estimates["force_level"]
-    flight.write_csv(log, folder / "log.csv")
+    api.write_csv(log, folder / "log.csv")
     log.save(folder / "log.nc")
-    shown = robot.visual_model_with_bars(bat)
+    shown = api.visual_model_with_bars(bat)
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    line = aerodynamics.LiftingLine(1.0, 0.2, strips=4)
-    air = flight.robot_air(bat.wing, paper.air)
-    plant = flight.Plant(bat, paper)
-    loop = scenario.load_scenario("hover_closed_loop", ["air.strips=4", "crank.frequency=0.0"])
-    looped = robot.believed_robot(loop)
+    line = api.LiftingLine(1.0, 0.2, strips=4)
+    air = api.robot_air(bat.wing, paper.air)
+    plant = api.Plant(bat, paper)
+    loop = api.load_scenario("hover_closed_loop", ["air.strips=4", "crank.frequency=0.0"])
+    looped = api.believed_robot(loop)
     loop_robot = {"scenario": loop, "robot": looped}
-    sculpture, dynamics = linkage.KineticSculpture(), linkage.SculptureDynamics()
+    sculpture, dynamics = api.KineticSculpture(), api.SculptureDynamics()
     closure = sculpture.solve(np.linspace(0.0, 6.0, 5))
     rng = np.random.default_rng(1)
     noise, edges = rng.standard_normal(4000), np.arange(4001) * 1e-3
-    level = observers.calibrate_level(edges, noise, 0.3)
-    cusum = observers.calibrate_cusum(edges, noise, 0.3, 0.5)
-    action = observers.locate([0.0, 1.0, 1.0, 0.1, 0.0, 0.0], 1e-8 * np.eye(6))
+    level = api.calibrate_level(edges, noise, 0.3)
+    cusum = api.calibrate_cusum(edges, noise, 0.3, 0.5)
+    action = api.locate([0.0, 1.0, 1.0, 0.1, 0.0, 0.0], 1e-8 * np.eye(6))
     frame, tau = "left_force_point", np.zeros((1, model.nv))
-    observer = observers.ForceLevelObserver(model, [frame], 300.0)
-    kalman = observers.KalmanObserver(model, [frame], 300.0, known_error={"air": 0.1})
-    smoother = observers.SmootherObserver(model, [frame], 300.0)
+    observer = api.ForceLevelObserver(model, [frame], 300.0)
+    kalman = api.KalmanObserver(model, [frame], 300.0, known_error={"air": 0.1})
+    smoother = api.SmootherObserver(model, [frame], 300.0)
     record = {"time": [0.0, 1e-3], "q": np.array([q, q]), "v": np.array([v, v]), "tau": tau, "known": {"air": tau}}
     sample = {"time": 1e-3, "q": q, "v": v, "tau": tau[0], "known": {"air": tau[0]}}
     zeros = np.zeros((2, 4, 3))
-    stroke, still = aerodynamics.Stroke(3.0, 0.1), aerodynamics.Wind()
-    steady, spun, wake = flight.ConstantRate(0.1, 1.0), flight.SpinUp(0.1, 1.0, 1.0), zeros[:, :, 0]
+    stroke, still = api.Stroke(3.0, 0.1), api.Wind()
+    steady, spun, wake = api.ConstantRate(0.1, 1.0), api.SpinUp(0.1, 1.0, 1.0), zeros[:, :, 0]
     blank = {"robot": bat, "scenario": paper, "log": log, "air": paper.air}
     quick = ["unknown_force=[]", "simulation.dt=5e-3", "simulation.duration=0.2", "crank.frequency=20", *short[1:]]
-    free_paper = scenario.load_scenario("paper", quick)
-    free = {"robot": robot.believed_robot(free_paper), "air": free_paper.air, "torque": "measured"}
-    free_flight = estimation.FreeFlight(name="free", log=flight.simulate(free_paper), **free)
-    learnt = estimation.calibrate([free_flight], harmonics=1, parameters=["friction"])
-    (folder / "calibration.nc").write_bytes(estimation.calibration_bytes(learnt))
+    free_paper = api.load_scenario("paper", quick)
+    free = {"robot": api.believed_robot(free_paper), "air": free_paper.air, "torque": "measured"}
+    free_flight = api.FreeFlight(name="free", log=api.simulate(free_paper), **free)
+    learnt = api.calibrate([free_flight], harmonics=1, parameters=["friction"])
+    (folder / "calibration.nc").write_bytes(api.calibration_bytes(learnt))
     joints = {"q": np.outer(noise[:50], np.ones(2)), "v": np.ones((50, 2)), "a": np.ones((50, 2))}
-    friction = observers.fit_friction(**joints, residual_torque=np.ones((50, 2)))
+    friction = api.fit_friction(**joints, residual_torque=np.ones((50, 2)))
     good: dict[str, Any] = {  # what an argument of this name may be, unless `own` says otherwise
         **{**blank, "belief": paper, "progress": None, "robots": (bat, bat), "drive": None, "folder": folder},
         **{"morphology": "aerobat", "changes": {}, "gravity": 9.81, "bars": "light", "wing": bat.wing, "y": [0.1]},
@@ -131,7 +132,7 @@ def calls() -> dict[str, Call]:
         **{"theta_s_dot": 0.1, "theta_e_dot": 0.2, "shoulder_torque": 0.1, "elbow_torque": 0.2, "crank_torque": 0.2},
         **{"path": folder / "log.csv", "error": AerobatError, "what": "log", "source": "here", "settings": short},
         **{"kind": "force", "axes": "world", "direction": (0.0, 0.0, 1.0), "map": np.eye(model.nv)},
-        **{"linear_velocity": 0.1, "gyro": 0.1, "joint_rate": 0.1, "noise": observers.SensorNoise(0.1, 0.1, 0.1)},
+        **{"linear_velocity": 0.1, "gyro": 0.1, "joint_rate": 0.1, "noise": api.SensorNoise(0.1, 0.1, 0.1)},
         **{"applications": [frame], "gain": 300.0, "rows": "all", "slope": 1.0, "observer": observer, "lag": 0.01},
         **{"sensor_noise": (0.1, 0.1, 0.1), "force_walk": 1.0, "prior": 1.0, "known_error": {"air": 0.1}},
         **{"mass_error": 0.1, "error_time": 1.0, "misfit": 0.1, "frequency": 1.0, "deviation": 1.0, "step": 10.0},
@@ -162,26 +163,26 @@ def calls() -> dict[str, Call]:
         **{name: {"q": q[None], "v": v[None]} for name in ("euler_angles", "rotations", "world_velocity")},
         "external_forces": {"wrenches": [(1, pin.Force.Zero())]},
         "joint_wrench": {"reference_frame": pin.ReferenceFrame.LOCAL},
-        "closed_state": {"model": robot.closed_model()[0]},
+        "closed_state": {"model": api.closed_model()[0]},
         "Plant": {"drive": steady},
         "thrusters_of": {"morphology": looped.morphology},
         **{name: loop_robot for name in ("Controller", "nominal_flight", "loop_margins", "course_rms")},
         "interval_means": {"forces": plant.forces},
         "write_csv": {"path": folder / "again.csv"},
-        "load_sweep": {"source": next(iter(experiments.shipped_sweeps()))},
+        "load_sweep": {"source": next(iter(api.shipped_sweeps()))},
         "write": {"experiment": done},
         "estimate_dataset": {"estimates": done.estimates},
     }
     methods: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (log.save, {"path": folder / "again.nc"}),
-        (flight.FlightLog.load, {"path": folder / "log.nc"}),
+        (api.FlightLog.load, {"path": folder / "log.nc"}),
         *((method, {}) for method in (bat.with_changes, bat.configuration, bat.velocity)),
         (good["noise"].deviations, {}),
         (observer.reset, {"time": 0.0}),
         *((_streamed(one, q, v), sample) for one in (observer, kalman)),
         *((one.run, record) for one in (observer, kalman, smoother)),
         (estimate.component, {}),
-        (observers.bias_of(noise).remove, {}),
+        (api.bias_of(noise).remove, {}),
         *((method, {}) for one in (level, cusum) for method in (one.detect, one.statistic, one.latency)),
         (action.cross, {"outline": [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]}),
         (action.seen_from, {"placement": pin.SE3.Identity()}),
@@ -202,44 +203,44 @@ def calls() -> dict[str, Call]:
         (_stepped(plant), {"command": np.zeros(6), "crank_rate": None}),
         (plant.rates, {"joints": np.zeros((3, 2)), "air": plant.initial.air, "held": np.zeros((2, 2)), "time": 0.0}),
         (plant.fly, {"count": 2, "held": np.zeros((2, 2, 2)), "start": None}),
-        (flight.Wake(edges[:2], zeros, wake, still).mean_trailing, {"start": 0.0, "end": 1.0}),
+        (api.Wake(edges[:2], zeros, wake, still).mean_trailing, {"start": 0.0, "end": 1.0}),
     ]
     found: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
-        "assign": (partial(scenario.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
+        "assign": (partial(api.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
         "belief_about": (
-            estimation.belief_about,
+            api.belief_about,
             {"log": log, "name": "log", "morphology": "aerobat", "names": ["momentum"], "settings": []},
         ),
-        "FreeFlight": (estimation.FreeFlight, {"name": "free", "log": log, **free}),
+        "FreeFlight": (api.FreeFlight, {"name": "free", "log": log, **free}),
         "calibrate": (
-            estimation.calibrate,
+            api.calibrate,
             {"flights": [free_flight], "harmonics": 1, "vary": ["speed"], "parameters": [], "progress": None},
         ),
-        "calibration_bytes": (estimation.calibration_bytes, {"calibration": learnt}),
-        "read_calibration": (estimation.read_calibration, {"path": folder / "calibration.nc"}),
+        "calibration_bytes": (api.calibration_bytes, {"calibration": learnt}),
+        "read_calibration": (api.read_calibration, {"path": folder / "calibration.nc"}),
         "JointFriction": (
-            observers.JointFriction,
+            api.JointFriction,
             {name: np.zeros(2) for name in ("coulomb", "viscous", "inertia", "offset")} | {"rate": 0.02},
         ),
         "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
-        "fit_friction": (observers.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
-        "check_names": (estimation.check_names, {"names": ["momentum"]}),
-        "describe_belief": (estimation.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
-        "estimate_log": (estimation.estimate_log, {"log": log, "robot": bat, "belief": paper, "progress": None}),
-        "flight_summary": (estimation.flight_summary, {"log": log, "mass": 0.04}),
+        "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
+        "check_names": (api.check_names, {"names": ["momentum"]}),
+        "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
+        "estimate_log": (api.estimate_log, {"log": log, "robot": bat, "belief": paper, "progress": None}),
+        "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
         "known_inputs": (
-            estimation.known_inputs,
+            api.known_inputs,
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
-        "motion": (estimation.motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "observer_scores": (estimation.observer_scores, {"estimate": estimate, "log": log}),
-        "point_label": (estimation.point_label, {"frame": frame}),
-        "r_squared": (estimation.r_squared, {"estimate": noise, "truth": noise}),
-        "read_log": (estimation.read_log, {"path": folder / "log.csv"}),
-        "self_check": (estimation.self_check, {"robot": bat, "belief": paper}),
-        "true_events": (estimation.true_events, {"log": log}),
-        "true_force": (estimation.true_force, {"log": log, "frame": frame}),
-        **_recordings(folder, model, log, done),
+        "motion": (api.motion, {"log": log, "robot": bat, "air": blank["air"]}),
+        "observer_scores": (api.observer_scores, {"estimate": estimate, "log": log}),
+        "point_label": (api.point_label, {"frame": frame}),
+        "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
+        "read_log": (api.read_log, {"path": folder / "log.csv"}),
+        "self_check": (api.self_check, {"robot": bat, "belief": paper}),
+        "true_events": (api.true_events, {"log": log}),
+        "true_force": (api.true_force, {"log": log, "frame": frame}),
+        **_recordings(api, folder, model, log, done),
     }
     calls = {name: Call(*pair) for name, pair in found.items()}
     for name, function in public_callables().items():
@@ -259,45 +260,45 @@ def _call(function: Callable[..., Any], good: dict[str, Any], own: dict[str, Any
 
 
 def _recordings(
-    folder: Path, model: pin.Model, log: Any, done: Any
+    api: Any, folder: Path, model: pin.Model, log: Any, done: Any
 ) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Return calls of what reads recordings of any robot: a second of a quadrotor."""
     drone.flight(1.5).to_csv(folder / "drone.csv", index=False)
     values: dict[str, Any] = {key: part for key, part in drone.MAP.items() if key not in ("known", "check")}
-    read = estimation.parse_map(values, "here")
+    read = api.parse_map(values, "here")
     (folder / "map.toml").write_text(tomli_w.dumps(values))
-    found = estimation.estimate_recording(folder / "drone.csv", read, folder)
-    data = experiments.estimate_dataset(done.estimates)
-    fitted = estimation.parse_map(drone.MAP, "here")
-    learnt = estimation.calibrate_recording(folder / "drone.csv", fitted, folder)
-    (folder / "drone.nc").write_bytes(estimation.map_calibration_bytes(learnt))
+    found = api.estimate_recording(folder / "drone.csv", read, folder)
+    data = api.estimate_dataset(done.estimates)
+    fitted = api.parse_map(drone.MAP, "here")
+    learnt = api.calibrate_recording(folder / "drone.csv", fitted, folder)
+    (folder / "drone.nc").write_bytes(api.map_calibration_bytes(learnt))
     return {
         "calibrate_recording": (
-            estimation.calibrate_recording,
+            api.calibrate_recording,
             {"log": folder / "drone.csv", "chosen": fitted, "folder": folder, "identify": [], "trust": False},
         ),
-        "map_calibration_bytes": (estimation.map_calibration_bytes, {"calibration": learnt}),
-        "read_map_calibration": (estimation.read_map_calibration, {"path": folder / "drone.nc"}),
-        "parse_map": (estimation.parse_map, {"values": values, "source": "here"}),
-        "load_map": (estimation.load_map, {"path": folder / "map.toml"}),
+        "map_calibration_bytes": (api.map_calibration_bytes, {"calibration": learnt}),
+        "read_map_calibration": (api.read_map_calibration, {"path": folder / "drone.nc"}),
+        "parse_map": (api.parse_map, {"values": values, "source": "here"}),
+        "load_map": (api.load_map, {"path": folder / "map.toml"}),
         "with_options": (
-            estimation.with_options,
+            api.with_options,
             {"chosen": read, "urdf": None, "points": ["body"], "observers": ["momentum"]},
         ),
         "estimate_recording": (
-            estimation.estimate_recording,
+            api.estimate_recording,
             {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False}
             | {"calibration": None},
         ),
-        "suggested_map": (estimation.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
+        "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
         "OnlineEstimator": (
-            estimation.OnlineEstimator,
+            api.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None},
         ),
-        "write_recorded": (experiments.write_recorded, {"found": found, "folder": folder}),
-        "write_mcap": (estimation.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
+        "write_recorded": (api.write_recorded, {"found": found, "folder": folder}),
+        "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
-            estimation.write_flight_mcap,
+            api.write_flight_mcap,
             {"model": model, "log": log, "estimates": data, "path": folder / "bat.mcap"},
         ),
     }
@@ -322,7 +323,8 @@ Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDet
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample RecordingEstimate StoredEstimate Compared LogChannel StoredVariable
-LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent"""  # made by other functions
+LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
+Contact CalibrationParts"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
 SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
@@ -333,7 +335,8 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run contradictions joint_series
 moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction ClosedLoop
 LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys
-changes_text differing_keys keys_text described log_with_motion shipped_description"""
+changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score lines_of warnings_about
+described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
@@ -375,8 +378,13 @@ def api_case(rng: np.random.Generator) -> tuple[str, str]:
     return f"{name}({argument}={kind})", fault(name, argument, kind)
 
 
+def exported(*rooms: str) -> dict[str, Any]:
+    """Return what the doors of these rooms export, by name."""
+    modules = [importlib.import_module(f"aerobat_pin.{room}") for room in rooms]
+    return {name: getattr(module, name) for module in modules for name in module.__all__}
+
+
 def public_callables() -> dict[str, Callable[..., Any]]:
     """Return the functions and classes that the doors export, by name."""
-    modules = [importlib.import_module(f"aerobat_pin.{door}") for door in DOORS]
-    found = {name: getattr(module, name) for module in modules for name in module.__all__}
+    found = exported(*DOORS)
     return {name: one for name, one in found.items() if inspect.isfunction(one) or inspect.isclass(one)}
