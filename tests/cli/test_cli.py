@@ -218,21 +218,3 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
     monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
     assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
     assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err
-
-
-def test_doctor_finds_this_installation_healthy(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One line per finding; exit code 0 where all is well."""
-    code = call(monkeypatch, "doctor")
-    printed = capsys.readouterr().out
-    assert "pinocchio" in printed
-    assert code == 0, printed
-
-
-def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Scenarios, sweeps, morphologies, observers."""
-    assert call(monkeypatch, "list") == 0
-    printed = capsys.readouterr().out
-    for name in ("paper", "observer_benchmark", "gain_noise", "aerobat_guard", "momentum", "force_level"):
-        assert name in printed
