@@ -29,7 +29,6 @@ LONGEST = (  # a quarter of a minute of processor time and more
     "test_bad_inputs",
     "test_tutorials",
     "test_play",
-    "test_broken_runs",
     "test_wheel",
     "test_site",
     "test_replay",

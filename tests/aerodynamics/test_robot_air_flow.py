@@ -16,7 +16,7 @@ from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 from aerobat_pin.aerodynamics import RobotAir, air_in
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import fields_of
-from aerobat_pin.robot.wing import LINKS, Wing
+from aerobat_pin.robot import LINKS, Wing
 
 
 def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:

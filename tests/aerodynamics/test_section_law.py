@@ -14,9 +14,8 @@ from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
 from support.section_law import ENDLESS, HALVES, STEPS, fly_on_links, memory_of, plate, plate_drag
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
-from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, strips_of
-from aerobat_pin.robot.wing import LINKS
+from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, fly, strips_of
+from aerobat_pin.robot import LINKS
 
 
 def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:

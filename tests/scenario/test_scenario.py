@@ -12,21 +12,20 @@ from typing import Any
 import pytest
 
 from aerobat_pin.errors import AerobatError, LogError, MorphologyFileError, ScenarioError, SweepError, TrimError
-from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.flight.trim import find_trim
-from aerobat_pin.robot.aerobat import load_morphology
+from aerobat_pin.flight import find_trim, simulate
+from aerobat_pin.robot import load_morphology
 from aerobat_pin.scenario import (
+    TextTable,
     changed_keys,
     changes_text,
     described,
     load_scenario,
     parse_scenario,
+    scenario_toml,
     shipped_scenarios,
 )
-from aerobat_pin.scenario.csv_rows import TextTable
-from aerobat_pin.scenario.toml import scenario_toml
 
 
 @pytest.mark.parametrize("name", ["paper", "observer_benchmark"])
