@@ -15,17 +15,15 @@ import pytest
 from aerobat_pin.aerobat import FlightLog, known_inputs
 from aerobat_pin.errors import AerobatError, CrankError, TrimError
 from aerobat_pin.experiments import run
-from aerobat_pin.flight import (
+from aerobat_pin.flight import Plant, find_trim, simulate
+from aerobat_pin.flight.crank import (
     ConstantRate,
     CrankDrive,
     CrankMotion,
-    Plant,
     RateControlledMotor,
     SpinUp,
     checked_motion,
     crank_drive,
-    find_trim,
-    simulate,
 )
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, joint_table, load_robot
