@@ -24,6 +24,8 @@ from .scenario import parse_scenario as parse_scenario
 from .scenario import shipped_scenarios as shipped_scenarios
 from .tables import AirSection as AirSection
 from .tables import Number as Number
+from .tables import ObserverSection as ObserverSection
+from .tables import ObserverSettings as ObserverSettings
 from .tables import Positive as Positive
 from .tables import RawSection as RawSection
 from .tables import RobotSection as RobotSection

@@ -12,7 +12,8 @@ from support.commands import call
 from aerobat_pin.aerobat.csv_log import read_csv, write_csv
 from aerobat_pin.aerobat.estimate import belief_about, estimate_log
 from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.estimation.scores import point_label, r_squared, true_force
+from aerobat_pin.aerobat.truth import true_force
+from aerobat_pin.estimation.scores import point_label, r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.robot.load import believed_robot
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
@@ -38,6 +39,7 @@ def test_every_scenario_is_listed_with_a_line(
     """`aerobat list`: name and description, which fits on a line."""
     assert call(monkeypatch, "list") == 0
     printed = capsys.readouterr().out
+    assert all(name in printed for name in ("gain_noise", "aerobat_guard", "momentum", "force_level"))
     for name, description in SHIPPED.items():
         assert f"  {name:<20} {description}\n" in printed
         assert 20 < len(description) < 120

@@ -14,6 +14,8 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +23,14 @@ import numpy as np
 import psutil
 import pytest
 from matplotlib.image import imread
+from support.bad_inputs import AllAnswers
 from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.errors import BrowserError, FrameNotFoundError, LogError
+from aerobat_pin.errors import BrowserError, LogError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.visualization.replay.any_robot import replay_table
 from aerobat_pin.visualization.replay.serve import serve
@@ -38,12 +41,16 @@ ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin x
 <child link="bar"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
 
 
-class AllAnswers(urllib.request.HTTPErrorProcessor):
-    """Returns every answer, whatever its status."""
-
-    def http_response(self, request: object, response: Any) -> Any:
-        """Return the answer."""
-        return response
+@contextmanager
+def playing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run `aerobat play` with these words until the `with` block ends; provide the process and its page's address."""
+    command = [sys.executable, "-m", "aerobat_pin", "play", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
+        try:
+            assert server.stdout is not None
+            yield server, server.stdout.readline().split()[2]
+        finally:
+            server.kill()
 
 
 def of_session(leader: int) -> list[str]:
@@ -68,12 +75,7 @@ def sent_again(connection: socket.socket) -> int:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
-    command = [sys.executable, "-m", "aerobat_pin", "play", str(paper_folder), "--rate", "0.05"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
-    try:
-        assert server.stdout is not None
-        said = server.stdout.readline()
-        address = said.split()[2]
+    with playing(str(paper_folder), "--rate", "0.05") as (server, address):
         assert address.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(address) as answer:
             page = answer.read().decode()
@@ -88,9 +90,22 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
         with socket.socket() as again:
             again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             again.bind(("127.0.0.1", int(address.rstrip("/").rsplit(":", 1)[1])))
-    finally:
-        server.kill()
-        server.wait()
+
+
+def test_a_client_that_leaves_early_does_not_end_the_server(tmp_path: Path) -> None:
+    """Neither one that closes its connection while the page is on its way, nor one that resets it."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with playing("--from-csv", str(motion), "--urdf", str(tmp_path / "arm.urdf")) as (server, address):
+        host, port = address.removeprefix("http://").rstrip("/").split(":")
+        for k in range(50):
+            with socket.create_connection((host, int(port))) as client:
+                client.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+                if k % 2 == 0:
+                    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close resets
+        with urllib.request.urlopen(address) as answer:
+            assert answer.read().endswith(b"</html>")
+        assert server.poll() is None
 
 
 def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connections() -> None:
@@ -284,34 +299,3 @@ def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pyte
         assert replay_table(motion, deep / "arm.urdf").visual_model.ngeoms == 1
         shutil.rmtree(place / "bird")
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
-
-
-@pytest.mark.parametrize(
-    ("header", "rows", "error", "message"),
-    [
-        ("t,hinge", [[0, 0], [1, 0]], LogError, "no column named time"),
-        ("time,a,b", [[0, 0, 0], [1, 0, 0]], LogError, "2 columns of configuration; arm.urdf takes 1, or 8 .* hinge"),
-        ("time,hinge,bar.Fx", [[0, 0, 0], [1, 0, 0]], LogError, "three columns bar.Fx"),
-        ("time,a,b,c,d,e,f,g,h", [[t, *[0] * 8] for t in (0, 1)], LogError, "no unit quaternion"),
-        ("time,hinge,x.Fx,x.Fy,x.Fz", [[0] * 5, [1] * 5], FrameNotFoundError, "bar"),
-        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: hinge is not finite"),
-        ("time,hinge", [[0, 0]], LogError, "two rows or more"),
-    ],
-)
-def test_a_table_that_does_not_fit_is_refused(
-    header: str, rows: Any, error: type[Exception], message: str, tmp_path: Path
-) -> None:
-    """With what was expected."""
-    (tmp_path / "arm.urdf").write_text(ARM)
-    with pytest.raises(error, match=message):
-        replay_table(table(tmp_path, header, rows), tmp_path / "arm.urdf")
-
-
-def test_a_robot_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    """No such file, or no URDF."""
-    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
-    with pytest.raises(LogError, match="no such file"):
-        replay_table(motion, tmp_path / "no.urdf")
-    (tmp_path / "bad.urdf").write_text("<robot")
-    with pytest.raises(LogError, match="cannot be read as XML"):
-        replay_table(motion, tmp_path / "bad.urdf")

@@ -39,7 +39,7 @@ or one strip at rest, is no exception. The last two parts before the limits put 
 
 [examples/04_lifting_line.py](../examples/04_lifting_line.py) does all of it. The closed forms below are in
 `tests/support/references.py`, the tests in `tests/aerodynamics/`: `test_lifting_line_ladder.py`, `test_flapping_wing.py`,
-`test_pitching_section.py`, `test_finite_wing.py`, `test_lattice_cases.py`, `test_pieces.py`.
+`test_section_law.py`, `test_lifting_line.py`, `test_lattice_cases.py`, `test_robot_air_flow.py`.
 
 ## What it is held to
 
