@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from scipy.special import ellipe
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.finite_wing import _edges_and_centres, _rings, added_mass_factor
-from aerobat_pin.aerodynamics.planform import along_span
+from aerobat_pin.aerodynamics.planform import _edges_and_centres, _rings, added_mass_factor, along_span
 from aerobat_pin.errors import AerobatError, ShapeError
 
 

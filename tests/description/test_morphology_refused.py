@@ -21,8 +21,8 @@ from aerobat_description.toml_text import LARGEST_TOML, TomlError, toml_file, to
 from aerobat_pin.errors import ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep
 from aerobat_pin.robot.aerobat import load_aerobat
-from aerobat_pin.scenario.dotted_keys import parsed_value, with_settings
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario.toml import parsed_value, with_settings
 
 EDGES = {"proximal_leading_edge": [0.0635, 0.07, 0.0765], "proximal_trailing_edge": [-0.0956, -0.1, -0.111]}
 

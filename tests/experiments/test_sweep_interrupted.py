@@ -30,7 +30,7 @@ from support.commands import aerobat
 
 from aerobat_pin.errors import OutputError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep, run_sweep
-from aerobat_pin.experiments.sweep import executors
+from aerobat_pin.experiments.sweep import run_sweep as executors
 
 RUNS = 40
 PROGRAM = [sys.executable, "-m", "aerobat_pin", "sweep"]

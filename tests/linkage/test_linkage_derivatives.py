@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from aerobat_description.position_closure import ADJUSTABLE
 from aerobat_pin.linkage import ANGLES, PINS, Closure, KineticSculpture, SculptureDynamics
 from aerobat_pin.linkage.arms import loops, pins
-from aerobat_pin.linkage.chain import Angle
+from aerobat_pin.linkage.closure import Angle
 
 LINKAGE = KineticSculpture()
 BARS = LINKAGE.lengths

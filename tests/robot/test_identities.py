@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.generalized import generalized_force
+from support.stepping import step
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import known_inputs
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.flight import simulate
-from aerobat_pin.numerics import step
 from aerobat_pin.robot import Aerobat, external_forces, joint_wrench, load_aerobat, prescribed_joint_dynamics
 from aerobat_pin.scenario import load_scenario
 

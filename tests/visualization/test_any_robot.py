@@ -15,9 +15,8 @@ from aerobat_description import PACKAGE_PATH
 from aerobat_description.export import shipped_text
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import AerobatError, LogError
-from aerobat_pin.visualization.replay.any_robot import load_any_robot
-from aerobat_pin.visualization.replay.collada import drawable
-from aerobat_pin.visualization.replay.motion_csv import replay_table
+from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table
+from aerobat_pin.visualization.replay.scene import drawable
 
 
 @pytest.fixture

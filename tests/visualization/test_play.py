@@ -32,7 +32,7 @@ from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.errors import BrowserError, LogError
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.visualization.replay.motion_csv import replay_table
+from aerobat_pin.visualization.replay.any_robot import replay_table
 from aerobat_pin.visualization.replay.serve import serve
 from aerobat_pin.visualization.replay.snapshots import snapshots
 
@@ -135,7 +135,7 @@ def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connection
 
 def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
     """Neither the command nor what it calls."""
-    modules = "motion_csv, page, recording, flight_replay, scene, serve, snapshots"
+    modules = "any_robot, page, recording, flight_replay, scene, serve, snapshots"
     code = f"""
 import os
 import aerobat_pin.cli

@@ -13,9 +13,9 @@ from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixe
 
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
 from aerobat_pin.robot import load_aerobat
+from aerobat_pin.visualization.comparison import side_by_side
 from aerobat_pin.visualization.replay import recording as recording_module
 from aerobat_pin.visualization.replay.recording import Recording, record
-from aerobat_pin.visualization.replay.side_by_side import side_by_side
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TIME = np.linspace(0.0, 1.0, 201)

@@ -74,7 +74,7 @@ names no k holds for every reduced frequency.
 
 WHY_SIXTEEN = """A strip that lies across a joint is shared between the links under it, by length: its velocity is the mean of its pieces'
 velocities, weighted by the shares, and each link carries its share of the force and of the added mass
-([`pieces.py`](../aerobat_pin/aerodynamics/pieces.py)). So the robot's error falls with the number of strips, however the
+([`divide`](../aerobat_pin/aerodynamics/robot_air.py)). So the robot's error falls with the number of strips, however the
 joints fall among them. With each strip on the link under its station alone it was +4.8 % with 16 strips, +5.4 with 20 and
 -1.3 with 32.
 
