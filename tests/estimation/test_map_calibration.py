@@ -24,8 +24,6 @@ from support.swinging_arm import (
     VISCOUS,
     arm,
     arm_map,
-    knocked,
-    pushed_all_the_time,
     recording,
 )
 
@@ -59,8 +57,8 @@ def arms(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     folder = tmp_path_factory.mktemp("arms")
     (folder / "arm.urdf").write_text(arm())
     (folder / "map.toml").write_text(tomli_w.dumps(arm_map()))
-    recording(folder, "free", seed=1)
-    return folder, recording(folder, "pushed", seed=2, force_at=pushed_all_the_time)
+    recording(folder, "free", pushed=False, seed=1)
+    return folder, recording(folder, "pushed", pushed=True, seed=2)
 
 
 class GearedArm(PlainRobot):
@@ -123,7 +121,7 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
 def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, np.ndarray]) -> None:
     """Where it is ten times the usual one; with the usual one a viscous part would stand in for it."""
     folder, _ = arms
-    recording(folder, "late", seed=3, rate=0.2)
+    recording(folder, "late", pushed=False, seed=3, rate=0.2)
     found = calibrated(folder, "late", arm_map(), "mass").fitted
     assert found.friction is not None
     assert found.friction.rate == 0.2
@@ -201,8 +199,8 @@ def test_a_knock_is_found_by_what_a_free_swing_shows(
     """8 N from 1.5 to 1.7 s: found within a sample of 2 ms, with its size; nothing in another free swing."""
     folder, _ = arms
     monkeypatch.chdir(folder)
-    recording(folder, "knocked", seed=4, force_at=knocked)
-    recording(folder, "still_free", seed=5)
+    recording(folder, "knocked", pushed=False, seed=4, knock=(1.5, 1.7))
+    recording(folder, "still_free", pushed=False, seed=5)
     learnt = calibrated(folder, "free", arm_map(), "mass")
     (folder / "knock.nc").write_bytes(calibration_bytes(learnt))
     words = ["--map", "map.toml", "--calibration", "knock.nc", "--out"]
@@ -223,7 +221,7 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     """A gear's ripple of 0.5 N m: a plug-in says what turns, and a twentieth of it is left in another recording."""
     (tmp_path / "arm.urdf").write_text(arm())
     for name, seed, turning in (("free", 1, 5.0), ("again", 2, 5.0), ("faster", 3, 9.0)):
-        recording(tmp_path, name, seed, turning=turning, ripple=0.5)
+        recording(tmp_path, name, False, seed, turning=turning, ripple=0.5)
     chosen = parse_map(arm_map(), "of the test")
     plain = robot_of_map(chosen.robot, tmp_path)
     geared = GearedArm(plain.model, plain.free, plain.joints, plain.title)

@@ -1,8 +1,7 @@
-"""Recordings of a swinging arm that is not what its map says: heavier, with friction, rotors, and a rough gear."""
+"""An arm of three joints that swings, with friction, rotors and a mass its URDF does not know, as a table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -38,53 +37,37 @@ def arm() -> str:
     return f'<robot name="arm">{"".join(parts)}<link name="tool"/>{end}</robot>'
 
 
-def pushed_all_the_time(time: np.ndarray) -> np.ndarray:
-    """Return a force (n, 3) that swings slowly [N]."""
-    return np.stack([4 * np.sin(time), 3 * np.cos(1.4 * time), 8 + 5 * np.sin(0.7 * time)], axis=1)
-
-
-def knocked(time: np.ndarray) -> np.ndarray:
-    """Return a force (n, 3) of 8 N upwards from 1.5 to 1.7 s [N]."""
-    return np.outer((time >= 1.5) & (time < 1.7), [0.0, 0.0, 8.0])
-
-
 def recording(
     folder: Path,
     name: str,
+    pushed: bool,
     seed: int,
-    force_at: Callable[[np.ndarray], np.ndarray] | None = None,
-    *,
     rate: float = 0.02,
+    seconds: float = 10.0,
+    *,
     turning: float = 0.0,
     ripple: float = 0.0,
+    knock: tuple[float, float] = (0.0, 0.0),
 ) -> np.ndarray:
-    """Write a table of the arm, which is heavier than its URDF says.
+    """Write a table of the arm, which is heavier than its URDF says; return the force (n, 3) at its tool [N].
 
-    Args:
-        folder: where.
-        name: of the table.
-        seed: of its motion and noise.
-        force_at: times (n,) -> force (n, 3) at its tool, world axes [N]; none by default.
-        rate: at which Coulomb friction sets in [rad/s].
-        turning: mean rate of the first joint [rad/s].
-        ripple: torque of its gear that repeats with every turn, and half as much twice a turn [N m].
-
-    Returns:
-        The force (n, 3).
+    The table has the force, too, as a sensor would show it (`fx`, `fy`, `fz`); `arm_map` does not use it. The first
+    joint turns with a mean rate `turning` [rad/s]; its gear's torque repeats with every turn, and half as much twice a
+    turn, by `ripple` [N m]. From and to the times of `knock` [s] 8 N push upwards.
     """
     model = pin.buildModelFromXML(arm())
     for k, inertia in enumerate(model.inertias.tolist()):
         model.inertias[k] = pin.Inertia(HEAVIER * inertia.mass, inertia.lever, HEAVIER * inertia.inertia)
-    data, time, rng = model.createData(), np.arange(round(10 * RATE)) / RATE, np.random.default_rng(seed)
+    data, time, rng = model.createData(), np.arange(round(seconds * RATE)) / RATE, np.random.default_rng(seed)
     speed, phase = rng.uniform(0.8, 2.6, (2, 3)), rng.uniform(0, 6, (2, 3))
     size = np.array([[0.6, 0.5, 0.7], [0.2, 0.2, 0.3]])[:, None]
     angle = speed[:, None] * time[:, None] + phase[:, None]
     q = np.sum(size * np.sin(angle), axis=0) + np.array([0.0, 0.6, 0.8])
     v = np.sum(size * speed[:, None] * np.cos(angle), axis=0)
     a = np.sum(-size * speed[:, None] ** 2 * np.sin(angle), axis=0)
-    q[:, 0] += turning * time
-    v[:, 0] += turning
-    force = np.zeros((len(time), 3)) if force_at is None else force_at(time)
+    force = np.stack([4 * np.sin(time), 3 * np.cos(1.4 * time), 8 + 5 * np.sin(0.7 * time)], axis=1) * pushed
+    force[(time >= knock[0]) & (time < knock[1]), 2] += 8.0
+    q[:, 0], v[:, 0] = q[:, 0] + turning * time, v[:, 0] + turning
     tau = np.empty_like(q)
     for k in range(len(time)):
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool"), pin.LOCAL_WORLD_ALIGNED)[:3]
@@ -95,6 +78,7 @@ def recording(
     for k, joint in enumerate(JOINTS):
         columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k]}
         columns[f"{joint}_i"] = tau[:, k] / CONSTANT + 0.01 * rng.standard_normal(len(time))
+    columns |= {f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}
     pd.DataFrame(columns).to_csv(folder / f"{name}.csv", index=False)
     return force
 
