@@ -14,7 +14,7 @@ from .channels import THRUSTERS as THRUSTERS
 from .channels import TRUE_CHANNELS as TRUE_CHANNELS
 from .channels import channel as channel
 from .channels import filled as filled
-from .contradictions.log_channels import contradictions as contradictions
+from .contradictions import contradictions as contradictions
 from .csv_log import read_csv as read_csv
 from .csv_log import write_csv as write_csv
 from .estimate import belief_about as belief_about

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
+from aerobat_pin.estimation.checks.motion import measured_motion, motion_findings
 from aerobat_pin.estimation.checks.result import result_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
+from aerobat_pin.estimation.checks.samples import sample_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.map_calibration import MapCalibration
@@ -49,7 +49,7 @@ class RecordingEstimate:
     record: Record
     forces: KnownForces
     stored: dict[str, StoredEstimate]
-    findings: tuple[LogFinding, ...]
+    findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     compared: dict[str, Compared]
 
@@ -137,7 +137,7 @@ def estimate_recording(
     if calibration is not None:
         record = calibration.applied(record)
     observers, notes = observers_of(record)
-    findings = [*stamp_findings(record, columns), *motion_findings(record)]
+    findings = [*sample_findings(record, columns), *motion_findings(measured_motion(record))]
     del columns
     if not trust:
         refuse_if_certain(str(log), findings)

@@ -15,10 +15,10 @@ import numpy as np
 
 from aerobat_pin.errors import CalibrationError, MapError
 from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
+from aerobat_pin.estimation.checks.motion import measured_motion, motion_findings
 from aerobat_pin.estimation.checks.result import fit_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
+from aerobat_pin.estimation.checks.samples import sample_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
@@ -101,9 +101,9 @@ class MapCalibration:
             own = replace(own, joints=self.values.joints, friction=self.values.friction, scale=self.values.scale)
         return replace(forces, values=replace(own, mass=self.values.mass, fits=(*fits, *own.fits)))
 
-    def finding(self) -> LogFinding:
+    def finding(self) -> Finding:
         """Return what a report says about the calibration."""
-        return LogFinding("calibration", "note", f"learnt from {self.log}; {_bar_words(self.error_bar)}")
+        return Finding("calibration", "note", f"learnt from {self.log}; {_bar_words(self.error_bar)}")
 
 
 @guarded()
@@ -136,7 +136,7 @@ def calibrate_recording(
     record, columns = open_record(log, chosen, folder)
     end = record.parts[-1][1] * record.dt
     record = replace(record, map=_all_free(record.map, end))
-    findings = [*stamp_findings(record, columns), *motion_findings(record)]
+    findings = [*sample_findings(record, columns), *motion_findings(measured_motion(record))]
     del columns
     if not trust:
         refuse_if_certain(str(log), findings)

@@ -1,3 +1,4 @@
+from .agreement import Agreement as Agreement
 from .channels import LogChannel as LogChannel
 from .channels import Request as Request
 from .channels import driven_joints as driven_joints
@@ -40,6 +41,7 @@ from .robots import recorded_robot as recorded_robot
 from .spool import EXTENT as EXTENT
 from .spool import Series as Series
 from .spool import Spool as Spool
+from .spool import series_of as series_of
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
 from .write_netcdf import netcdf_bytes as netcdf_bytes

@@ -11,7 +11,7 @@ import pytest
 from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
-from aerobat_pin.aerobat.contradictions.log_channels import contradictions
+from aerobat_pin.aerobat.contradictions import contradictions
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.control import Controller
@@ -79,8 +79,8 @@ def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
         ("q", slice(0, 3), "position comes {} ms after velocity"),
         ("q", slice(3, 7), "attitude comes {} ms after gyro"),
         ("v", slice(3, 6), "gyro comes {} ms after attitude"),
-        ("v", slice(6, 10), "joint rates come {} ms after joint angles"),
-        ("crank_angle", slice(None), "crank angle comes {} ms after joint angles"),
+        ("v", slice(6, 10), "joint velocities come {} ms after joint positions"),
+        ("crank_angle", slice(None), "crank angle comes {} ms after joint positions"),
     ],
 )
 @pytest.mark.parametrize("late", [1, 3, 12])

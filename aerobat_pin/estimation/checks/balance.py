@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows
@@ -42,14 +42,14 @@ class Balance:
     base: Array
 
 
-def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]:
+def effort_findings(record: Record, forces: KnownForces) -> Iterator[Finding]:
     """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them."""
     if "joints.effort" not in record.channels:
         return
     found = _balance(record, forces)
     if found is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
-        yield LogFinding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
+        yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
         return
     b, B = found.needed, found.efforts
     size = float(np.sum(b * b))
@@ -59,7 +59,7 @@ def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
-    yield LogFinding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
+    yield Finding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
     pair, left = _best_swap(found)
     if pair is not None and left < SWAP * here and share > 0.005:
         names = " and ".join(record.driven[j] for j in pair)
@@ -67,12 +67,12 @@ def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]
             f"efforts of {names} in exchanged columns leave {100.0 * np.sqrt(left / size):.1f} %, as "
             f"mapped {100.0 * np.sqrt(share):.1f} %"
         )
-        yield LogFinding("swapped joints", "warning", what, float(np.sqrt(left / size)), "1")
+        yield Finding("swapped joints", "warning", what, float(np.sqrt(left / size)), "1")
         return
     yield from _factors(record, found, here)
 
 
-def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding]:
+def _factors(record: Record, found: Balance, here: float) -> Iterator[Finding]:
     """Yield factors of efforts and of the base's mass that differ from what the map says."""
     b, B = found.needed, found.efforts
     with_base = record.robot.free and bool(np.any(found.base))
@@ -99,25 +99,25 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding
             f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
             "another order of joints, another robot"
         )
-        yield LogFinding("effort against motion", "warning", what, rest, "%")
+        yield Finding("effort against motion", "warning", what, rest, "%")
         return
     if with_base and seen[n] and abs(factors[n]) > 0.05 and sure[n] * SURE < abs(factors[n]):
         what = f"the record wants {1.0 + factors[n]:.2f} times the believed mass of the base link"
-        yield LogFinding("mass", "warning", what, 1.0 + float(factors[n]), "1")
+        yield Finding("mass", "warning", what, 1.0 + float(factors[n]), "1")
     if good and len(off) == len(good) and float(np.ptp(factors[good])) < 0.15 * abs(float(np.mean(factors[good]))):
         c = float(np.mean(factors[good]))
         what = (
             f"all efforts would have to be {c:.3g} times as large: their unit (A, N m), or all masses "
             f"{c:.3g} times too large"
         )
-        yield LogFinding("effort unit or mass", "warning", what, c, "1")
+        yield Finding("effort unit or mass", "warning", what, c, "1")
         return
     for k in off:
         what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large"
         reason = "its sign" if factors[k] < 0.0 else "its unit (A, N m): torque_per_unit"
         if 0.0 < factors[k] < 1.0:
             reason += "; or friction, of which a joint that carries little shows nothing else: joints.friction"
-        yield LogFinding(
+        yield Finding(
             "effort sign" if factors[k] < 0.0 else "effort unit", "warning", f"{what}: {reason}", float(factors[k]), "1"
         )
 

@@ -1,0 +1,243 @@
+"""Check the measured motion against itself: positions, velocities, attitude, gyro and accelerometer."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from aerobat_pin.estimation.checks.agreement_findings import agreement_findings
+from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned
+from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import (
+    Agreement,
+    Map,
+    QuaternionSection,
+    Record,
+    as_attitude,
+    body_turn,
+    rotation_matrices,
+    sampled_turns,
+    world_turn,
+)
+
+MOST_SAMPLES = 60_000  # that are compared: the longest used part, or its beginning
+LARGEST_DELAY = 0.8e-3  # [s], or half a sample; a millisecond costs an R2 of 0.1
+LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hundredth of it
+LARGEST_STEP = 0.01  # [m] in a window
+LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
+
+OfAttitude = Callable[[Array], Array]  # of attitudes (m, 4), body to world
+
+
+@dataclass(frozen=True)
+class MeasuredMotion:
+    """What was measured of a motion, at common times; None or empty for what was not.
+
+    Attributes:
+        time: (m,) increasing times [s].
+        position: (m, 3) of the base in a world with z up [m].
+        attitudes: reading of the quaternion -> (m, 4) body to world; the first reading is the map's.
+        velocity: attitude -> (m, 3) of the base in the world [m/s].
+        gyro: attitude -> (m, 3) angular velocity in body axes [rad/s].
+        specific_force: (m, 3) of an accelerometer, body axes [m/s2].
+        joints: names of joints.
+        angles: (m, n) their positions [rad, m].
+        rates: (m, n) their velocities [rad/s, m/s].
+        slides: whether each joint slides.
+        weight: of the robot [N].
+        gravity: [m/s2].
+    """
+
+    time: Array
+    position: Array | None = None
+    attitudes: dict[Reading, Array] = field(default_factory=dict)
+    velocity: OfAttitude | None = None
+    gyro: OfAttitude | None = None
+    specific_force: Array | None = None
+    joints: tuple[str, ...] = ()
+    angles: Array | None = None
+    rates: Array | None = None
+    slides: tuple[bool, ...] = ()
+    weight: float = 0.0
+    gravity: float = 9.81
+
+    @property
+    def latest(self) -> float:
+        """Largest delay between two channels that is allowed [s]."""
+        return max(LARGEST_DELAY, 0.5 * float(self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+
+def checked_times(record: Record) -> Array:
+    """Return the common times of the longest used part, or of its beginning."""
+    first, last = max(record.parts, key=lambda part: part[1] - part[0])
+    return record.times(first, min(last, first + MOST_SAMPLES))
+
+
+def measured_motion(record: Record) -> MeasuredMotion:
+    """Return what was measured of a record's motion."""
+    time, chosen, channels = checked_times(record), record.map, record.channels
+    motion = MeasuredMotion(time, weight=record.robot.weight, gravity=chosen.robot.gravity)
+    if record.joints and "joints.velocity" in channels:
+        motion = replace(
+            motion,
+            joints=record.joints,
+            angles=record.at("joints.position", time),
+            rates=record.at("joints.velocity", time),
+            slides=tuple(record.robot.slides(joint) for joint in record.joints),
+        )
+    if not record.robot.free or chosen.base.held:
+        return motion
+    turns, felt = sampled_turns(*record.cut("base.quaternion", time), time), "check.specific_force"
+    return replace(
+        motion,
+        position=record.at("base.position", time) @ world_turn(chosen).T,
+        attitudes={reading: _read_as(chosen, reading, turns) for reading in _readings(chosen)},
+        velocity=partial(_world_velocity, record, time) if "base.velocity" in channels else None,
+        gyro=partial(record.gyro, time) if "base.rate" in channels else None,
+        specific_force=record.at(felt, time) @ body_turn(chosen).T if felt in channels else None,
+    )
+
+
+def _world_velocity(record: Record, time: Array, attitude: Array) -> Array:
+    section = record.map.base.velocity
+    in_world = section is not None and section.axes == "world" and not record.twist_of_topic
+    turn = world_turn(record.map) if in_world else body_turn(record.map)
+    measured = record.at("base.velocity", time) @ turn.T
+    return measured if in_world else np.asarray(np.einsum("nij,nj->ni", rotation_matrices(attitude), measured))
+
+
+def _readings(chosen: Map) -> list[Reading]:
+    """Return order and sense of the map's quaternion, and then the other ones."""
+    section = chosen.base.quaternion or QuaternionSection()
+    others = itertools.product(("xyzw", "wxyz"), ("body_to_world", "world_to_body"))
+    return list(dict.fromkeys([(section.order, section.sense), *others]))
+
+
+def _read_as(chosen: Map, reading: Reading, turns: Array) -> Array:
+    section = (chosen.base.quaternion or QuaternionSection()).model_copy(
+        update={"order": reading[0], "sense": reading[1]}
+    )
+    base = chosen.base.model_copy(update={"quaternion": section})
+    return as_attitude(chosen.model_copy(update={"base": base}), turns)
+
+
+def motion_findings(motion: MeasuredMotion, others: Iterable[Agreement] = ()) -> Iterator[Finding]:
+    """Yield what the channels of a motion say about each other, and about `others`, which the robot knows to agree."""
+    if len(motion.time) < FEWEST_POINTS:
+        return
+    for pair in others:
+        yield from agreement_findings(pair)
+    if motion.angles is not None and motion.rates is not None:
+        yield from agreement_findings(_joint_pair(motion, motion.angles, motion.rates))
+    if motion.attitudes:
+        misread = list(reading_findings(motion.attitudes, _turns_of(motion), motion.specific_force))
+        yield from misread
+        if all(one.verdict in ("good", "note") for one in misread):
+            yield from _base_findings(motion)
+    elif motion.position is not None and motion.velocity is None:
+        yield from _accelerations(motion)
+
+
+def _joint_pair(motion: MeasuredMotion, angles: Array, rates: Array) -> Agreement:
+    unit = "rad" if not any(motion.slides) else "m" if all(motion.slides) else "rad or m"
+    labels = tuple(f"at {joint}" for joint in motion.joints)
+    names = ("joint positions", "joint velocities")
+    return Agreement(
+        "joint velocities against positions",
+        names,
+        motion.time,
+        angles,
+        rates,
+        "rates",
+        labels,
+        unit,
+        LARGEST_TURN,
+        motion.latest,
+        "rad/s or m/s, and the order of the positions, were expected",
+        apart=True,
+    )
+
+
+def _turns_of(motion: MeasuredMotion) -> Callable[[Array], Agreement] | None:
+    """Return the function that pairs an attitude (m, 4) with the gyro; None without a gyro."""
+    gyro = motion.gyro
+    if gyro is None:
+        return None
+    return lambda attitude: Agreement(
+        "gyro against attitude",
+        ("attitude", "gyro"),
+        motion.time,
+        turned(attitude),
+        gyro(attitude),
+        "rates",
+        ("about x", "about y", "about z"),
+        "rad",
+        LARGEST_TURN,
+        motion.latest,
+        "rad/s and body axes were expected",
+    )
+
+
+def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
+    """Yield what gyro, velocity and accelerometer say about the pose, as the map reads it."""
+    attitude, pair = next(iter(motion.attitudes.values())), _turns_of(motion)
+    if pair is not None:
+        findings = list(agreement_findings(pair(attitude)))
+        yield from findings
+        early = sum(one.value or 0.0 for one in findings if one.check == "late channel")
+        attitude = _earlier(attitude, max(-early, 0.0), motion.time)  # a channel is never early
+    assert motion.position is not None
+    if motion.velocity is not None:
+        yield from agreement_findings(
+            Agreement(
+                "position against velocity",
+                ("position", "velocity"),
+                motion.time,
+                motion.position,
+                motion.velocity(attitude),
+                "rates",
+                ("along x", "along y", "along z"),
+                "m",
+                LARGEST_STEP,
+                motion.latest,
+                "m, m/s and the axes of the map were expected",
+            )
+        )
+    else:
+        yield from _accelerations(motion)
+    if motion.specific_force is not None:
+        yield from accelerometer_findings(
+            motion.specific_force, attitude, motion.position, motion.time, motion.gravity, motion.weight
+        )
+
+
+def _earlier(attitude: Array, delay: float, time: Array) -> Array:
+    """Return an attitude (m, 4) without its delay [s]."""
+    return attitude if delay == 0.0 else sampled_turns(time, attitude, time + delay)
+
+
+def _accelerations(motion: MeasuredMotion) -> Iterator[Finding]:
+    """Yield that the base seems to move as nothing does; for motions without a velocity."""
+    position, time = motion.position, motion.time
+    assert position is not None
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    n = min(max(1, round(0.5 * COMPARED_OVER / step)), len(time) // 3)
+    steps = (position[n:] - position[:-n]) / (time[n:] - time[:-n])[:, None]
+    bends = (steps[n:] - steps[:-n]) / (time[n:-n] - time[: -2 * n])[:, None]
+    size = np.sqrt(np.mean(bends**2, axis=0))
+    worst = int(np.argmax(size))
+    if size[worst] > LARGEST_ACCELERATION:
+        yield Finding(
+            "position against gravity",
+            "warning",
+            f"{'xyz'[worst]} accelerates with {size[worst]:.0f} m/s2 (rms), {LARGEST_ACCELERATION:g} are allowed; "
+            "metres and seconds were expected",
+            float(size[worst]),
+            "m/s2",
+        )
