@@ -14,7 +14,6 @@ from .channels import THRUSTERS as THRUSTERS
 from .channels import TRUE_CHANNELS as TRUE_CHANNELS
 from .channels import channel as channel
 from .channels import filled as filled
-from .contradictions import contradictions as contradictions
 from .csv_log import read_csv as read_csv
 from .csv_log import write_csv as write_csv
 from .estimate import belief_about as belief_about
@@ -22,10 +21,12 @@ from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
 from .estimate import estimate_log as estimate_log
 from .estimate import read_log as read_log
+from .flight_findings import flight_findings as flight_findings
 from .flight_log import FlightLog as FlightLog
-from .known_inputs import KnownInputs as KnownInputs
-from .known_inputs import known_inputs as known_inputs
-from .motion import motion as motion
+from .flight_record import flight_record as flight_record
+from .flight_record import known_inputs as known_inputs
+from .flight_record import motion as motion
+from .robot import AerobatRobot as AerobatRobot
 from .truth import SUM as SUM
 from .truth import TrueEvent as TrueEvent
 from .truth import true_events as true_events

@@ -3,8 +3,15 @@ from .calibration_parts import CalibrationParts as CalibrationParts
 from .calibration_parts import lines_of as lines_of
 from .calibration_parts import parts_bytes as parts_bytes
 from .calibration_parts import read_parts as read_parts
+from .checks.balance import effort_findings as effort_findings
+from .checks.record import record_findings as record_findings
 from .estimate_recording import RecordingEstimate as RecordingEstimate
+from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
+from .findings import Finding as Finding
+from .inputs import KnownInputs as KnownInputs
+from .inputs import inputs_of as inputs_of
+from .known_forces import KnownForces as KnownForces
 from .map_calibration import MapCalibration as MapCalibration
 from .map_calibration import calibrate_recording as calibrate_recording
 from .map_calibration_file import map_calibration_bytes as map_calibration_bytes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,20 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.motion import measured_motion, motion_findings
-from aerobat_pin.estimation.checks.result import result_findings
-from aerobat_pin.estimation.checks.samples import sample_findings
+from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.map_calibration import MapCalibration
-from aerobat_pin.estimation.run_observers import observers_of, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
 from aerobat_pin.estimation.sensor_scores import Compared, compared
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import warnings_about
 from aerobat_pin.numerics import guarded
-from aerobat_pin.observers import Estimate
+from aerobat_pin.observers import Estimate, Observer
 from aerobat_pin.records import Map, Record, open_record
 
 ShareDone = Callable[[float], None]
@@ -34,8 +31,6 @@ class RecordingEstimate:
     """What was found in a recording.
 
     Attributes:
-        log: path of the log.
-        folder: where relative paths of the map begin.
         record: the recording at common times.
         forces: its known forces, with what was fitted.
         stored: observer -> estimate, which is read block by block.
@@ -44,8 +39,6 @@ class RecordingEstimate:
         compared: observer -> estimate beside the sensor; empty without a sensor.
     """
 
-    log: Path
-    folder: Path
     record: Record
     forces: KnownForces
     stored: dict[str, StoredEstimate]
@@ -73,7 +66,7 @@ class RecordingEstimate:
         """Return the content of `metrics.json`."""
         record = self.record
         return {
-            "log": self.log.name,
+            "log": self.record.title,
             "robot": record.robot.title,
             "mass": record.robot.mass,
             "rate": record.rate,
@@ -110,6 +103,49 @@ class RecordingEstimate:
 
 
 @guarded()
+def estimate(
+    record: Record,
+    observers: Sequence[str | Observer] = (),
+    calibration: MapCalibration | None = None,
+    *,
+    trust: bool = False,
+    progress: ShareDone | None = None,
+) -> RecordingEstimate:
+    """Estimate the unknown forces of a record.
+
+    Args:
+        record: the record, of whatever source.
+        observers: names of observers, or observers; those that its map names when empty.
+        calibration: what other records showed; its values are used in place of the map's fits.
+        trust: estimate also what the checks would refuse; the findings stay.
+        progress: called with the share that is done.
+
+    Raises:
+        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
+        LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
+        ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
+    """
+    name = record.title if record.log is None else str(record.log.path)
+    if calibration is not None:
+        record = calibration.applied(record)
+    given = [one for one in observers if isinstance(one, Observer)]
+    made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
+    findings = list(record_findings(record))
+    if not trust:
+        refuse_if_certain(name, findings)
+    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    findings += effort_findings(record, inputs_between(record, forces))
+    estimates = run_observers(record, forces, given or made, progress)
+    sides = {name: compared(record, estimate) for name, estimate in estimates.items()}
+    there = {name: side for name, side in sides.items() if side is not None}
+    findings += result_findings(record, forces, estimates, there)
+    if calibration is not None:
+        findings.append(calibration.finding())
+    if not trust:
+        refuse_if_certain(name, findings)
+    return RecordingEstimate(record, forces, estimates, tuple(findings), (*record.notes, *notes), there)
+
+
 def estimate_recording(
     log: Path,
     chosen: Map,
@@ -118,40 +154,8 @@ def estimate_recording(
     trust: bool = False,
     calibration: MapCalibration | None = None,
 ) -> RecordingEstimate:
-    """Estimate the unknown forces of a recording.
-
-    Args:
-        log: a table, a NetCDF file, an MCAP file, or the folder of a bag.
-        chosen: the map.
-        folder: where relative paths of the map begin.
-        progress: called with the share of the record that is estimated.
-        trust: estimate also what the checks would refuse; the findings stay.
-        calibration: what another recording showed; its values are used in place of the map's fits.
-
-    Raises:
-        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
-        LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
-        ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
-    """
-    record, columns = open_record(log, chosen, folder)
-    if calibration is not None:
-        record = calibration.applied(record)
-    observers, notes = observers_of(record)
-    findings = [*sample_findings(record, columns), *motion_findings(measured_motion(record))]
-    del columns
-    if not trust:
-        refuse_if_certain(str(log), findings)
-    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, forces)
-    estimates = run_observers(record, forces, observers, progress)
-    sides = {name: compared(record, estimate) for name, estimate in estimates.items()}
-    there = {name: side for name, side in sides.items() if side is not None}
-    findings += result_findings(record, forces, estimates, there)
-    if calibration is not None:
-        findings.append(calibration.finding())
-    if not trust:
-        refuse_if_certain(str(log), findings)
-    return RecordingEstimate(log, folder, record, forces, estimates, tuple(findings), (*record.notes, *notes), there)
+    """Open a recording by its map, and estimate."""
+    return estimate(open_record(log, chosen, folder), (), calibration, trust=trust, progress=progress)
 
 
 def _or_none(value: float) -> float | None:

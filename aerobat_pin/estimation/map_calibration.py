@@ -14,19 +14,16 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError, MapError
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.motion import measured_motion, motion_findings
-from aerobat_pin.estimation.checks.result import fit_findings
-from aerobat_pin.estimation.checks.samples import sample_findings
+from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
-from aerobat_pin.estimation.run_observers import observers_of, rms_in, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, rms_in, run_observers
 from aerobat_pin.estimation.sensor_scores import compared
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
-from aerobat_pin.records import KnownSection, Map, Record, RecordedRobot, factor_of, open_record
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, factor_of, open_record
 
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
 MASS_NAME = "mass"  # what --identify takes of the recordings of any robot
@@ -56,7 +53,7 @@ class MapCalibration:
     log: str
     notes: tuple[str, ...] = ()
 
-    def refuse_other(self, chosen: Map, robot: RecordedRobot, joints: Sequence[str]) -> None:
+    def refuse_other(self, chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> None:
         """Raise CalibrationError if the values do not mean the same with this map, robot and joints with channels."""
         name = f"the calibration from {self.log}"
         if robot.fingerprint() != self.fingerprint:
@@ -133,11 +130,10 @@ def calibrate_recording(
     asked = chosen.joints.friction is not None or any(known.fit is not None for known in chosen.known.values())
     if not (asked or identify):
         raise MapError("calibrate: nothing to learn: joints.friction or known.NAME.fit in the map, or --identify mass")
-    record, columns = open_record(log, chosen, folder)
+    record = open_record(log, chosen, folder)
     end = record.parts[-1][1] * record.dt
     record = replace(record, map=_all_free(record.map, end))
-    findings = [*sample_findings(record, columns), *motion_findings(measured_motion(record))]
-    del columns
+    findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(str(log), findings)
     friction, fingerprint = record.map.joints.friction, record.robot.fingerprint()
@@ -149,7 +145,7 @@ def calibrate_recording(
         record = replace(record, robot=record.robot.heavier(values.mass))
     forces = fitted_forces(record)
     forces = replace(forces, values=replace(forces.values, mass=values.mass, fits=(*values.fits, *forces.values.fits)))
-    findings += [*effort_findings(record, forces), *fit_findings(forces)]
+    findings += [*effort_findings(record, inputs_between(record, forces)), *fit_findings(forces)]
     bar = _error_bar(record, forces, plain, (fit[1], end) if fit[1] < end else (0.0, end))
     values, to_sensor = forces.values, friction is not None and friction.to is not None
     values = _without_offset(values) if to_sensor else values

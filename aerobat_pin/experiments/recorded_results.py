@@ -95,4 +95,4 @@ def _datasets(found: RecordingEstimate) -> Iterator[xr.Dataset]:
             attributes = {"units": "N, N m", "long_name": words}
             data = data.assign_coords(sensor_component=[f"{side.point}.{label}" for label in side.labels])
             data["sensor"] = (("interval", "sensor_component"), side.sensor[rows], attributes)
-        yield data.assign_attrs(log=found.log.name, robot=found.record.robot.title)
+        yield data.assign_attrs(log=found.record.title, robot=found.record.robot.title)

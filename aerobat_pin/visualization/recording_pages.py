@@ -51,7 +51,7 @@ def recording_report(found: RecordingEstimate, images: dict[str, Path]) -> str:
         "recording.html",
         found=found,
         record=record,
-        title=found.log.name,
+        title=found.record.title,
         warnings=found.warnings,
         force_rows=_force_rows(found),
         score_header=SCORE_HEADER,
@@ -71,7 +71,7 @@ def replay_recording(found: RecordingEstimate) -> Recording:
     name, stored = next(iter(found.stored.items()))
     model, visual = _visible(found)
     recording = Recording(
-        model, visual, block.time[rows] - record.start, block.q[rows], title=f"{found.log.name}: {name}"
+        model, visual, block.time[rows] - record.start, block.q[rows], title=f"{found.record.title}: {name}"
     )
     low = stored.index(block.time[0])
     estimate = stored.between(low, low + last - first)
@@ -96,7 +96,7 @@ def _visible(found: RecordingEstimate) -> tuple[pin.Model, pin.GeometryModel]:
     path = record.map.robot.urdf
     if path is not None:
         try:
-            model, visual = load_any_robot(found.folder / path, int(record.robot.model.nq), found.log)
+            model, visual = load_any_robot(record.folder / path, int(record.robot.model.nq), Path(record.title))
             if visual.ngeoms > 0:
                 return model, visual
         except LogError:

@@ -61,7 +61,7 @@ def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
 def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
     pytest.importorskip("rosbags")
-    monkeypatch.setattr("aerobat_pin.estimation.recordings.bag_columns.REORDERED", 100)  # as of a long bag
+    monkeypatch.setattr("aerobat_pin.records.bag_columns.REORDERED", 100)  # as of a long bag
     bag(walk(), folder / "walk")
     found = estimated(folder / "walk", bag_map(folder / "quadruped.urdf"))
     assert np.max(foot_errors(found, 1.7e9)) < 0.1
@@ -135,7 +135,7 @@ WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], Edit, str]] = {
     "world upside down": (with_column, edit("log", value={"world": "ned"}), r"REFUSED.*180\.00 deg off the vertical"),
     "sign of an effort": (scaled(["FL_HFE_tau"], -1.0), nothing, r"effort sign: the effort of FL_HFE .* -0\.99"),
     "late velocity": (shifted("vel", 0.02), nothing, r"joint velocities come 20\.\d ms after joint positions"),
-    "held channel": (held("tau", 10), nothing, r"joints\.effort changes only 50 times a second among 500 samples"),
+    "held channel": (held("tau", 10), nothing, r"joint efforts change only 50 times a second among 500 samples"),
     "swapped efforts": (exchanged("FL_HFE_tau", "FL_KFE_tau"), nothing, r"efforts of FL_HFE and FL_KFE in exchanged"),
     "swapped angles": (exchanged("FL_HFE_pos", "FL_KFE_pos"), nothing, r"joint velocities of FL_HFE and FL_KFE fit"),
     "trunk too heavy by 20 %": (

@@ -8,15 +8,15 @@ mass) follow by least squares: 1 for each effort and 0 for the mass if map and r
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
-from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, AllBut
@@ -42,11 +42,16 @@ class Balance:
     base: Array
 
 
-def effort_findings(record: Record, forces: KnownForces) -> Iterator[Finding]:
-    """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them."""
+def effort_findings(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Iterator[Finding]:
+    """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them.
+
+    Args:
+        record: the record.
+        inputs: function of first and last index of the common times: what an observer is given there.
+    """
     if "joints.effort" not in record.channels:
         return
-    found = _balance(record, forces)
+    found = _balance(record, inputs)
     if found is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
@@ -136,42 +141,34 @@ def _best_swap(found: Balance) -> tuple[tuple[int, int] | None, float]:
     return best, smallest
 
 
-def _balance(record: Record, forces: KnownForces) -> Balance | None:
+def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balance | None:
     """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
-    model = record.robot.model
-    ignored, _ = believed_rows(record)
+    model, free = record.robot.model, record.map.use.free
+    ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
     weight = np.array([1.0 if _is_force(record, i) else 1.0 / MOMENT_ARM for i in rows])
     at = [record.robot.v_index(joint) for joint in record.driven]
+    unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
     lighter = _heavier_base(model) if record.robot.free else None
     needed, efforts, base = [], [], []
-    free = record.map.use.free
-    for block in _force_free_stretches(record):
+    data = model.createData()
+    for stretch in _force_free_stretches(record):
+        given = inputs(*stretch)
+        block = Block(given.time, given.q, given.v, given.tau)
         a = accelerations(block, record)
-        whole = required_torque(record, block, a)
-        for force in forces.known(block).values():
-            whole = whole - force
-        tau = forces.torque(block)
-        middle = range(len(tau) // 10, len(tau) - len(tau) // 10, max(1, len(tau) * STRETCHES // INSTANTS))
-        data = model.createData()
-        for k in middle:
+        whole = required_torque(record, block, a) - sum(given.known.values())
+        count = len(given.tau)
+        for k in range(count // 10, count - count // 10, max(1, count * STRETCHES // INSTANTS)):
             Q = np.eye(len(rows)) if free is not None else _beyond_forces(record, data, block.q[k], rows, weight)
             if Q.shape[1] == 0:
                 return None
             project = Q.T * weight
             needed.append(project @ whole[k, rows])
-            unit = np.zeros((len(rows), len(at)))
-            for j, row in enumerate(at):
-                if row in rows:
-                    unit[rows.index(row), j] = 1.0
-            columns = project @ unit
-            efforts.append(columns[:, :, None] * tau[k, at][None, None, :])
+            efforts.append((project @ unit)[:, :, None] * given.tau[k, at])
+            base.append(np.zeros(Q.shape[1]))
             if lighter is not None:
                 v = 0.5 * (block.v[k] + block.v[k + 1])
-                light = pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])
-                base.append(project @ light[rows])
-            else:
-                base.append(np.zeros(Q.shape[1]))
+                base[-1] = project @ pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])[rows]
     per_joint = np.concatenate(efforts)
     return Balance(np.concatenate(needed), np.einsum("njj->nj", per_joint).copy(), per_joint, np.concatenate(base))
 
@@ -192,8 +189,8 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     return alone
 
 
-def _force_free_stretches(record: Record) -> Iterator[Block]:
-    """Yield short blocks, spread over the used parts, or the stretch that the map calls free."""
+def _force_free_stretches(record: Record) -> Iterator[tuple[int, int]]:
+    """Yield first and last index of short stretches, spread over the used parts or what the map calls free."""
     free = record.map.use.free
     length = max(40, round(0.5 * record.rate))
     if free is not None:
@@ -211,7 +208,7 @@ def _force_free_stretches(record: Record) -> Iterator[Block]:
             if place <= last - first:
                 middle = first + place
                 low = max(first, min(middle - length // 2, last - length))
-                yield record.block(low, min(last, low + length))
+                yield low, min(last, low + length)
                 break
             place -= last - first
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,25 +12,12 @@ from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findin
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import (
-    Agreement,
-    Map,
-    QuaternionSection,
-    Record,
-    as_attitude,
-    body_turn,
-    rotation_matrices,
-    sampled_turns,
-    world_turn,
-)
+from aerobat_pin.records import Agreement, rotation_matrices, sampled_turns
 
-MOST_SAMPLES = 60_000  # that are compared: the longest used part, or its beginning
 LARGEST_DELAY = 0.8e-3  # [s], or half a sample; a millisecond costs an R2 of 0.1
 LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hundredth of it
 LARGEST_STEP = 0.01  # [m] in a window
 LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
-
-OfAttitude = Callable[[Array], Array]  # of attitudes (m, 4), body to world
 
 
 @dataclass(frozen=True)
@@ -43,8 +28,9 @@ class MeasuredMotion:
         time: (m,) increasing times [s].
         position: (m, 3) of the base in a world with z up [m].
         attitudes: reading of the quaternion -> (m, 4) body to world; the first reading is the map's.
-        velocity: attitude -> (m, 3) of the base in the world [m/s].
-        gyro: attitude -> (m, 3) angular velocity in body axes [rad/s].
+        velocity: (m, 3) of the base [m/s], in body axes unless it is `in_world`.
+        gyro: (m, 3) angular velocity of the base [rad/s], in body axes unless it is `in_world`.
+        in_world: which of the two are in world axes.
         specific_force: (m, 3) of an accelerometer, body axes [m/s2].
         joints: names of joints.
         angles: (m, n) their positions [rad, m].
@@ -57,8 +43,9 @@ class MeasuredMotion:
     time: Array
     position: Array | None = None
     attitudes: dict[Reading, Array] = field(default_factory=dict)
-    velocity: OfAttitude | None = None
-    gyro: OfAttitude | None = None
+    velocity: Array | None = None
+    gyro: Array | None = None
+    in_world: frozenset[str] = frozenset()
     specific_force: Array | None = None
     joints: tuple[str, ...] = ()
     angles: Array | None = None
@@ -71,60 +58,6 @@ class MeasuredMotion:
     def latest(self) -> float:
         """Largest delay between two channels that is allowed [s]."""
         return max(LARGEST_DELAY, 0.5 * float(self.time[-1] - self.time[0]) / (len(self.time) - 1))
-
-
-def checked_times(record: Record) -> Array:
-    """Return the common times of the longest used part, or of its beginning."""
-    first, last = max(record.parts, key=lambda part: part[1] - part[0])
-    return record.times(first, min(last, first + MOST_SAMPLES))
-
-
-def measured_motion(record: Record) -> MeasuredMotion:
-    """Return what was measured of a record's motion."""
-    time, chosen, channels = checked_times(record), record.map, record.channels
-    motion = MeasuredMotion(time, weight=record.robot.weight, gravity=chosen.robot.gravity)
-    if record.joints and "joints.velocity" in channels:
-        motion = replace(
-            motion,
-            joints=record.joints,
-            angles=record.at("joints.position", time),
-            rates=record.at("joints.velocity", time),
-            slides=tuple(record.robot.slides(joint) for joint in record.joints),
-        )
-    if not record.robot.free or chosen.base.held:
-        return motion
-    turns, felt = sampled_turns(*record.cut("base.quaternion", time), time), "check.specific_force"
-    return replace(
-        motion,
-        position=record.at("base.position", time) @ world_turn(chosen).T,
-        attitudes={reading: _read_as(chosen, reading, turns) for reading in _readings(chosen)},
-        velocity=partial(_world_velocity, record, time) if "base.velocity" in channels else None,
-        gyro=partial(record.gyro, time) if "base.rate" in channels else None,
-        specific_force=record.at(felt, time) @ body_turn(chosen).T if felt in channels else None,
-    )
-
-
-def _world_velocity(record: Record, time: Array, attitude: Array) -> Array:
-    section = record.map.base.velocity
-    in_world = section is not None and section.axes == "world" and not record.twist_of_topic
-    turn = world_turn(record.map) if in_world else body_turn(record.map)
-    measured = record.at("base.velocity", time) @ turn.T
-    return measured if in_world else np.asarray(np.einsum("nij,nj->ni", rotation_matrices(attitude), measured))
-
-
-def _readings(chosen: Map) -> list[Reading]:
-    """Return order and sense of the map's quaternion, and then the other ones."""
-    section = chosen.base.quaternion or QuaternionSection()
-    others = itertools.product(("xyzw", "wxyz"), ("body_to_world", "world_to_body"))
-    return list(dict.fromkeys([(section.order, section.sense), *others]))
-
-
-def _read_as(chosen: Map, reading: Reading, turns: Array) -> Array:
-    section = (chosen.base.quaternion or QuaternionSection()).model_copy(
-        update={"order": reading[0], "sense": reading[1]}
-    )
-    base = chosen.base.model_copy(update={"quaternion": section})
-    return as_attitude(chosen.model_copy(update={"base": base}), turns)
 
 
 def motion_findings(motion: MeasuredMotion, others: Iterable[Agreement] = ()) -> Iterator[Finding]:
@@ -169,19 +102,23 @@ def _turns_of(motion: MeasuredMotion) -> Callable[[Array], Agreement] | None:
     gyro = motion.gyro
     if gyro is None:
         return None
-    return lambda attitude: Agreement(
-        "gyro against attitude",
-        ("attitude", "gyro"),
-        motion.time,
-        turned(attitude),
-        gyro(attitude),
-        "rates",
-        ("about x", "about y", "about z"),
-        "rad",
-        LARGEST_TURN,
-        motion.latest,
-        "rad/s and body axes were expected",
-    )
+
+    def pair(attitude: Array) -> Agreement:
+        return Agreement(
+            "gyro against attitude",
+            ("attitude", "gyro"),
+            motion.time,
+            turned(attitude),
+            _turned_by(attitude, gyro, back=True) if "gyro" in motion.in_world else gyro,
+            "rates",
+            ("about x", "about y", "about z"),
+            "rad",
+            LARGEST_TURN,
+            motion.latest,
+            "rad/s and body axes were expected",
+        )
+
+    return pair
 
 
 def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
@@ -200,7 +137,7 @@ def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
                 ("position", "velocity"),
                 motion.time,
                 motion.position,
-                motion.velocity(attitude),
+                motion.velocity if "velocity" in motion.in_world else _turned_by(attitude, motion.velocity),
                 "rates",
                 ("along x", "along y", "along z"),
                 "m",
@@ -215,6 +152,11 @@ def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
         yield from accelerometer_findings(
             motion.specific_force, attitude, motion.position, motion.time, motion.gravity, motion.weight
         )
+
+
+def _turned_by(attitude: Array, vectors: Array, *, back: bool = False) -> Array:
+    """Return vectors (m, 3) in body axes in world axes, by attitudes (m, 4); or `back`."""
+    return np.asarray(np.einsum("nji,nj->ni" if back else "nij,nj->ni", rotation_matrices(attitude), vectors))
 
 
 def _earlier(attitude: Array, delay: float, time: Array) -> Array:

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.checks.agreement_findings import CONFUSED, FOLLOWS
 from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_times
+from aerobat_pin.estimation.checks.record import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.run_observers import rms_in, settled
@@ -87,7 +87,7 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
     """Yield how late the acceleration follows each thrust's commands."""
     if "check.specific_force" not in record.channels:
         return
-    time = checked_times(record)
+    time = record.times(*checked_part(record))
     for name, section in record.map.known.items():
         if section.powers:
             measured = (record.means("check.specific_force", time) @ unit_direction(section))[:, None]

@@ -25,26 +25,39 @@ FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
 MOST_COMPARED = 50
-EMPTY = "leave its cells empty where there is no sample"
+EMPTY = "leave its cells empty where there is no sample, or interpolate"
+WORDS = {  # keys of channels -> what messages call them
+    "base.position": "position",
+    "base.quaternion": "attitude",
+    "base.velocity": "velocity",
+    "base.rate": "gyro",
+    "joints.position": "joint positions",
+    "joints.velocity": "joint velocities",
+    "joints.effort": "joint efforts",
+    "check.specific_force": "accelerometer",
+    "check.wrench": "force sensor",
+}
 
 
-def sample_findings(record: Record, columns: Columns) -> Iterator[Finding]:
+def sample_findings(record: Record) -> Iterator[Finding]:
     """Yield what the stamps and the sequence of samples show."""
-    yield from _clocks(columns)
+    if record.log is not None:
+        yield from _clocks(record.log)
     found: dict[tuple[float, float], list[str]] = {}
-    parts = [(record.start + first * record.dt, record.start + last * record.dt) for first, last in record.parts]
+    parts = [tuple(record.times(edge, edge)[0] for edge in part) for part in record.parts]
     clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
     for key, channel in record.channels.items():
         yield from channel_findings(channel, parts, alone=len(clocks) > 1)
         for gap in holes(channel.time, record.map.log.longest_gap):
-            if gap[1] > record.start:
+            if gap[1] > record.start and record.knots is None:
                 found.setdefault(gap, []).append(key)
     for (begin, end), keys in found.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
         yield Finding("gap", "warning", what, end - begin, "s")
-    yield from _duplicates(columns.path)
-    yield from _unsealed(columns.path)
+    if record.log is not None:
+        yield from _duplicates(record.log.path)
+        yield from _unsealed(record.log.path)
 
 
 def _clocks(columns: Columns) -> Iterator[Finding]:
@@ -76,22 +89,24 @@ def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, a
         parts: beginning and end of the stretches that are used [s].
         alone: whether the channel has a clock of its own; in a table with one clock, slower channels are interpolated.
     """
-    key, count = channel.key, len(channel.time)
+    key, count = channel.key, len(channel.values)
     changed = _changed(channel)
     if count < 2:
         return
     rate, share = 1.0 / typical_spacing(channel.time), float(np.mean(~changed))
     text = f"{rate:.4g} samples a second, {100.0 * share:.0f} % of them repeat the one before"
     yield Finding(f"rate of {key}", "note", text, rate, "Hz")
-    if key.endswith(".supply") or not changed.any():
-        return
+    if key.endswith(".supply") or key.startswith("extra.known") or not changed.any():
+        return  # a controller holds its commands
+    title = WORDS.get(key, key.removeprefix("extra.").replace("_", " "))
     if _held(changed):
-        what = f"{key} changes only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second"
-        yield Finding("held channel", "warning", f"{what}; {EMPTY}", share, "1")
+        changes = f"{title} change{'' if title[-1] == 's' else 's'}"
+        what = f"{changes} only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second; {EMPTY}"
+        yield Finding("held channel", "warning", what, share, "1")
     elif share <= MOSTLY_HELD and not key.startswith("known"):
         yield from _stuck(channel, changed, parts)
         if (straight := _straight(channel)) > STRAIGHT:
-            what = f"{100.0 * straight:.0f} % of the neighbours in {key} lie on straight lines"
+            what = f"{100.0 * straight:.0f} % of the neighbours in {title} lie on straight lines"
             yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
 
 
@@ -101,7 +116,7 @@ def _changed(channel: LogChannel) -> NDArray[np.bool_]:
     A force of exactly zero counts as a change: a sensor that nothing touches may show it for long.
     """
     of_force, found = channel.key == "check.wrench" or channel.key.startswith("known."), [np.zeros(0, bool)]
-    for begin in range(0, len(channel.time) - 1, EXTENT):
+    for begin in range(0, len(channel.values) - 1, EXTENT):
         values = channel.values[begin : begin + EXTENT + 1]
         changed = np.any(np.diff(values, axis=0) != 0.0, axis=1)
         found.append(changed | np.all(values[1:] == 0.0, axis=1) if of_force else changed)
@@ -132,9 +147,10 @@ def _stuck(channel: LogChannel, changed: NDArray[np.bool_], parts: list[tuple[fl
 
 
 def _straight(channel: LogChannel) -> float:
-    """Return the share of neighbours on straight lines; of joints none, as what is driven steadily moves straight."""
-    time, values = channel.time[:EXTENT], channel.values[:EXTENT]
-    if channel.key == "joints.position" or len(time) < FEWEST_STRAIGHT:
+    """Return the share of neighbours on straight lines; of joints and cranks none, which are driven steadily."""
+    values = channel.values[:EXTENT]
+    time = channel.time[: len(values)]
+    if channel.key.startswith(("joints.position", "extra.")) or len(time) < FEWEST_STRAIGHT:
         return 0.0
     step = np.diff(time)
     share = (step[1:] / (step[1:] + step[:-1]))[:, None]

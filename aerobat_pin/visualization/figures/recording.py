@@ -87,7 +87,7 @@ def _forces(found: RecordingEstimate) -> Figure:
     points = list(dict.fromkeys(label.rpartition(".")[0] for label in labels))[:MOST_COLUMNS]
     rows = max(sum(label.startswith(f"{point}.") for label in labels) for point in points)
     figure = Figure(figsize=(max(6.5, 3.2 * len(points)), 1.9 * rows + 1.0), layout="constrained")
-    figure.suptitle(f"Unknown forces in {found.log.name}, interval means")
+    figure.suptitle(f"Unknown forces in {found.record.title}, interval means")
     grid = figure.subplots(rows, len(points), sharex=True, squeeze=False)
     start, free = found.record.start, found.record.map.use.free
     side = next(iter(found.compared.values()), None)
