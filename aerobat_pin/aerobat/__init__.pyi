@@ -23,9 +23,10 @@ from .estimate import estimate_log as estimate_log
 from .estimate import read_log as read_log
 from .flight_findings import flight_findings as flight_findings
 from .flight_log import FlightLog as FlightLog
+from .flight_record import flight_channels as flight_channels
+from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
 from .flight_record import known_inputs as known_inputs
-from .flight_record import motion as motion
 from .robot import AerobatRobot as AerobatRobot
 from .truth import SUM as SUM
 from .truth import TrueEvent as TrueEvent

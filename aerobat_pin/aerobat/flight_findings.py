@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record
-from aerobat_pin.aerobat.raw_flight_record import raw_flight_record
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.estimation import Finding, KnownInputs, effort_findings, record_findings
 
@@ -20,8 +19,8 @@ def flight_findings(log: FlightLog, robot: AerobatRobot, inputs: KnownInputs | N
     Raises:
         LinkageError: the assumed linkage cannot close at a recorded crank angle.
     """
-    record = (raw_flight_record if log.is_raw else flight_record)(log, robot)
+    record = flight_record(log, robot)
     found = list(record_findings(record))
     if inputs is not None and robot.kind == "measured" and not log.is_raw:
-        found += effort_findings(record, inputs.between)
+        found += effort_findings(record, inputs.between, found)
     return found

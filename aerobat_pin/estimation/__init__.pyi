@@ -19,12 +19,16 @@ from .map_calibration_file import read_map_calibration as read_map_calibration
 from .online import OnlineEstimator as OnlineEstimator
 from .online import OnlineSample as OnlineSample
 from .run_observers import blocks_of as blocks_of
+from .run_observers import observers_of as observers_of
 from .scores import FORCE_AXES as FORCE_AXES
 from .scores import AxisScore as AxisScore
 from .scores import ObserverScores as ObserverScores
 from .scores import observer_scores as observer_scores
 from .scores import point_label as point_label
 from .scores import r_squared as r_squared
+from .self_check import PUSHED_SHARE as PUSHED_SHARE
+from .self_check import Check as Check
+from .self_check import check_record as check_record
 from .sensor_scores import Compared as Compared
 from .stored_estimate import StoredEstimate as StoredEstimate
 from .trust import POINT_SUFFIX as POINT_SUFFIX

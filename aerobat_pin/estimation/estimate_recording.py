@@ -54,7 +54,7 @@ class RecordingEstimate:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimate."""
-        lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
+        lines = [str(finding) for finding in self.findings if finding.warns]
         for name, estimate in self.stored.items():
             if estimate.redundancy.verdict == "inconsistent":
                 lines.append(f"{name}: {estimate.redundancy.describe()}")
@@ -134,7 +134,7 @@ def estimate(
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, inputs_between(record, forces))
+    findings += effort_findings(record, inputs_between(record, forces), findings)
     estimates = run_observers(record, forces, given or made, progress)
     sides = {name: compared(record, estimate) for name, estimate in estimates.items()}
     there = {name: side for name, side in sides.items() if side is not None}

@@ -29,6 +29,11 @@ class Finding:
     value: float | None = None
     unit: str = ""
 
+    @property
+    def warns(self) -> bool:
+        """Whether it spoils the estimate."""
+        return self.verdict in ("warning", "refused")
+
     def __str__(self) -> str:
         return f"{self.check}: {self.text}"
 

@@ -145,7 +145,7 @@ def calibrate_recording(
         record = replace(record, robot=record.robot.heavier(values.mass))
     forces = fitted_forces(record)
     forces = replace(forces, values=replace(forces.values, mass=values.mass, fits=(*values.fits, *forces.values.fits)))
-    findings += [*effort_findings(record, inputs_between(record, forces)), *fit_findings(forces)]
+    findings += [*effort_findings(record, inputs_between(record, forces), findings), *fit_findings(forces)]
     bar = _error_bar(record, forces, plain, (fit[1], end) if fit[1] < end else (0.0, end))
     values, to_sensor = forces.values, friction is not None and friction.to is not None
     values = _without_offset(values) if to_sensor else values
@@ -153,7 +153,7 @@ def calibrate_recording(
     notes = [
         f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {log.name}",
         *record.notes,
-        *(f"!! {finding}" for finding in findings if finding.verdict in ("warning", "refused")),
+        *(f"!! {finding}" for finding in findings if finding.warns),
         *(f"fit: {one}" for one in values.fits),
         *(["offsets against a sensor are this recording's own: not kept"] if to_sensor else []),
         *([f"not seen in this recording, taken as zero: {', '.join(unseen)}"] if unseen else []),

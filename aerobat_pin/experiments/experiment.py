@@ -191,7 +191,7 @@ def _estimated(
             name: observer_scores(estimate, truth_of(log), inputs.calibration) for name, estimate in estimates.items()
         },
         calibration=inputs.calibration,
-        findings=tuple(str(finding) for finding in findings if finding.verdict in ("warning", "refused")),
+        findings=tuple(str(finding) for finding in findings if finding.warns),
     )
     drawn = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
     return Experiment(belief, believed, log, estimates, scores, drawn, calibration)

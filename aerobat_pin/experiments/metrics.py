@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from aerobat_pin.estimation import CalibrationUse
-from aerobat_pin.estimation.scores import ObserverScores
+from aerobat_pin.estimation import CalibrationUse, ObserverScores
 from aerobat_pin.experiments.flight_summary import FlightSummary
 from aerobat_pin.scenario import changes_text
 

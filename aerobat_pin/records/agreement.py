@@ -7,6 +7,8 @@ from typing import Literal
 
 from aerobat_pin.numerics import Array
 
+LARGEST_DELAY = 0.8e-3  # [s] between two channels; a millisecond costs an R2 of 0.1
+
 
 @dataclass(frozen=True)
 class Agreement:
@@ -22,10 +24,10 @@ class Agreement:
         labels: (c,) where each column is, such as `along x`.
         unit: of the first.
         floor: rms difference in `unit` up to which a column agrees; of rates over windows of 0.1 s.
-        share: of the first's own motion, up to which a column agrees.
-        latest: largest delay between the two [s].
-        apart: whether each column is a sensor of its own, as those of joints are.
         expected: what was expected, or is to be checked, in words.
+        latest: largest delay between the two [s].
+        share: of the first's own motion, up to which a column agrees.
+        apart: whether each column is a sensor of its own, as those of joints are.
     """
 
     check: str
@@ -37,7 +39,7 @@ class Agreement:
     labels: tuple[str, ...]
     unit: str
     floor: float
-    latest: float
     expected: str
+    latest: float = LARGEST_DELAY
     share: float = 0.3
     apart: bool = False

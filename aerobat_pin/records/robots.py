@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -20,9 +20,10 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
-from aerobat_pin.observers import Rows
+from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records.agreement import Agreement
-from aerobat_pin.records.block import Block
+from aerobat_pin.records.block import Block, SmoothedMotion
+from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
@@ -66,8 +67,13 @@ class PlainRobot:
         """
         return {}
 
-    def agreements(self, block: Block) -> Iterable[Agreement]:
-        """Return series of a completed block that must agree whatever forces act, beyond those of every record."""
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return series that must agree whatever forces act, beyond those of every record.
+
+        Args:
+            time: (m,) increasing common times of the record [s].
+            measured: key of a channel -> (m, k) samples at these times; None if there is no such channel.
+        """
         return ()
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
@@ -76,6 +82,23 @@ class PlainRobot:
 
     def rows(self) -> Rows | None:
         """Return the rows to believe; None where that follows from the map and the channels that are there."""
+        return None
+
+    def motion_from(
+        self,
+        time: Array,
+        channels: Mapping[str, LogChannel],
+        observers: Sequence[Observer],
+        progress: Callable[[float], None] | None,
+    ) -> SmoothedMotion | None:
+        """Return motion and forces found together; None, as here, where the channels give the motion directly.
+
+        Args:
+            time: (m + 1,) common times of the record [s].
+            channels: key -> channel, each on its own clock.
+            observers: those that are asked for.
+            progress: called with the share that is done.
+        """
         return None
 
     def changed(self, values: Mapping[str, float]) -> PlainRobot:

@@ -9,16 +9,16 @@ import numpy as np
 
 from aerobat_pin.estimation.checks.compare import (
     COMPARED_OVER,
+    FOLLOWS,
     SeriesComparison,
     compare,
     compare_rates,
-    unit_slip,
+    slip_of,
 )
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Agreement
 
-FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 CONFUSED = 0.5  # correlation below which it does not
 FACTOR_OFF = 0.1  # deviation of a factor from 1 that counts, if the factor explains most of the difference
 LEAST_MOTION = 5e-4  # [rad, m] in a window: a column that moves less shows no factor
@@ -27,7 +27,7 @@ SEEN_MOTION = 2e-3  # [rad, m] in a window: series that move less are not said t
 
 def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     """Yield a delay between the two series, exchanged columns, and columns that are off; or that they agree."""
-    found = compared(pair)
+    found = comparison_of(pair)
     if found is None:
         return
     yield from _late(pair, found)
@@ -43,7 +43,8 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     slips: dict[str, list[int]] = {}
     for column in np.flatnonzero(wrong).tolist():
         if column not in skip:
-            slips.setdefault(_slip(found, column), []).append(column)
+            slip = slip_of(float(found.factor[column]), float(found.correlation[column]))
+            slips.setdefault(slip, []).append(column)
     moving = int(np.sum(found.swings.max(axis=0) > LEAST_MOTION))
     for slip, columns in slips.items():
         certain = bool(slip) and (pair.apart or len(columns) >= max(moving, 1))
@@ -55,10 +56,10 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
             "1",
         )
     if not slips and pair.kind == "rates":
-        yield _together(pair, found)
+        yield _whole_channel(pair, found)
 
 
-def compared(pair: Agreement) -> SeriesComparison | None:
+def comparison_of(pair: Agreement) -> SeriesComparison | None:
     """Return how the two series compare; None if they are too short."""
     return (compare_rates if pair.kind == "rates" else compare)(pair.first, pair.second, pair.time)
 
@@ -76,12 +77,6 @@ def exchanged(found: SeriesComparison) -> list[tuple[int, int]]:
 
 def _limits(pair: Agreement, found: SeriesComparison) -> Array:
     return np.asarray(np.maximum(pair.floor, pair.share * found.sizes[0]))
-
-
-def _slip(found: SeriesComparison, column: int) -> str:
-    """Return the slip that explains a column, or nothing."""
-    factor, correlation = float(found.factor[column]), float(found.correlation[column])
-    return unit_slip(factor) if correlation > FOLLOWS else "its sign is wrong" if correlation < -FOLLOWS else ""
 
 
 def _late(pair: Agreement, found: SeriesComparison) -> Iterator[Finding]:
@@ -120,7 +115,7 @@ def _follows(pair: Agreement, factor: float, correlation: float) -> str:
     return f"{second} {verb} {factor:.3g} times what follows from {first}, correlation {correlation:.2f}"
 
 
-def _together(pair: Agreement, found: SeriesComparison) -> Finding:
+def _whole_channel(pair: Agreement, found: SeriesComparison) -> Finding:
     """Return what all columns together say of two series of which no column is off."""
     first, second = (float(np.linalg.norm(swing)) for swing in found.swings)
     if max(first, second) < SEEN_MOTION:

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.agreement_findings import compared
+from aerobat_pin.estimation.checks.agreement_findings import comparison_of
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Agreement, rotation_matrices
+from aerobat_pin.records import Agreement, G, rotation_matrices
 
 Reading = tuple[str, str]  # order and sense, as a map says them
 
@@ -18,10 +18,9 @@ BETTER, FITS = 0.6, 0.7  # share of the own misfit, and of the gyro, below which
 MISREAD = 0.9  # of the gyro: what a reading leaves that is certainly wrong
 ALIKE = 1.3  # of the smallest misfit: readings that gyro and attitude do not tell apart
 UPWARD = 0.5  # share of gravity, or mean cosine of the tilt
-G = 9.80665  # [m/s2]
 
 
-def turned(attitude: Array) -> Array:
+def turned_so_far(attitude: Array) -> Array:
     """Return the sum (m, 3) of the small turns, body axes [rad], by which an attitude (m, 4) goes on."""
     a, b = attitude[:-1], attitude[1:]
     vector = a[:, 3:] * b[:, :3] - b[:, 3:] * a[:, :3] - np.cross(a[:, :3], b[:, :3])
@@ -69,7 +68,7 @@ def _words(reading: Reading) -> str:
 
 def _misfit(pair: Agreement) -> float:
     """Return what the gyro's turn does not explain of an attitude's, over the gyro's turn; both over windows."""
-    found = compared(pair)
+    found = comparison_of(pair)
     if found is None:
         return 1.0
     size = float(np.linalg.norm(found.sizes[1]))

@@ -8,7 +8,7 @@ mass) follow by least squares: 1 for each effort and 0 for the mass if map and r
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,17 @@ EXPLAINED = 0.5  # share of the imbalance that the factors must explain before t
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
 SWAP = 0.5  # of the imbalance that is left if two efforts change places
 RANK = 1e-6
+HARMLESS = (  # warnings that leave the motion as it is, but for some ms
+    "held channel",
+    "interpolated channel",
+    "late channel",
+    "gap",
+    "repeated stamps",
+    "time goes back",
+    "recorder clock",
+    "duplicate file",
+    "accelerometer against gravity",
+)
 
 
 @dataclass(frozen=True)
@@ -42,14 +53,17 @@ class Balance:
     base: Array
 
 
-def effort_findings(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Iterator[Finding]:
+def effort_findings(
+    record: Record, inputs: Callable[[int, int], KnownInputs], before: Sequence[Finding]
+) -> Iterator[Finding]:
     """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them.
 
     Args:
         record: the record.
         inputs: function of first and last index of the common times: what an observer is given there.
+        before: what was found before; efforts are not compared with a motion that is misread.
     """
-    if "joints.effort" not in record.channels:
+    if "joints.effort" not in record.channels or any(one.warns and one.check not in HARMLESS for one in before):
         return
     found = _balance(record, inputs)
     if found is None:

@@ -23,7 +23,8 @@ WIDEST_GAP = 3.0  # times the mean step; over a longer one no rate is integrated
 FEWEST_POINTS = 8  # at which two series are compared, for otherwise they say nothing
 MOST_POINTS = 4000  # at which two series are compared, and a tenth of them at each shift that is tried
 SHIFT_GAIN = 1.2  # a shift counts if it makes the mean square difference smaller by this factor
-EXPLAINED = 0.25  # of the first's mean square, up to which what a shift leaves makes it certain
+EXPLAINED_BY_SHIFT = 0.25  # of the first's mean square, up to which what a shift leaves makes it certain
+FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 UNIT_FACTORS = {  # second per first -> the slip that makes it
     57.2958: "degrees are read as radians",
     1.0 / 57.2958: "degrees of the position or pose are read as radians",
@@ -75,9 +76,12 @@ class SeriesComparison:
         return np.asarray(self.swings[0] * np.sqrt(np.maximum(1.0 - self.correlation**2, 0.0)))
 
 
-def unit_slip(factor: float) -> str:
-    """Return the slip of units that explains a factor within 6 %, or nothing."""
-    return next((slip for known, slip in UNIT_FACTORS.items() if abs(factor / known - 1.0) < 0.06), "")
+def slip_of(factor: float, correlation: float) -> str:
+    """Return the slip of unit or sign that explains a least-squares factor, which noise dilutes; or nothing."""
+    if correlation < FOLLOWS:
+        return "its sign is wrong" if correlation < -FOLLOWS else ""
+    low, high = 0.94 * factor, 1.06 * factor / correlation**2
+    return next((slip for known, slip in UNIT_FACTORS.items() if low < known < high), "")
 
 
 def compare_rates(values: Array, rates: Array, time: Array) -> SeriesComparison | None:
@@ -111,7 +115,7 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
         a = centred(first[inside])
         for _ in range(SHIFT_STEPS):
             b, slope = (centred(one) for one in shifted(by, inside))
-            factor = _factors(a, b)
+            factor = _best_factors(a, b)
             power = float(np.sum((factor * slope) ** 2))
             step = -float(np.sum((a - factor * b) * factor * slope)) / power if power > 0.0 else 0.0
             by = min(max(by + step, -longest), longest)
@@ -121,11 +125,11 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
 
     def left_by(by: float, rows: NDArray[np.intp]) -> float:
         a, b = centred(first[rows]), centred(shifted(by, rows)[0])
-        return float(np.mean((a - _factors(a, b) * b) ** 2))
+        return float(np.mean((a - _best_factors(a, b) * b) ** 2))
 
     power, before = float(np.mean(centred(first[inside]) ** 2)), left_by(0.0, inside)
     by, after = best_from(0.0)
-    if after > EXPLAINED * power:
+    if after > EXPLAINED_BY_SHIFT * power:
         few = inside[::10] if len(inside) > 10 * FEWEST_POINTS else inside
         tried = np.arange(-longest, longest, TRIED_EVERY)
         other, left = best_from(float(tried[np.argmin([left_by(one, few) for one in tried])]))
@@ -133,16 +137,16 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
     fits = before > SHIFT_GAIN * after
     a, b = first[inside], shifted(by if fits else 0.0, inside)[0]
     difference, both = a - b, np.stack([centred(a), centred(b)])
-    swings = _rms(both)
+    swings = _root_mean_square(both)
     products = np.outer(*swings) * len(a)
     match = np.divide(both[0].T @ both[1], products, out=np.zeros_like(products), where=products > 0.0)
     return SeriesComparison(
         lag=-by if fits else 0.0,
-        certain=fits and after < EXPLAINED * power,
-        sizes=_rms(np.stack([a, b])),
-        left=_rms(difference),
+        certain=fits and after < EXPLAINED_BY_SHIFT * power,
+        sizes=_root_mean_square(np.stack([a, b])),
+        left=_root_mean_square(difference),
         swings=swings,
-        unlike=_rms(centred(difference)),
+        unlike=_root_mean_square(centred(difference)),
         match=match,
     )
 
@@ -152,11 +156,11 @@ def centred(series: Array) -> Array:
     return np.asarray(series - series.mean(axis=0))
 
 
-def _factors(a: Array, b: Array) -> Array:
+def _best_factors(a: Array, b: Array) -> Array:
     """Return the factors (c,) by which b (m, c) follows a best."""
     power = np.sum(b * b, axis=0)
     return np.asarray(np.divide(np.sum(a * b, axis=0), power, out=np.zeros_like(power), where=power > 0.0))
 
 
-def _rms(series: Array) -> Array:
+def _root_mean_square(series: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(series**2, axis=-2)))

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aerobat_pin.estimation.checks.agreement_findings import agreement_findings
-from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned
+from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Agreement, rotation_matrices, sampled_turns
+from aerobat_pin.records import LARGEST_DELAY, Agreement, rotation_matrices, sampled_turns
 
-LARGEST_DELAY = 0.8e-3  # [s], or half a sample; a millisecond costs an R2 of 0.1
 LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hundredth of it
 LARGEST_STEP = 0.01  # [m] in a window
 LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
@@ -91,8 +90,8 @@ def _joint_pair(motion: MeasuredMotion, angles: Array, rates: Array) -> Agreemen
         labels,
         unit,
         LARGEST_TURN,
-        motion.latest,
         "rad/s or m/s, and the order of the positions, were expected",
+        motion.latest,
         apart=True,
     )
 
@@ -108,14 +107,14 @@ def _turns_of(motion: MeasuredMotion) -> Callable[[Array], Agreement] | None:
             "gyro against attitude",
             ("attitude", "gyro"),
             motion.time,
-            turned(attitude),
+            turned_so_far(attitude),
             _turned_by(attitude, gyro, back=True) if "gyro" in motion.in_world else gyro,
             "rates",
             ("about x", "about y", "about z"),
             "rad",
             LARGEST_TURN,
-            motion.latest,
             "rad/s and body axes were expected",
+            motion.latest,
         )
 
     return pair
@@ -142,8 +141,8 @@ def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
                 ("along x", "along y", "along z"),
                 "m",
                 LARGEST_STEP,
-                motion.latest,
                 "m, m/s and the axes of the map were expected",
+                motion.latest,
             )
         )
     else:

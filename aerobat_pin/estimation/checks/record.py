@@ -15,7 +15,6 @@ from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import (
-    Agreement,
     Map,
     QuaternionSection,
     Record,
@@ -31,7 +30,13 @@ MOST_SAMPLES = 60_000  # that are compared: the longest used part, or its beginn
 def record_findings(record: Record) -> Iterator[Finding]:
     """Yield what a record shows of itself before any force is known: samples, motion, and what its robot knows."""
     yield from sample_findings(record)
-    yield from motion_findings(measured_motion(record), _agreements(record))
+    time = record.times(*checked_part(record))
+    rising = np.diff(time, prepend=-np.inf) > 0.0  # a log's own times can repeat
+
+    def measured(key: str) -> Array | None:
+        return record.at(key, time)[rising] if key in record.channels else None
+
+    yield from motion_findings(measured_motion(record, time, rising), record.robot.agreements(time[rising], measured))
 
 
 def checked_part(record: Record) -> tuple[int, int]:
@@ -40,25 +45,12 @@ def checked_part(record: Record) -> tuple[int, int]:
     return first, min(last, first + MOST_SAMPLES)
 
 
-def _rising(time: Array) -> NDArray[np.bool_]:
-    """Return which times (m,) are later than the one before; a log's own can repeat."""
-    return np.diff(time, prepend=-np.inf) > 0.0
-
-
-def _agreements(record: Record) -> Iterator[Agreement]:
-    """Yield what the record's robot knows to agree."""
-    for pair in record.robot.agreements(record.block(*checked_part(record))):
-        rows = _rising(pair.time)
-        yield replace(pair, time=pair.time[rows], first=pair.first[rows], second=pair.second[rows])
-
-
-def measured_motion(record: Record) -> MeasuredMotion:
-    """Return what was measured of a record's motion."""
-    every, chosen, channels = record.times(*checked_part(record)), record.map, record.channels
-    rows = _rising(every)
+def measured_motion(record: Record, every: Array, rows: NDArray[np.bool_]) -> MeasuredMotion:
+    """Return what was measured of a record's motion, at those of some common times that `rows` chooses."""
+    chosen, channels = record.map, record.channels
 
     def rotated(key: str, turn: Array) -> Array | None:
-        return record.at(key, every)[rows] @ turn.T if key in channels else None
+        return record.at(key, every)[rows] @ (turn @ _turn_of(record, key)).T if key in channels else None
 
     motion = MeasuredMotion(every[rows], weight=record.robot.weight, gravity=chosen.robot.gravity)
     if record.joints and "joints.velocity" in channels:
@@ -91,6 +83,14 @@ def measured_motion(record: Record) -> MeasuredMotion:
         specific_force=rotated("check.specific_force", body),
         in_world=frozenset(in_world),
     )
+
+
+def _turn_of(record: Record, key: str) -> Array:
+    """Return the rotation (3, 3) from the axes of a sensor on the body to those whose attitude is measured."""
+    if key not in ("base.rate", "check.specific_force"):
+        return np.eye(3)
+    own, seen = (record.channels[name].turn for name in (key, "base.quaternion"))
+    return np.asarray((np.eye(3) if seen is None else seen).T @ (np.eye(3) if own is None else own))
 
 
 def _readings(chosen: Map) -> list[Reading]:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.agreement_findings import CONFUSED, FOLLOWS
-from aerobat_pin.estimation.checks.compare import compare
+from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
+from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
 from aerobat_pin.estimation.checks.record import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction

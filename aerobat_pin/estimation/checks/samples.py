@@ -26,7 +26,7 @@ CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their sca
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
 MOST_COMPARED = 50
 EMPTY = "leave its cells empty where there is no sample, or interpolate"
-WORDS = {  # keys of channels -> what messages call them
+CHANNEL_WORDS = {  # keys of channels -> what messages call them
     "base.position": "position",
     "base.quaternion": "attitude",
     "base.velocity": "velocity",
@@ -90,7 +90,7 @@ def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, a
         alone: whether the channel has a clock of its own; in a table with one clock, slower channels are interpolated.
     """
     key, count = channel.key, len(channel.values)
-    changed = _changed(channel)
+    changed = _changes(channel)
     if count < 2:
         return
     rate, share = 1.0 / typical_spacing(channel.time), float(np.mean(~changed))
@@ -98,7 +98,7 @@ def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, a
     yield Finding(f"rate of {key}", "note", text, rate, "Hz")
     if key.endswith(".supply") or key.startswith("extra.known") or not changed.any():
         return  # a controller holds its commands
-    title = WORDS.get(key, key.removeprefix("extra.").replace("_", " "))
+    title = CHANNEL_WORDS.get(key, key.removeprefix("extra.").replace("_", " "))
     if _held(changed):
         changes = f"{title} change{'' if title[-1] == 's' else 's'}"
         what = f"{changes} only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second; {EMPTY}"
@@ -110,7 +110,7 @@ def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, a
             yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
 
 
-def _changed(channel: LogChannel) -> NDArray[np.bool_]:
+def _changes(channel: LogChannel) -> NDArray[np.bool_]:
     """Return whether each sample (n - 1,) differs from the one before.
 
     A force of exactly zero counts as a change: a sensor that nothing touches may show it for long.
