@@ -43,7 +43,7 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     slips: dict[str, list[int]] = {}
     for column in np.flatnonzero(wrong).tolist():
         if column not in skip:
-            slip = slip_of(float(found.factor[column]), float(found.correlation[column]))
+            slip = slip_of(*found.follows(column))
             slips.setdefault(slip, []).append(column)
     moving = int(np.sum(found.swings.max(axis=0) > LEAST_MOTION))
     for slip, columns in slips.items():
@@ -102,7 +102,7 @@ def _sentence(pair: Agreement, found: SeriesComparison, limit: Array, columns: l
         return f"{place} is {left:.2f} {pair.unit} (rms) off, {allowed:.2f} are allowed; {pair.expected}"
     if left < allowed:
         allowed = FACTOR_OFF * float(found.sizes[0, worst])
-    follows = _follows(pair, float(found.factor[worst]), float(found.correlation[worst]))
+    follows = _follows(pair, *found.follows(worst))
     return (
         f"in {COMPARED_OVER:g} s they differ by {left:.3g} {pair.unit} (rms) {place}, {allowed:.2g} are allowed; "
         f"{follows}{f': {slip}' if slip else ''}; {pair.expected}"

@@ -14,9 +14,10 @@ from aerobat_pin.records import Agreement, G, rotation_matrices
 
 Reading = tuple[str, str]  # order and sense, as a map says them
 
-BETTER, FITS = 0.6, 0.7  # share of the own misfit, and of the gyro, below which another reading fits
-MISREAD = 0.9  # of the gyro: what a reading leaves that is certainly wrong
-ALIKE = 1.3  # of the smallest misfit: readings that gyro and attitude do not tell apart
+BETTER, FITS = 0.6, 0.7  # share of the own misfit, and of the motion, below which another reading fits
+MISREAD = 0.9  # of the motion: what a reading leaves that is certainly wrong
+WORSE, WORSE_FROM = 1.5, 0.1  # of the own share of gyro or velocity: a reading that spoils one does not fit
+ALIKE = 1.3  # of the smallest misfit: readings that the motion does not tell apart
 UPWARD = 0.5  # share of gravity, or mean cosine of the tilt
 
 
@@ -31,32 +32,34 @@ def turned_so_far(attitude: Array) -> Array:
 
 
 def reading_findings(
-    attitudes: Mapping[Reading, Array], with_gyro: Callable[[Array], Agreement] | None, specific_force: Array | None
+    attitudes: Mapping[Reading, Array], pairs: Callable[[Array], list[Agreement]], specific_force: Array | None
 ) -> Iterator[Finding]:
-    """Yield that another reading of the quaternion fits gyro or gravity better than the map's, which is the first.
+    """Yield that another reading of the quaternion fits motion or gravity better than the map's, which is the first.
 
     Args:
         attitudes: reading -> (m, 4) body to world.
-        with_gyro: function of an attitude: its agreement with the gyro.
+        pairs: function of an attitude: what must agree with it, gyro and velocity, as far as they are measured.
         specific_force: (m, 3) of an accelerometer, body axes; without it, the body is taken to fly upright.
     """
     own, *others = attitudes
-    misfit = {reading: _misfit(with_gyro(turns)) if with_gyro else 0.0 for reading, turns in attitudes.items()}
+    shares = {reading: _shares(pairs(turns)) for reading, turns in attitudes.items()}
+    misfit = {reading: float(np.linalg.norm(each)) / max(len(each), 1) ** 0.5 for reading, each in shares.items()}
+    moving, worst = len(shares[own]) > 0, np.maximum(WORSE * shares[own], WORSE_FROM)
     upward = {reading: _upward(turns, specific_force) for reading, turns in attitudes.items()}
-    text = f"read as {_words(own)}, it leaves {misfit[own]:.2g} of the gyro's turn and points up by {upward[own]:.2f}"
+    text = f"read as {_words(own)}, it leaves {misfit[own]:.2g} of the motion and points up by {upward[own]:.2f}"
     least = min(misfit.values())
-    alike = [reading for reading in others if misfit[reading] <= ALIKE * least]
+    alike = [name for name in others if misfit[name] <= ALIKE * least and np.all(shares[name] <= worst)]
     best = max(alike, key=lambda reading: upward[reading], default=own)
-    certain = misfit[own] > MISREAD if with_gyro else specific_force is not None and upward[own] < 0.0
-    gyro_says = misfit[best] < min(BETTER * misfit[own], FITS)
+    certain = misfit[own] > MISREAD if moving else specific_force is not None and upward[own] < 0.0
+    motion_says = misfit[best] < min(BETTER * misfit[own], FITS)
     low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
-    if gyro_says or (upward[own] < low and upward[best] > upward[own] + gain):
+    if motion_says or (upward[own] < low and upward[best] > upward[own] + gain):
         what = (
             f"{text}, as {_words(best)} {misfit[best]:.2g} and {upward[best]:.2f}: the columns seem to be "
             f'{_words(best)} (order = "{best[0]}", sense = "{best[1]}")'
         )
         yield Finding("quaternion order", "refused" if certain else "warning", what, misfit[own], "1")
-    elif with_gyro is None and specific_force is None:
+    elif not moving and specific_force is None:
         yield Finding("quaternion order", "note", "it is not checked: neither gyro nor accelerometer", None, "1")
     else:
         yield Finding("quaternion order", "good" if misfit[own] < FITS else "note", text, misfit[own], "1")
@@ -66,13 +69,10 @@ def _words(reading: Reading) -> str:
     return f"{', '.join(reading[0])}, {reading[1].replace('_', ' ')}"
 
 
-def _misfit(pair: Agreement) -> float:
-    """Return what the gyro's turn does not explain of an attitude's, over the gyro's turn; both over windows."""
-    found = comparison_of(pair)
-    if found is None:
-        return 1.0
-    size = float(np.linalg.norm(found.sizes[1]))
-    return float(np.linalg.norm(found.left)) / size if size > 0.0 else 1.0
+def _shares(pairs: list[Agreement]) -> Array:
+    """Return what an attitude leaves of gyro and velocity (k,), over windows and over their own size."""
+    found = [one for one in map(comparison_of, pairs) if one is not None]
+    return np.array([np.linalg.norm(one.left) / max(float(np.linalg.norm(one.sizes[1])), 1e-12) for one in found])
 
 
 def _upward(attitude: Array, specific_force: Array | None) -> float:

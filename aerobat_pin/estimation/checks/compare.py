@@ -48,6 +48,7 @@ class SeriesComparison:
         swings: (2, c) rms of both series about their means.
         unlike: (c,) rms about its mean of their difference.
         match: (c, c) correlation of each column of the first with each of the second, about their means.
+        along: (c,) correlation of each column with its own, not about their means: that of steady motion.
     """
 
     lag: float
@@ -57,6 +58,7 @@ class SeriesComparison:
     swings: Array
     unlike: Array
     match: Array
+    along: Array
 
     @property
     def correlation(self) -> Array:
@@ -67,8 +69,14 @@ class SeriesComparison:
     def factor(self) -> Array:
         """(c,) second per first, least squares about their means."""
         first, second = self.swings
-        ratio = np.divide(second, first, out=np.zeros_like(first), where=first > 0.0)
-        return np.asarray(self.correlation * ratio)
+        return np.asarray(self.correlation * _divided(second, first))
+
+    def follows(self, column: int) -> tuple[float, float]:
+        """Return factor and correlation of a column: about the means, unless steady motion says more."""
+        along, about = float(self.along[column]), float(self.correlation[column])
+        if abs(along) <= abs(about):
+            return float(self.factor[column]), about
+        return along * float(self.sizes[1, column] / self.sizes[0, column]), along
 
     @property
     def scaled(self) -> Array:
@@ -139,7 +147,7 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
     difference, both = a - b, np.stack([centred(a), centred(b)])
     swings = _root_mean_square(both)
     products = np.outer(*swings) * len(a)
-    match = np.divide(both[0].T @ both[1], products, out=np.zeros_like(products), where=products > 0.0)
+    match = _divided(both[0].T @ both[1], products)
     return SeriesComparison(
         lag=-by if fits else 0.0,
         certain=fits and after < EXPLAINED_BY_SHIFT * power,
@@ -148,6 +156,7 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
         swings=swings,
         unlike=_root_mean_square(centred(difference)),
         match=match,
+        along=_divided(np.mean(a * b, axis=0), np.prod(_root_mean_square(np.stack([a, b])), axis=0)),
     )
 
 
@@ -158,8 +167,12 @@ def centred(series: Array) -> Array:
 
 def _best_factors(a: Array, b: Array) -> Array:
     """Return the factors (c,) by which b (m, c) follows a best."""
-    power = np.sum(b * b, axis=0)
-    return np.asarray(np.divide(np.sum(a * b, axis=0), power, out=np.zeros_like(power), where=power > 0.0))
+    return _divided(np.sum(a * b, axis=0), np.sum(b * b, axis=0))
+
+
+def _divided(a: Array, b: Array) -> Array:
+    """Return a / b, and 0 where b is 0."""
+    return np.asarray(np.divide(a, b, out=np.zeros_like(a), where=b > 0.0))
 
 
 def _root_mean_square(series: Array) -> Array:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -68,12 +69,10 @@ def motion_findings(motion: MeasuredMotion, others: Iterable[Agreement] = ()) ->
     if motion.angles is not None and motion.rates is not None:
         yield from agreement_findings(_joint_pair(motion, motion.angles, motion.rates))
     if motion.attitudes:
-        misread = list(reading_findings(motion.attitudes, _turns_of(motion), motion.specific_force))
+        misread = list(reading_findings(motion.attitudes, partial(_of_attitude, motion), motion.specific_force))
         yield from misread
-        if all(one.verdict in ("good", "note") for one in misread):
+        if not any(one.warns for one in misread):
             yield from _base_findings(motion)
-    elif motion.position is not None and motion.velocity is None:
-        yield from _accelerations(motion)
 
 
 def _joint_pair(motion: MeasuredMotion, angles: Array, rates: Array) -> Agreement:
@@ -96,58 +95,60 @@ def _joint_pair(motion: MeasuredMotion, angles: Array, rates: Array) -> Agreemen
     )
 
 
-def _turns_of(motion: MeasuredMotion) -> Callable[[Array], Agreement] | None:
-    """Return the function that pairs an attitude (m, 4) with the gyro; None without a gyro."""
-    gyro = motion.gyro
-    if gyro is None:
-        return None
+def _of_attitude(motion: MeasuredMotion, attitude: Array) -> list[Agreement]:
+    """Return what must agree with an attitude (m, 4): the gyro, and a velocity in body axes."""
+    found = [_turns(motion, attitude, motion.gyro)] if motion.gyro is not None else []
+    if motion.velocity is not None and "velocity" not in motion.in_world:
+        found.append(_steps(motion, attitude, motion.velocity))
+    return found
 
-    def pair(attitude: Array) -> Agreement:
-        return Agreement(
-            "gyro against attitude",
-            ("attitude", "gyro"),
-            motion.time,
-            turned_so_far(attitude),
-            _turned_by(attitude, gyro, back=True) if "gyro" in motion.in_world else gyro,
-            "rates",
-            ("about x", "about y", "about z"),
-            "rad",
-            LARGEST_TURN,
-            "rad/s and body axes were expected",
-            motion.latest,
-        )
 
-    return pair
+def _turns(motion: MeasuredMotion, attitude: Array, gyro: Array) -> Agreement:
+    return Agreement(
+        "gyro against attitude",
+        ("attitude", "gyro"),
+        motion.time,
+        turned_so_far(attitude),
+        _turned_by(attitude, gyro, back=True) if "gyro" in motion.in_world else gyro,
+        "rates",
+        ("about x", "about y", "about z"),
+        "rad",
+        LARGEST_TURN,
+        "rad/s and body axes were expected",
+        motion.latest,
+    )
+
+
+def _steps(motion: MeasuredMotion, attitude: Array, velocity: Array) -> Agreement:
+    assert motion.position is not None
+    return Agreement(
+        "position against velocity",
+        ("position", "velocity"),
+        motion.time,
+        motion.position,
+        velocity if "velocity" in motion.in_world else _turned_by(attitude, velocity),
+        "rates",
+        ("along x", "along y", "along z"),
+        "m",
+        LARGEST_STEP,
+        "m, m/s and the axes of the map were expected",
+        motion.latest,
+    )
 
 
 def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
     """Yield what gyro, velocity and accelerometer say about the pose, as the map reads it."""
-    attitude, pair = next(iter(motion.attitudes.values())), _turns_of(motion)
-    if pair is not None:
-        findings = list(agreement_findings(pair(attitude)))
+    attitude = next(iter(motion.attitudes.values()))
+    if motion.gyro is not None:
+        findings = list(agreement_findings(_turns(motion, attitude, motion.gyro)))
         yield from findings
         early = sum(one.value or 0.0 for one in findings if one.check == "late channel")
         attitude = _earlier(attitude, max(-early, 0.0), motion.time)  # a channel is never early
-    assert motion.position is not None
     if motion.velocity is not None:
-        yield from agreement_findings(
-            Agreement(
-                "position against velocity",
-                ("position", "velocity"),
-                motion.time,
-                motion.position,
-                motion.velocity if "velocity" in motion.in_world else _turned_by(attitude, motion.velocity),
-                "rates",
-                ("along x", "along y", "along z"),
-                "m",
-                LARGEST_STEP,
-                "m, m/s and the axes of the map were expected",
-                motion.latest,
-            )
-        )
-    else:
-        yield from _accelerations(motion)
-    if motion.specific_force is not None:
+        yield from agreement_findings(_steps(motion, attitude, motion.velocity))
+    elif motion.position is not None:
+        yield from _accelerations(motion.position, motion.time)
+    if motion.specific_force is not None and motion.position is not None:
         yield from accelerometer_findings(
             motion.specific_force, attitude, motion.position, motion.time, motion.gravity, motion.weight
         )
@@ -163,10 +164,8 @@ def _earlier(attitude: Array, delay: float, time: Array) -> Array:
     return attitude if delay == 0.0 else sampled_turns(time, attitude, time + delay)
 
 
-def _accelerations(motion: MeasuredMotion) -> Iterator[Finding]:
+def _accelerations(position: Array, time: Array) -> Iterator[Finding]:
     """Yield that the base seems to move as nothing does; for motions without a velocity."""
-    position, time = motion.position, motion.time
-    assert position is not None
     step = float(time[-1] - time[0]) / (len(time) - 1)
     n = min(max(1, round(0.5 * COMPARED_OVER / step)), len(time) // 3)
     steps = (position[n:] - position[:-n]) / (time[n:] - time[:-n])[:, None]
