@@ -38,7 +38,6 @@ from aerobat_pin.records import (
     LogChannel,
     Parameter,
     PlainRobot,
-    Record,
     SmoothedMotion,
 )
 from aerobat_pin.robot import JOINTS, Aerobat
@@ -108,20 +107,22 @@ class AerobatRobot(PlainRobot):
         """Return phase and state of a completed block. Raises CalibrationError if the crank hardly turns."""
         return crank_condition(Motion.of(block), self.aerobat, self.kind)
 
-    def learn_extras(self, records: Sequence[Record]) -> Extras | None:
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
         """Return where the accelerometer sits, from raw samples; None where records have configurations and velocities.
 
         Raises:
             CalibrationError: only some of the records have raw samples, or one has no accelerometer.
         """
-        raw = [f"{EXTRA}encoder" in record.channels for record in records]
+        raw = [f"{EXTRA}encoder" in channels for _, channels in free]
         if not any(raw):
             return None
         if not all(raw):
             raise CalibrationError("calibrate: raw samples and logs of q and v: calibrate from one kind at a time")
         from aerobat_pin.aerobat.raw.learn_mount import learn_mount  # compiles kernels that other records do not need
 
-        return learn_mount(records, self.aerobat, self.air, self.kind, self.raw)
+        return learn_mount(free, points, self.aerobat, self.air, self.kind, self.raw)
 
     def with_extras(self, values: Mapping[str, Array]) -> AerobatRobot:
         """Return the robot with its accelerometer where it was found. Raises CalibrationError if that cannot be."""

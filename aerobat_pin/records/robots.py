@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -25,9 +25,6 @@ from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.learnable import Condition, Extras, Parameter
 from aerobat_pin.records.map_tables import RobotTable
-
-if TYPE_CHECKING:
-    from aerobat_pin.records.record import Record
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
@@ -68,8 +65,15 @@ class PlainRobot:
         """
         return None
 
-    def learn_extras(self, records: Sequence[Record]) -> Extras | None:
-        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt."""
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
+        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt.
+
+        Args:
+            free: common times [s] and channels of each record.
+            points: frames at which forces would be sought.
+        """
         return None
 
     def with_extras(self, values: Mapping[str, Array]) -> PlainRobot:

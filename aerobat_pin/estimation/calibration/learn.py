@@ -73,7 +73,8 @@ def calibrate(
     if not records:
         raise CalibrationError("calibrate: records = []: one without unknown forces was expected, or several")
     belief = _common_belief(records)
-    extras = records[0].robot.learn_extras(records)
+    free = [(one.times(*one.parts[0]), one.channels) for one in records]
+    extras = records[0].robot.learn_extras(free, records[0].map.robot.points)
     if extras is not None:
         return _of_extras(records, belief, extras, parameters)
     mass = _check_names(records, belief, harmonics, parameters)
@@ -123,7 +124,7 @@ def calibrate(
         remainder=_remainder(runs),
         warnings=(*doubtful, *warnings),
         notes=(
-            *(_title(one.record) for one in forces),
+            *(_what_is_learnt_from(one.record) for one in forces),
             *(line for one in records for line in one.notes),
             *fit_notes(records[0], values),
             *notes,
@@ -209,7 +210,7 @@ def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:
     return found
 
 
-def _title(record: Record) -> str:
+def _what_is_learnt_from(record: Record) -> str:
     return f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {record.title}"
 
 
