@@ -27,7 +27,6 @@ from .known_inputs import KnownInputs as KnownInputs
 from .known_inputs import known_inputs as known_inputs
 from .motion import motion as motion
 from .truth import SUM as SUM
-from .truth import TrueEvent as TrueEvent
 from .truth import true_events as true_events
 from .truth import true_force as true_force
 from .truth import truth_of as truth_of

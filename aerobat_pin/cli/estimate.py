@@ -12,7 +12,6 @@ from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, 
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
 
 if TYPE_CHECKING:
-    from aerobat_pin.experiments import Scores
     from aerobat_pin.scenario import Scenario
 
 
@@ -100,7 +99,8 @@ def estimate_command(
 
         write_figures_and_pages(estimated, folder, show)
         files = files_in(folder)
-    _print_inputs(estimated.scores)
+    for name, source in estimated.scores.inputs.items():
+        typer.echo(f"{name:<14} {source}")
     typer.echo(f"\n{estimated.scores}")
     print_files(target, files)
 
@@ -116,13 +116,3 @@ def _passes_self_check(belief: Scenario) -> bool:
     passed = all(check.ok for check in checks)
     typer.echo("self-check: sign, frame and unit are right" if passed else "self-check: FAILED")
     return passed
-
-
-def _print_inputs(scores: Scores) -> None:
-    """Print the source of each input of the observers, and size and deviation of each estimated component."""
-    for name, source in scores.inputs.items():
-        typer.echo(f"{name:<14} {source}")
-    for name, found in scores.observers.items():
-        for component in found.components:
-            size = f"rms {1e3 * component.rms:9.2f} m{component.unit}"
-            typer.echo(f"{name:<14} {component.name:<24} {size}, deviation {component.certainty}")

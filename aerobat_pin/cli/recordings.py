@@ -11,7 +11,6 @@ import typer
 from aerobat_pin.cli.console import files_in, print_files, progress_bar
 
 if TYPE_CHECKING:
-    from aerobat_pin.estimation import RecordingEstimate
     from aerobat_pin.records import Map
 
 
@@ -57,17 +56,17 @@ def estimate_by_map(
     if mcap is not None:
         check_file(mcap, force=force)
     learnt = None if calibration is None else read_map_calibration(calibration)
-    with output_folder(target, force=force, replaces=experiments.RECORDED_RESULTS) as work, progress_bar() as show:
+    with output_folder(target, force=force, replaces=experiments.RESULTS) as work, progress_bar() as show:
         report = None if show is None else lambda share: show("estimating", share)
         found = estimate_recording(log, chosen, folder, report, trust, learnt)
-        experiments.write_recorded(found, work)
-        from aerobat_pin.visualization import write_recording_pages
+        experiments.write(found, work)
+        from aerobat_pin.visualization import write_figures_and_pages
 
-        write_recording_pages(found, work)
+        write_figures_and_pages(found, work)
         if mcap is not None:
             write_mcap(found, mcap)
         files = files_in(work)
-    print_recording(found)
+    typer.echo(str(found))
     print_files(target, files)
     if mcap is not None:
         typer.echo(f"  {mcap}")
@@ -86,30 +85,3 @@ def calibrate_by_map(logs: list[Path], map_file: Path, identify: list[str], out:
         typer.echo(line)
     write_files({out: map_calibration_bytes(found)})
     typer.echo(f"written to {out}")
-
-
-def print_recording(found: RecordingEstimate) -> None:
-    """Print robot, notes, findings, fits, forces and scores."""
-    record = found.record
-    parts = "one part" if len(record.parts) == 1 else f"{len(record.parts)} parts"
-    typer.echo(
-        f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s in {parts} at {record.rate:.4g} Hz"
-    )
-    for note in found.notes:
-        typer.echo(f"note: {note}")
-    for finding in found.findings:
-        mark = {"good": "ok", "note": "  ", "warning": "!!", "refused": "!!"}[finding.verdict]
-        typer.echo(f"{mark} {finding}")
-    for fit in found.forces.fits:
-        typer.echo(f"fit: {fit}")
-    for estimate in found.stored.values():
-        typer.echo(str(estimate))
-    for name, side in found.compared.items():
-        for label, score in side.scores(record.dt).items():
-            r2 = "no signal" if score.r2 is None else f"R2 {score.r2:.3f}"
-            outside = "" if score.r2_outside_fit is None else f" ({score.r2_outside_fit:.3f} outside the fit)"
-            typer.echo(
-                f"{name} against the sensor, {side.point}.{label}: {r2}{outside}, difference {score.rmse:.3g} rms"
-            )
-    for text in found.warnings:
-        typer.echo(f"warning: {text}", err=True)

@@ -18,12 +18,13 @@ from aerobat_pin.estimation.checks.balance import effort_findings
 from aerobat_pin.estimation.checks.kinematics import motion_findings
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.estimation.checks.stamps import stamp_findings
+from aerobat_pin.estimation.compared import compared
 from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import observers_of, rms_in, run_observers
-from aerobat_pin.estimation.sensor_scores import compared
+from aerobat_pin.estimation.sensor_reference import sensor_references
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import KnownSection, Map, Record, RecordedRobot, factor_of, open_record
@@ -246,12 +247,15 @@ def _error_bar(
             continue
         estimate = next(iter(run_observers(known.record, known, observers_of(known.record)[0][:1]).values()))
         if friction is not None and friction.to is not None:
-            side = compared(record, estimate)
-            assert side is not None  # the fit had the sensor
+            [reference] = sensor_references(record)  # the fit had it
+            side = compared(estimate, reference, record.dt)
+            assert side is not None
             sizes.append(
                 {
-                    f"{side.point}.{label}": score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit
-                    for label, score in side.scores(record.dt).items()
+                    f"{reference.frame}.{label}": score.rmse
+                    if score.rmse_outside_fit is None
+                    else score.rmse_outside_fit
+                    for label, score in side.scores().items()
                 }
             )
         else:

@@ -26,6 +26,8 @@ from .record import Record as Record
 from .record import as_attitude as as_attitude
 from .record import body_turn as body_turn
 from .record import world_turn as world_turn
+from .reference import Reference as Reference
+from .reference import TrueEvent as TrueEvent
 from .resample import holes as holes
 from .resample import line_means as line_means
 from .resample import rotation_matrices as rotation_matrices
@@ -40,6 +42,7 @@ from .robots import recorded_robot as recorded_robot
 from .spool import EXTENT as EXTENT
 from .spool import Series as Series
 from .spool import Spool as Spool
+from .spool import series_of as series_of
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
 from .write_netcdf import netcdf_bytes as netcdf_bytes

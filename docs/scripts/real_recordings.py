@@ -22,13 +22,13 @@ from support.pages import ROOT
 sys.path.insert(0, str(ROOT / "examples" / "recordings"))
 import hopper
 import tiago
+from aerobat_pin.visualization.figures.recording import draw_recording
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import MapCalibration, RecordingEstimate, calibrate_recording, estimate_recording
 from aerobat_pin.records import load_map, parse_map
 from aerobat_pin.visualization import save_figure
-from aerobat_pin.visualization.figures.recording import draw_recording
 
 PAGE, FIGURES, MAPS = (
     ROOT / "docs" / "real_recordings.md",

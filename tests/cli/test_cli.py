@@ -14,7 +14,8 @@ from support.commands import call, interrupted
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.cli import app as cli
-from aerobat_pin.experiments.experiment import run, write_metrics
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.write_results import write_metrics
 from aerobat_pin.scenario.scenario import load_scenario
 
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from aerobat_pin.visualization.run_pages import report_html
 from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
@@ -15,12 +16,11 @@ from aerobat_pin.aerobat.contradictions.log_channels import contradictions
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.control import Controller
+from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
-from aerobat_pin.experiments.experiment import write as write_results
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import believed_robot, load_robot
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
-from aerobat_pin.visualization.run_pages import report_html
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from aerobat_pin.visualization.run_pages import draw_all, report_html, write_figures_and_pages
 from matplotlib.image import imread
 from support.browser import needs_browser, opened
 
 from aerobat_pin.estimation.scores import true_force
-from aerobat_pin.experiments.experiment import Experiment, run, write
+from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.paper import draw_states
-from aerobat_pin.visualization.run_pages import draw_all, report_html, write_figures_and_pages
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:

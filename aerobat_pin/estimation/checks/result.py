@@ -9,10 +9,11 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.estimation.checks.kinematics import CONFUSED, FOLLOWS, MOST_SAMPLES, checked_times
+from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import LogFinding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
+from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
-from aerobat_pin.estimation.sensor_scores import Compared
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
@@ -24,15 +25,16 @@ STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may sta
 MANY = 20_000  # intervals of which the power is taken
 
 
-def result_findings(
-    record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
-) -> Iterator[LogFinding]:
+def result_findings(result: Result) -> Iterator[LogFinding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
+    record, forces, estimates = result.record, result.forces, result.stored
+    assert record is not None
+    assert forces is not None
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
-    for side in list(sides.values())[:1]:
-        yield from _sensor_findings(record, side)
     estimate = next(iter(estimates.values()))
+    for side in next(iter(result.compared.values())):
+        yield from _sensor_findings(record, side)
     sums, count = np.zeros(len(estimate.head.units)), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
@@ -71,7 +73,7 @@ def _sensor_findings(record: Record, side: Compared) -> Iterator[LogFinding]:
     found = compare(one[:, [k]], other[:, [k]], record.dt)
     if found is None:
         return
-    name = f"{side.point}.{side.labels[k]}"
+    name = f"{side.reference.frame}.{side.reference.labels[k]}"
     text = f"the sensor's {name} is {found.factor:.3g} times the estimate, correlation {found.correlation:.2f}"
     if found.correlation < -FOLLOWS:
         yield LogFinding("sensor against estimate", "warning", f"{text}: check.wrench.sign", found.factor, "1")

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from aerobat_pin.estimation import AxisScore
+from aerobat_pin.estimation import TRUTH_SCORES, Score
 from aerobat_pin.experiments import FlightSummary
 
-SCORES = {item.name: (item.metadata["unit"], item.metadata["meaning"]) for item in fields(AxisScore)}
+METADATA = {item.name: item.metadata for item in fields(Score)}
+SCORES = {name: (METADATA[name]["unit"], METADATA[name]["meaning"]) for name in TRUTH_SCORES}
 JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}
 CONTROL_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
 COURSE_UNITS = {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}

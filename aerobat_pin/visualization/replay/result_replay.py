@@ -1,0 +1,68 @@
+"""Replay a result: a flight of Aerobat, or any robot of a record, with estimated and actual forces as arrows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation import Result
+from aerobat_pin.experiments import Experiment, estimate_dataset
+from aerobat_pin.records import Record
+from aerobat_pin.visualization import style
+from aerobat_pin.visualization.replay.any_robot import load_any_robot
+from aerobat_pin.visualization.replay.flight_replay import replay_flight
+from aerobat_pin.visualization.replay.recording import Recording
+from aerobat_pin.visualization.replay.sticks import sticks
+
+LONGEST_REPLAY = 60.0  # [s] of the longest part
+REPLAY_RATE = 240.0  # [Hz] of the samples that a replay is made from
+
+
+def replay_result(made: Experiment | Result) -> Recording:
+    """Return the replay of a flight, or of the longest used part of a record, at most its first minute."""
+    if isinstance(made, Experiment):
+        estimates = estimate_dataset(made.estimates)
+        flight = replay_flight(made.robot, made.drawn, made.scenario.air, estimates, made.note)
+        flight.subtitle = made.scores.changes
+        return flight
+    record = made.record
+    if record is None:
+        raise LogError(f"replay of {made.name}: a record was expected")
+    first, last = max(record.parts, key=lambda part: part[1] - part[0])
+    last = min(last, first + round(LONGEST_REPLAY * record.rate))
+    block, every = record.block(first, last), max(1, round(record.rate / REPLAY_RATE))
+    rows = np.arange(0, len(block.time), every)
+    model, visual = _visible(made, record)
+    recording = Recording(model, visual, block.time[rows] - record.start, block.q[rows], title=made.name)
+    low = next(iter(made.stored.values())).index(block.time[0])
+    at = np.minimum(rows, last - first - 1)
+    for name, stored in made.stored.items():
+        estimate = stored.between(low, low + last - first)
+        labels, forces = estimate.identifiability.components, {}
+        for frame in estimate.frames:
+            columns = [labels.index(f"{frame}.{axis}") for axis in ("Fx", "Fy", "Fz") if f"{frame}.{axis}" in labels]
+            if len(columns) == 3:
+                forces[frame] = estimate.components[at][:, columns]
+        if forces:
+            recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
+    for one in made.references:
+        if one.labels[:3] == ("Fx", "Fy", "Fz"):
+            values = one.values[low : low + last - first][at, :3]
+            recording.add_forces("force sensor", style.TRUTH, {one.frame: values}, inner=True)
+    return recording
+
+
+def _visible(result: Result, record: Record) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return the model with its own shapes if its file names any that can be read, else with sticks."""
+    path = record.map.robot.urdf
+    if path is not None:
+        try:
+            model, visual = load_any_robot(result.folder / path, int(record.robot.model.nq), Path(result.name))
+            if visual.ngeoms > 0:
+                return model, visual
+        except LogError:
+            pass
+    return record.robot.model, sticks(record.robot.model)
