@@ -52,7 +52,7 @@ COST = """## What it costs, and what it does not see
 
 * With given walks, 2 s of flight take {given:.1f} s of CPU. Records beyond 5 s are smoothed in overlapping parts: 10 s
   need {short:.0f} MB beyond the log, 60 s need {long:.0f} MB.
-* The filter for streams (`aerobat_pin.estimation.raw.JointFilter`) takes a set of samples at a time. A quarter of its
+* The filter for streams (`aerobat_pin.aerobat.raw.JointFilter`) takes a set of samples at a time. A quarter of its
   time flies the air seven times, for its derivative by the twist.
 * Poses may come to that filter up to 50 ms late: it carries them along its own motion since their stamp. Other sensors'
   samples must come before the next update.

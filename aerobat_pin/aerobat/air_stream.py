@@ -46,7 +46,7 @@ class AirStream:
         """Start at a sample, with wings that have flapped at this rate before and a body that has not moved."""
         wind = self._wind.field(np.array([time]))
         crank = np.array([[crank_angle], [crank_rate], [0.0]])
-        begin = Motion(np.array([time]), q[None], v[None], crank, wind, {})
+        begin = Motion(np.array([time]), q[None], v[None], crank, wind)
         along, fields = self._along, self._in_air.fields
         fields.start[:] = fields.state[:] = along.start(begin)
         stream = self._stream

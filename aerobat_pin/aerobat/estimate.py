@@ -14,9 +14,10 @@ from typing import Any
 from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
 from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import ROWS_OF_TORQUE, KnownInputs, known_inputs, noted_air
-from aerobat_pin.aerobat.motion import motion
+from aerobat_pin.aerobat.flight_record import known_inputs, motion, noted_air
+from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
 from aerobat_pin.errors import CalibrationError, ScenarioError
+from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.robot import Aerobat, load_morphology

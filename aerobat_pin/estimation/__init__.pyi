@@ -5,9 +5,13 @@ from .calibration_parts import parts_bytes as parts_bytes
 from .calibration_parts import read_parts as read_parts
 from .compared import Compared as Compared
 from .compared import compared as compared
+from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
 from .findings import FindingVerdict as FindingVerdict
 from .findings import LogFinding as LogFinding
+from .inputs import KnownInputs as KnownInputs
+from .inputs import inputs_of as inputs_of
+from .known_forces import KnownForces as KnownForces
 from .map_calibration import MapCalibration as MapCalibration
 from .map_calibration import calibrate_recording as calibrate_recording
 from .map_calibration_file import map_calibration_bytes as map_calibration_bytes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,12 +17,69 @@ from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import observers_of, run_observers
 from aerobat_pin.estimation.sensor_reference import sensor_references
 from aerobat_pin.numerics import guarded
-from aerobat_pin.records import Map, open_record
+from aerobat_pin.observers import Observer
+from aerobat_pin.records import Map, Record, open_record
 
 ShareDone = Callable[[float], None]
 
 
 @guarded()
+def estimate(
+    record: Record,
+    observers: Sequence[str | Observer] = (),
+    calibration: MapCalibration | None = None,
+    *,
+    trust: bool = False,
+    progress: ShareDone | None = None,
+) -> Result:
+    """Estimate the unknown forces of a record.
+
+    Args:
+        record: the record, of whatever source.
+        observers: names of observers, or observers; those that its map names when empty.
+        calibration: what other records showed; its values are used in place of the map's fits.
+        trust: estimate also what the checks would refuse; the findings stay.
+        progress: called with the share that is done.
+
+    Raises:
+        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
+        LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
+        ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
+    """
+    name = record.title if record.log is None else str(record.log.path)
+    if calibration is not None:
+        record = calibration.applied(record)
+    given = [one for one in observers if isinstance(one, Observer)]
+    made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
+    findings = [*stamp_findings(record), *motion_findings(record)]
+    if not trust:
+        refuse_if_certain(name, findings)
+    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    findings += effort_findings(record, forces)
+    references = sensor_references(record)
+    robot, parts = record.robot, "one part" if len(record.parts) == 1 else f"{len(record.parts)} parts"
+    used = f"{record.duration:.4g} s in {parts} at {record.rate:.4g} Hz"
+    result = Result(
+        name=record.title,
+        title=f"{record.title}: {robot.title}, {robot.mass:.4g} kg; {used}",
+        robot=robot.title,
+        mass=robot.mass,
+        dt=record.dt,
+        stored=run_observers(record, forces, given or made, progress),
+        references=references,
+        notes=(*record.notes, *notes),
+        inputs={key: "measured" for key in record.channels if not key.startswith("check.")},
+        record=record,
+        forces=forces,
+    )
+    findings += result_findings(result)
+    if calibration is not None:
+        findings.append(calibration.finding())
+    if not trust:
+        refuse_if_certain(name, findings)
+    return replace(result, findings=tuple(findings))
+
+
 def estimate_recording(
     log: Path,
     chosen: Map,
@@ -31,51 +88,5 @@ def estimate_recording(
     trust: bool = False,
     calibration: MapCalibration | None = None,
 ) -> Result:
-    """Estimate the unknown forces of a recording.
-
-    Args:
-        log: a table, a NetCDF file, an MCAP file, or the folder of a bag.
-        chosen: the map.
-        folder: where relative paths of the map begin.
-        progress: called with the share of the record that is estimated.
-        trust: estimate also what the checks would refuse; the findings stay.
-        calibration: what another recording showed; its values are used in place of the map's fits.
-
-    Raises:
-        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
-        LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
-        ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
-    """
-    record, columns = open_record(log, chosen, folder)
-    if calibration is not None:
-        record = calibration.applied(record)
-    observers, notes = observers_of(record)
-    findings = [*stamp_findings(record, columns), *motion_findings(record)]
-    del columns
-    if not trust:
-        refuse_if_certain(str(log), findings)
-    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, forces)
-    references = sensor_references(record)
-    stored = run_observers(record, forces, observers, progress)
-    result = Result(
-        name=log.name,
-        title=f"{log.name}: {record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s in "
-        f"{'one part' if len(record.parts) == 1 else f'{len(record.parts)} parts'} at {record.rate:.4g} Hz",
-        robot=record.robot.title,
-        mass=record.robot.mass,
-        dt=record.dt,
-        stored=stored,
-        references=references,
-        notes=(*record.notes, *notes),
-        inputs={key: "measured" for key in record.channels if not key.startswith("check.")},
-        record=record,
-        forces=forces,
-        folder=folder,
-    )
-    findings += result_findings(result)
-    if calibration is not None:
-        findings.append(calibration.finding())
-    if not trust:
-        refuse_if_certain(str(log), findings)
-    return replace(result, findings=tuple(findings))
+    """Open a recording by its map, and estimate."""
+    return estimate(open_record(log, chosen, folder), (), calibration, trust=trust, progress=progress)

@@ -60,7 +60,7 @@ def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
     assert section is not None
     if "joints.effort" not in record.channels:
         raise MapError("map: joints.friction needs joints.effort")
-    ignored, _ = believed_rows(record)
+    ignored = believed_rows(record)
     joints = tuple(joint for joint in record.driven if joint not in ignored)
     if section.fit is None:
         raise MapError(
@@ -113,7 +113,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     fitted = [name for name, known in record.map.known.items() if known.fit is not None]
     if fitted:
         raise MapError(f"calibrate: known.{fitted[0]}.fit takes the mass as given: its coefficients were expected")
-    ignored, _ = believed_rows(record)
+    ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(robot.model) if ignored else list(range(robot.model.nv))
     joint_rows = {robot.v_index(joint) for joint in record.joints}
     inside, rest = _fitted_samples(record, forces, rows, stretch)

@@ -99,7 +99,8 @@ class KnownForces:
 
     def known(self, block: Block) -> dict[str, Array]:
         """Return the known generalised forces of a block: name -> (m, nv), interval means."""
-        forces = {name: self._force(name, section, block) for name, section in self.record.map.known.items()}
+        forces = dict(self.record.robot.known(block))
+        forces |= {name: self._force(name, section, block) for name, section in self.record.map.known.items()}
         if self.values.friction is not None:
             v = 0.5 * (block.v[1:] + block.v[:-1])[:, self._rows]
             a = np.diff(block.v, axis=0)[:, self._rows] * self.record.rate

@@ -27,7 +27,7 @@ from aerobat_pin.estimation.run_observers import observers_of, rms_in, run_obser
 from aerobat_pin.estimation.sensor_reference import sensor_references
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
-from aerobat_pin.records import KnownSection, Map, Record, RecordedRobot, factor_of, open_record
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, factor_of, open_record
 
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
 MASS_NAME = "mass"  # what --identify takes of the recordings of any robot
@@ -57,7 +57,7 @@ class MapCalibration:
     log: str
     notes: tuple[str, ...] = ()
 
-    def refuse_other(self, chosen: Map, robot: RecordedRobot, joints: Sequence[str]) -> None:
+    def refuse_other(self, chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> None:
         """Raise CalibrationError if the values do not mean the same with this map, robot and joints with channels."""
         name = f"the calibration from {self.log}"
         if robot.fingerprint() != self.fingerprint:
@@ -134,11 +134,10 @@ def calibrate_recording(
     asked = chosen.joints.friction is not None or any(known.fit is not None for known in chosen.known.values())
     if not (asked or identify):
         raise MapError("calibrate: nothing to learn: joints.friction or known.NAME.fit in the map, or --identify mass")
-    record, columns = open_record(log, chosen, folder)
+    record = open_record(log, chosen, folder)
     end = record.parts[-1][1] * record.dt
     record = replace(record, map=_all_free(record.map, end))
-    findings = [*stamp_findings(record, columns), *motion_findings(record)]
-    del columns
+    findings = [*stamp_findings(record), *motion_findings(record)]
     if not trust:
         refuse_if_certain(str(log), findings)
     friction, fingerprint = record.map.joints.friction, record.robot.fingerprint()
@@ -250,14 +249,11 @@ def _error_bar(
             [reference] = sensor_references(record)  # the fit had it
             side = compared(estimate, reference, record.dt)
             assert side is not None
-            sizes.append(
-                {
-                    f"{reference.frame}.{label}": score.rmse
-                    if score.rmse_outside_fit is None
-                    else score.rmse_outside_fit
-                    for label, score in side.scores().items()
-                }
-            )
+            errors = {
+                label: score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit
+                for label, score in side.scores().items()
+            }
+            sizes.append({f"{reference.frame}.{label}": error for label, error in errors.items()})
         else:
             rms = rms_in(record, estimate, where)
             if rms is None:

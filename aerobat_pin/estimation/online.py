@@ -15,23 +15,21 @@ import numpy as np
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.map_calibration import MapCalibration
-from aerobat_pin.estimation.run_observers import observers_of
+from aerobat_pin.estimation.run_observers import built_observers, rows_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import (
     FREE_NQ,
     FREE_NV,
     Map,
-    Record,
-    RecordedRobot,
-    Request,
+    PlainRobot,
     as_attitude,
+    base_requests,
     body_turn,
-    driven_joints,
     entries,
+    joint_requests,
     line_means,
-    recorded_robot,
-    requests,
+    robot_of_map,
     rotation_matrices,
     sampled,
     sampled_turns,
@@ -85,7 +83,7 @@ class OnlineEstimator:
         heard: Callable[[OnlineSample], None] | None = None,
         calibration: MapCalibration | None = None,
     ) -> None:
-        self.robot: RecordedRobot = recorded_robot(chosen.robot, folder)
+        self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map, self._heard = chosen, heard
         self._values = FittedValues() if calibration is None else calibration.values
         names = chosen.joints.names or tuple(name for name in self.robot.joints if name not in chosen.joints.held)
@@ -93,7 +91,8 @@ class OnlineEstimator:
         if calibration is not None:
             calibration.refuse_other(chosen, self.robot, names)
             self.robot = self.robot.heavier(calibration.values.mass)
-        self._requests = {request.key: request for request in requests(chosen, names) if _is_input(request)}
+        asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
+        self._requests = {request.key: request for request in asked}
         self._check()
         self._columns: dict[str, list[tuple[str, int]]] = {}
         for key, request in self._requests.items():
@@ -171,9 +170,8 @@ class OnlineEstimator:
         return found
 
     def _new_observer(self) -> Observer:
-        channels = {key: None for key in self._requests}
-        record = Record(self._map, self.robot, channels, self.joints, 0.0, 1.0, ())  # type: ignore[arg-type]
-        return observers_of(record)[0][0]
+        rows, _ = rows_of(self._map, self.robot, self.joints, self._requests)
+        return built_observers(self._map, self.robot, rows)[0]
 
     def _forget(self, ready: float) -> None:
         """Drop samples that no further estimate needs."""
@@ -189,10 +187,9 @@ class OnlineEstimator:
     def _torque(self, first: float, last: float) -> Array:
         tau = np.zeros(self.robot.model.nv)
         if "joints.effort" in self._requests:
-            section = self._map.joints.effort
             means = line_means(*self._series("joints.effort"), np.array([first, last]))[0]
-            for joint, value in zip(driven_joints(self._map, self.joints, len(means)), means, strict=True):
-                tau[self.robot.v_index(joint)] = value * (1.0 if section is None else section.torque_of(joint))
+            for joint, value in zip(self._requests["joints.effort"].joints, means, strict=True):
+                tau[self.robot.v_index(joint)] = value
             for joint, factor in zip(self._values.joints, self._values.scale, strict=True):
                 tau[self.robot.v_index(joint)] *= factor
         return tau
@@ -237,7 +234,3 @@ class OnlineEstimator:
         else:
             angular = body_turn(chosen) @ rate
         return np.concatenate([place, attitude[0]]), np.concatenate([linear, angular])
-
-
-def _is_input(request: Request) -> bool:
-    return not request.key.startswith(("check.", "known."))

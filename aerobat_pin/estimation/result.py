@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,7 +47,6 @@ class Result:
         advice: what may help where an R2 is below 0; empty for nothing.
         record: the record at common times; None for a flight of Aerobat.
         forces: its known forces, with what was fitted; None for a flight of Aerobat.
-        folder: where relative paths of the record's map begin.
         more: further entries of `metrics.json`, such as those of a simulated flight.
     """
 
@@ -68,7 +66,6 @@ class Result:
     advice: str = ""
     record: Record | None = None
     forces: KnownForces | None = None
-    folder: Path = Path()
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -190,7 +187,7 @@ class Result:
         return lines + ([self.advice] if lines and self.advice else [])
 
     def __repr__(self) -> str:
-        """Return title, findings, table and judgements as text; what cannot be estimated precedes an observer's rows."""
+        """Return title, findings, tables and judgements as text."""
         lines = [self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings]
         lines += [f"fit: {fit}" for fit in self.fits]

@@ -2,54 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.inputs import inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Observer, Rows
-from aerobat_pin.records import Record, Spool
+from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
 
 
-def observers_of(record: Record) -> tuple[list[Observer], tuple[str, ...]]:
-    """Return the observers that the map names, and which rows they do not believe and why, in words.
+def observers_of(record: Record, names: Sequence[str] = ()) -> tuple[list[Observer], tuple[str, ...]]:
+    """Return observers of a record, and which rows they do not believe and why, in words.
+
+    Args:
+        record: the record.
+        names: of the observers; those that the map names when empty.
 
     Raises:
         MapError: there is no observer of a name.
         ObserverError: an observer cannot be built for this robot.
     """
-    chosen = record.map
-    wrong = [name for name in chosen.observer.names if name not in OBSERVERS]
-    if wrong or not chosen.observer.names:
-        raise MapError(f"map: observer.names = {list(chosen.observer.names)}: choose from {', '.join(OBSERVERS)}")
-    ignored, notes = believed_rows(record)
+    rows, notes = rows_of(record.map, record.robot, record.joints, record.channels)
+    return built_observers(record.map, record.robot, rows, names), notes
+
+
+def built_observers(chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = ()) -> list[Observer]:
+    """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
+    names = tuple(names) or chosen.observer.names
+    if not names or any(name not in OBSERVERS for name in names):
+        raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
     points: list[str | Application] = [
         *chosen.robot.points,
         *(Application(frame, "wrench") for frame in chosen.robot.wrenches),
     ]
-    rows: Rows = AllBut(*ignored) if ignored else "all"
-    made = [OBSERVERS[name](record.robot.model, points, chosen.observer.gain, rows) for name in chosen.observer.names]
-    return made, notes
+    return [OBSERVERS[name](robot.model, points, chosen.observer.gain, rows) for name in names]
 
 
-def believed_rows(record: Record) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the rows that are not believed, and the reasons in words."""
-    chosen, robot = record.map, record.robot
+def believed_rows(record: Record) -> tuple[str, ...]:
+    """Return the joints, and parts of the base, whose rows are not believed."""
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    if isinstance(rows, AllBut):
+        return rows.names
+    return () if rows == "all" else record.robot.joints
+
+
+def rows_of(
+    chosen: Map, robot: PlainRobot, joints: Sequence[str], channels: Collection[str]
+) -> tuple[Rows, tuple[str, ...]]:
+    """Return the rows that are believed, and the reasons in words.
+
+    Args:
+        chosen: the map.
+        robot: the robot, which may know better.
+        joints: those that have channels.
+        channels: keys of the channels that are there.
+    """
+    own = robot.rows()
+    if own is not None:
+        return own, ()
     ignored = list(chosen.robot.rows.ignore)
     notes = []
-    held = [joint for joint in chosen.joints.held if joint not in ignored]
-    ignored += held
-    unsensed = [joint for joint in record.joints if joint not in ignored]
-    if "joints.effort" not in record.channels and unsensed:
+    ignored += [joint for joint in chosen.joints.held if joint not in ignored]
+    unsensed = [joint for joint in joints if joint not in ignored]
+    if "joints.effort" not in channels and unsensed:
         ignored += unsensed
         notes.append(f"no effort is recorded: rows of {', '.join(unsensed)} are not believed")
     if robot.free and chosen.base.held and not any(row.startswith("base") for row in ignored):
@@ -59,7 +84,7 @@ def believed_rows(record: Record) -> tuple[tuple[str, ...], tuple[str, ...]]:
         if not plate and not any(model.frames[model.getFrameId(frame)].parentJoint == 1 for frame in frames):
             ignored.append("base")
             notes.append("what holds the base is not measured: its six rows are not believed")
-    return tuple(ignored), tuple(notes)
+    return AllBut(*ignored) if ignored else "all", tuple(notes)
 
 
 def run_observers(
@@ -68,20 +93,22 @@ def run_observers(
     """Estimate the unknown forces on all parts of a record: name of the observer -> estimate."""
     gain = float(record.map.observer.gain)
     lead = int(np.ceil(LEAD / gain * record.rate)) + 1
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     spool = Spool()
     found = {observer.name: StoredEstimate(spool) for observer in observers}
-    total, done = sum(last - first for first, last in record.parts), 0
+    total, done = len(observers) * sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
-        for begin, end in blocks_of(first, last):
+        for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
             early, late = max(first, begin - lead), min(last, end + lead)
-            block = record.block(early, late)
-            tau, known = forces.torque(block), forces.known(block)
+            inputs = inputs_of(record, early, late, forces, rows)
             for observer in observers:
-                whole = observer.run(block.time, block.q, block.v, tau, known)
+                if progress is not None:
+                    progress(done / total)
+                whole = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
                 found[observer.name].append(_some_intervals(whole, begin - early, end - early))
-            done += end - begin
-            if progress is not None:
-                progress(done / total)
+                done += end - begin
+    if progress is not None:
+        progress(1.0)
     return found
 
 

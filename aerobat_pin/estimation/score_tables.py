@@ -51,7 +51,7 @@ def score_cells(score: Score, unit: str) -> dict[str, str]:
 
 def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
     """Return the header, and a row for each component."""
-    rows = [SIZE_HEADER]
+    rows: list[tuple[str, ...]] = [SIZE_HEADER]
     for name, estimate in stored.items():
         least, most = estimate.extremes
         sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
@@ -62,7 +62,7 @@ def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
 
 
 def text_table(cells: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return a table, of which the first row is the header, as lines of text, its columns as wide as they need to be."""
+    """Return a table, its header first, as lines of text with columns as wide as they need to be."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
         " ".join(

@@ -49,8 +49,8 @@ class Score:
 class Moments:
     """Means and squares about the means of pairs of series (n, k), merged piece by piece.
 
-    Source: Chan, Golub and LeVeque, Algorithms for computing the sample variance (1983), eq. 2.1. Of a single piece they
-    are numpy's own.
+    Source: Chan, Golub and LeVeque, Algorithms for computing the sample variance (1983), eq. 2.1. Of a single piece
+    they are numpy's own.
 
     Args:
         width: number of components k.

@@ -55,16 +55,16 @@ def write(made: Experiment | Result, folder: Path) -> None:
     folder, so that the run can be repeated on any machine.
     """
     result = made.scores if isinstance(made, Experiment) else made
-    simulated = isinstance(made, Experiment) and made.flight is not None
-    if isinstance(made, Experiment):
-        write_scenario(made.scenario, folder, "scenario.toml" if simulated else "belief.toml")
-        if made.calibration is not None:
-            (folder / "calibration.nc").write_bytes(calibration_bytes(made.calibration))
-    else:
+    if not isinstance(made, Experiment):
         (folder / "map.toml").write_text(map_toml(result), encoding="utf-8")
-    if simulated:
-        (folder / "flight.nc").write_bytes(netcdf_bytes(made.log.measured, made.log.truth))
+    elif made.flight is None:
+        write_scenario(made.scenario, folder, "belief.toml")
     else:
+        write_scenario(made.scenario, folder)
+        (folder / "flight.nc").write_bytes(netcdf_bytes(made.log.measured, made.log.truth))
+    if isinstance(made, Experiment) and made.calibration is not None:
+        (folder / "calibration.nc").write_bytes(calibration_bytes(made.calibration))
+    if not (folder / "flight.nc").exists():
         write_table(result, folder / "estimate.csv")
     write_netcdf(_datasets(result), len(next(iter(result.stored.values()))), folder / "estimate.nc")
     write_metrics(result.metrics(versions()), folder)

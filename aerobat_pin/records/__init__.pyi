@@ -1,8 +1,9 @@
+from .block import Block as Block
 from .channels import LogChannel as LogChannel
 from .channels import Request as Request
-from .channels import driven_joints as driven_joints
+from .channels import base_requests as base_requests
 from .channels import factor_of as factor_of
-from .channels import requests as requests
+from .channels import joint_requests as joint_requests
 from .columns import Columns as Columns
 from .columns import in_step as in_step
 from .file_source import open_record as open_record
@@ -21,7 +22,6 @@ from .messages import stamp as stamp
 from .netcdf import StoredVariable as StoredVariable
 from .netcdf import netcdf_variables as netcdf_variables
 from .netcdf import read_netcdf as read_netcdf
-from .record import Block as Block
 from .record import Record as Record
 from .record import as_attitude as as_attitude
 from .record import body_turn as body_turn
@@ -30,6 +30,7 @@ from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
 from .resample import holes as holes
 from .resample import line_means as line_means
+from .resample import neighbour_rates as neighbour_rates
 from .resample import rotation_matrices as rotation_matrices
 from .resample import sampled as sampled
 from .resample import sampled_turns as sampled_turns
@@ -37,8 +38,9 @@ from .resample import slopes as slopes
 from .resample import turn_rates as turn_rates
 from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
-from .robots import RecordedRobot as RecordedRobot
-from .robots import recorded_robot as recorded_robot
+from .robots import Parameter as Parameter
+from .robots import PlainRobot as PlainRobot
+from .robots import robot_of_map as robot_of_map
 from .spool import EXTENT as EXTENT
 from .spool import Series as Series
 from .spool import Spool as Spool

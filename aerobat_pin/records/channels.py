@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.errors import LogError
+from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.columns import Columns, in_step
-from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
+from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
+from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
 
 G = 9.80665  # [m/s2] of the unit g
@@ -25,6 +26,8 @@ SI_FACTORS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
     "none": {},
 }
+JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
+CURRENTS = ("A", "mA", "1")  # units that are no torque
 VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
 COLUMN_PARTS = {
     "base.position": ("position", VECTOR),
@@ -46,92 +49,125 @@ class LogChannel:
         names: its columns in the log.
         time: (n,) stamps [s], the delay that the map states taken off.
         values: (n, k) samples in SI units.
+        means: whether they are means over the intervals that begin at the stamps, of a record at its own times.
     """
 
     key: str
     names: tuple[str, ...]
     time: Series
     values: Series
+    means: bool = False
 
     def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
         """Return stamps and samples from a time to another [s], and `extra` more on either side."""
         rows = slice(max(0, self.time.index(first) - extra), self.time.index(last, "right") + extra)
         return self.time[rows], self.values[rows]
 
-    def changed(self, change: Callable[[Array, Array], Array]) -> LogChannel:
-        """Return the channel with other samples: a function of stamps (m,) and samples (m, k), piece by piece."""
-        values = Series(self.values.spool, self.values.shape[1])
-        for time, rows in in_step(self.time, self.values):
-            values.append(change(time, rows))
-        return LogChannel(self.key, self.names, self.time, values)
-
 
 @dataclass(frozen=True)
 class Request:
-    """What a key of the map asks of the log: names of columns, factor to SI, and a delay to take off [s]."""
+    """What a key of the map asks of the log.
+
+    Attributes:
+        key: the key.
+        names: of the columns.
+        factor: to SI; one number, or (k,) one for each column.
+        delay: to take off the stamps [s].
+        optional: whether the log may lack it.
+        joints: whose columns these are, for a channel of joints.
+    """
 
     key: str
     names: tuple[str, ...]
-    factor: float
-    delay: float
+    factor: float | Array = 1.0
+    delay: float = 0.0
     optional: bool = False
+    joints: tuple[str, ...] = ()
 
 
-def requests(chosen: Map, joints: tuple[str, ...]) -> Iterator[Request]:
-    """Yield what a map asks of the log; `joints` are those that have channels, in the order of the columns.
+def base_requests(chosen: Map) -> Iterator[Request]:
+    """Yield what a map asks of the log about a free base. Raises LogError for a number of columns or a unit."""
+    base = chosen.base
+    if base.held:
+        return
+    yield from _asked("base.position", base.position, "length", 3, base.topic)
+    yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
+    if base.velocity is None or base.velocity.from_ is None:
+        yield from _asked("base.velocity", base.velocity, "speed", 3, base.topic)
+    if base.rate is None or base.rate.from_ is None:
+        yield from _asked("base.rate", base.rate, "rate", 3, base.topic)
 
-    Raises LogError for a number of columns or a unit that do not fit the key.
+
+def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:
+    """Yield what a map asks of the log about joints, those that have channels, in the order of the columns.
+
+    Raises LogError for a number of columns or a unit that do not fit the key, and MapError for a current without a
+    torque per ampere of every joint.
     """
-    base, check = chosen.base, chosen.check
-    if not base.held:
-        yield from _asked("base.position", base.position, "length", 3, base.topic)
-        yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
-        if base.velocity is None or base.velocity.from_ is None:
-            yield from _asked("base.velocity", base.velocity, "speed", 3, base.topic)
-        if base.rate is None or base.rate.from_ is None:
-            yield from _asked("base.rate", base.rate, "rate", 3, base.topic)
-    table, count = chosen.joints, len(joints)
-    for part, section, kind in (
-        ("position", table.position, "angle"),
-        ("velocity", table.velocity, "rate"),
-        ("effort", table.effort, "torque"),
-    ):
-        key, topic = f"joints.{part}", table.topic
+    table = chosen.joints
+    driven = tuple(name for name in joints if name not in chosen.robot.rows.ignore)
+    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
+        key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
         if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
             continue
+        counts = (len(joints), len(driven)) if part == "effort" else (len(joints),)
         if section is not None and section.columns:
-            driven = len(driven_joints(chosen, joints, len(section.columns)))
-            yield from _asked(key, section, kind, (count, driven) if part == "effort" else count, None)
-        elif topic is not None and count:
-            names = tuple(f"{topic}.{part}.{joint}" for joint in joints)
-            factor = 1.0 if section is None else factor_of(key, section.unit, kind)
-            yield Request(key, names, factor, 0.0 if section is None else section.delay, optional=part != "position")
-    yield from _asked("check.specific_force", check.specific_force, "acceleration", 3, None)
-    if check.wrench is not None:
-        yield from _asked("check.wrench", check.wrench, "force", (3, 6), None)
+            names, optional = section.columns, False
+            _check_count(key, names, counts)
+        elif topic is not None and joints:
+            names, optional = tuple(f"{topic}.{part}.{joint}" for joint in joints), part != "position"
+        else:
+            continue
+        unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
+        own = joints if len(names) == len(joints) else driven
+        factor = np.full(len(names), factor_of(key, unit, kind))
+        if part == "effort":
+            factor *= [_torque_per_unit(table.effort, joint, own) for joint in own]
+        elif unit is not None and not unit.startswith("m"):  # sliding joints stay in m: a unit of angles is not theirs
+            factor[[robot.slides(joint) for joint in own]] = 1.0
+        yield Request(key, names, factor, delay, optional, own)
+
+
+def further_requests(chosen: Map) -> Iterator[Request]:
+    """Yield what a map asks of the log to compare with, of known forces, and of what only the robot itself reads."""
+    yield from _asked("check.specific_force", chosen.check.specific_force, "acceleration", 3, None)
+    if chosen.check.wrench is not None:
+        yield from _asked("check.wrench", chosen.check.wrench, "force", (3, 6), None)
     for name, known in chosen.known.items():
         yield from _known(f"known.{name}", known)
 
 
-def driven_joints(chosen: Map, joints: tuple[str, ...], count: int) -> tuple[str, ...]:
-    """Return the joints of `count` columns of efforts: all joints, or only those whose rows are believed."""
-    return joints if count == len(joints) else tuple(name for name in joints if name not in chosen.robot.rows.ignore)
+def named_columns(chosen: Map) -> set[str]:
+    """Return the names that a map's joints, topics and conditions have, whoever of the joints has a channel."""
+    table, when = chosen.joints, chosen.use.when
+    sections = (table.position, table.velocity, table.effort)
+    names = {name for section in sections if section is not None for name in section.columns}
+    names |= {topic for topic in (table.topic, chosen.base.topic) if topic is not None}
+    return names | ({when.column} if when is not None and when.column is not None else set())
 
 
-def used_columns(chosen: Map, joints: tuple[str, ...] | None) -> set[str]:
-    """Return the names to read; where the joints are not known yet, the joints' topic itself."""
-    names = {name for request in requests(chosen, joints or ()) for name in request.names}
-    if chosen.joints.topic is not None:
-        names.add(chosen.joints.topic)
-    if chosen.base.topic is not None:
-        names.add(chosen.base.topic)
-    if chosen.use.when is not None and chosen.use.when.column is not None:
-        names.add(chosen.use.when.column)
-    return names
+def _torque_per_unit(section: EffortSection | None, joint: str, joints: tuple[str, ...]) -> float:
+    """Return the torque [N m, N] per unit of a joint's effort. Raises MapError for a current that says none."""
+    if section is None:
+        return 1.0
+    factors = section.torque_per_unit
+    wrong = [name for name in factors if name not in (*joints, "*")]
+    if wrong:
+        raise MapError(f"map: joints.effort.torque_per_unit: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
+    missing = [name for name in joints if name not in factors and "*" not in factors]
+    if section.unit in CURRENTS and missing:
+        raise MapError(
+            f"map: joints.effort.unit = '{section.unit}': torque_per_unit = {{{missing[0]} = ...}} was "
+            f'expected, in N m per unit, for {", ".join(missing)}; "*" stands for all'
+        )
+    return section.torque_of(joint)
 
 
 def channel_of(request: Request, columns: Columns) -> LogChannel | None:
-    """Read a channel; None if it is optional and missing. Raises LogError if the log has no such columns."""
+    """Read a channel; None if it is optional and missing.
+
+    Raises LogError if the log has no such columns, or if quaternions do not have length one.
+    """
     if request.optional and not all(name in columns.values for name in request.names):
         return None
     parts = [columns.series(name, request.key) for name in request.names]
@@ -139,10 +175,23 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
     time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
     for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
         stamps = own[rows]
-        values.append(request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1))
+        table = request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1)
+        values.append(_unit_length(request, stamps, table) if request.key == "base.quaternion" else table)
         if time is not own:
             time.append(stamps - request.delay)
     return LogChannel(request.key, request.names, time, values)
+
+
+def _unit_length(request: Request, time: Array, values: Array) -> Array:
+    """Return quaternions (m, 4) with length one. Raises LogError if they are none."""
+    length = np.linalg.norm(values, axis=1)
+    if np.any(np.abs(length - 1.0) > 0.05):
+        row = int(np.argmax(np.abs(length - 1.0)))
+        raise LogError(
+            f"map: base.quaternion ({', '.join(request.names)}) has length {length[row]:.3g} at "
+            f"{time[row] - request.delay:g} s: 1 was expected"
+        )
+    return np.asarray(values / length[:, None])
 
 
 def _column_at(stamps: Array, rows: slice, own: Series, time: Series, values: Series) -> Array:
@@ -177,12 +226,16 @@ def _asked(
         names = tuple(f"{topic}.{part}.{axis}" for axis in axes)
     else:
         return
-    allowed = (count,) if isinstance(count, int) else count
+    _check_count(key, names, (count,) if isinstance(count, int) else count)
+    unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
+    yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional)
+
+
+def _check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
+    """Raise LogError unless there are as many columns as a key takes."""
     if len(names) not in allowed:
         expected = " or ".join(map(str, dict.fromkeys(allowed)))
         raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected")
-    unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-    yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional)
 
 
 def _known(key: str, known: KnownSection) -> Iterator[Request]:

@@ -2,68 +2,66 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records.channels import LogChannel, channel_of, driven_joints, factor_of, requests, used_columns
+from aerobat_pin.records.channels import (
+    LogChannel,
+    base_requests,
+    channel_of,
+    further_requests,
+    joint_requests,
+    named_columns,
+)
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.read import read_columns
-from aerobat_pin.records.record import Record, checked_quaternions
+from aerobat_pin.records.record import Record
 from aerobat_pin.records.resample import holes
-from aerobat_pin.records.robots import RecordedRobot, recorded_robot
+from aerobat_pin.records.robots import PlainRobot, robot_of_map
 from aerobat_pin.records.spool import EXTENT, typical_spacing
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
-CURRENTS = ("A", "mA", "1")  # units that are no torque
-SI_KINDS = {"joints.position": "angle", "joints.velocity": "rate"}
 FASTEST = 20_000.0  # [Hz] of the common times
 
 
 @guarded()
-def open_record(path: Path, chosen: Map, folder: Path) -> tuple[Record, Columns]:
+def open_record(path: Path, chosen: Map, folder: Path, robot: PlainRobot | None = None) -> Record:
     """Read a recording by its map.
 
     Args:
         path: the log.
         chosen: the map.
         folder: where relative paths of the map begin.
-
-    Returns:
-        The record, and the columns as they were read.
+        robot: a robot that knows more than the map says; the map's own when omitted.
 
     Raises:
         LogError, MapError: the log or the map lacks something, or they do not fit together.
     """
-    robot = recorded_robot(chosen.robot, folder)
+    robot = robot or robot_of_map(chosen.robot, folder)
     chosen = _with_held(chosen, robot)
-    columns = read_columns(path, chosen.log, used_columns(chosen, _named_joints(chosen, robot)))
+    base, further = list(base_requests(chosen)), list(further_requests(chosen))
+    wanted = {name for request in (*base, *further) for name in request.names} | named_columns(chosen)
+    columns = read_columns(path, chosen.log, wanted)
     joints, notes = _sensed_joints(chosen, robot, columns)
-    channels: dict[str, LogChannel] = {}
-    for request in requests(chosen, joints):
-        channel = channel_of(request, columns)
-        if channel is not None:
-            channels[request.key] = channel
-    for key in ("joints.position", "joints.velocity"):
-        if key in channels:
-            channels[key] = _lengths_as_given(key, chosen, robot, joints, channels[key])
-    if "base.quaternion" in channels:
-        channels["base.quaternion"] = checked_quaternions(channels["base.quaternion"])
-    if "joints.effort" in channels:
-        driven = driven_joints(chosen, joints, len(channels["joints.effort"].names))
-        channels["joints.effort"] = _torques(chosen, driven, channels["joints.effort"])
+    asked = [*base, *joint_requests(chosen, robot, joints), *further]
+    found = {request.key: channel_of(request, columns) for request in asked}
+    channels = {key: channel for key, channel in found.items() if channel is not None}
     _check_complete(chosen, robot, channels)
     start, rate, end = _common_times(path, chosen, channels, columns)
     parts, dropped = _parts(chosen, columns, channels, start, rate, end)
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
-    return Record(chosen, robot, channels, joints, start, rate, parts, (*notes, *dropped)), columns
+    driven = next((one.joints for one in asked if one.key == "joints.effort" and one.key in channels), ())
+    log = replace(columns, values={})
+    return Record(chosen, robot, channels, joints, driven, start, rate, parts, (*notes, *dropped), None, log, folder)
 
 
-def _with_held(chosen: Map, robot: RecordedRobot) -> Map:
+def _with_held(chosen: Map, robot: PlainRobot) -> Map:
     """Return a map in which `held = {"*" = 0.0}` stands for every joint that `joints.names` does not name."""
     held = chosen.joints.held
     if "*" not in held:
@@ -74,12 +72,12 @@ def _with_held(chosen: Map, robot: RecordedRobot) -> Map:
     return chosen.model_copy(update={"joints": joints})
 
 
-def _named_joints(chosen: Map, robot: RecordedRobot) -> tuple[str, ...]:
+def _named_joints(chosen: Map, robot: PlainRobot) -> tuple[str, ...]:
     """Return the joints of the columns, as far as the map says."""
     return chosen.joints.names or tuple(name for name in robot.joints if name not in chosen.joints.held)
 
 
-def _sensed_joints(chosen: Map, robot: RecordedRobot, columns: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the joints that have channels, and notes. Raises MapError unless every joint is known or held."""
     table = chosen.joints
     unknown = [name for name in (*table.names, *table.held) if name not in robot.joints]
@@ -110,40 +108,7 @@ def _sensed_joints(chosen: Map, robot: RecordedRobot, columns: Columns) -> tuple
     return names, tuple(notes)
 
 
-def _lengths_as_given(
-    key: str, chosen: Map, robot: RecordedRobot, joints: tuple[str, ...], channel: LogChannel
-) -> LogChannel:
-    """Return positions or rates of which sliding joints are in m: a unit of angles is not theirs."""
-    section = chosen.joints.position if key == "joints.position" else chosen.joints.velocity
-    unit = None if section is None else section.unit
-    factor = 1.0 if unit is None or unit.startswith("m") else factor_of(key, unit, SI_KINDS[key])
-    slides = np.array([robot.slides(joint) for joint in joints])
-    if factor == 1.0 or not slides.any():
-        return channel
-    own = np.where(slides, 1.0 / factor, 1.0)
-    return channel.changed(lambda _, values: values * own)
-
-
-def _torques(chosen: Map, joints: tuple[str, ...], channel: LogChannel) -> LogChannel:
-    """Return efforts in N m (or N). Raises MapError for currents without a torque per ampere of every joint."""
-    section = chosen.joints.effort
-    if section is None:
-        return channel
-    factors = section.torque_per_unit
-    wrong = [joint for joint in factors if joint not in (*joints, "*")]
-    if wrong:
-        raise MapError(f"map: joints.effort.torque_per_unit: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
-    missing = [joint for joint in joints if joint not in factors and "*" not in factors]
-    if section.unit in CURRENTS and missing:
-        raise MapError(
-            f"map: joints.effort.unit = '{section.unit}': torque_per_unit = {{{missing[0]} = ...}} was "
-            f'expected, in N m per unit, for {", ".join(missing)}; "*" stands for all'
-        )
-    factor = np.array([section.torque_of(joint) for joint in joints])
-    return channel if np.all(factor == 1.0) else channel.changed(lambda _, values: values * factor)
-
-
-def _check_complete(chosen: Map, robot: RecordedRobot, channels: dict[str, LogChannel]) -> None:
+def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, LogChannel]) -> None:
     """Raise MapError if a free base has no pose."""
     if robot.free and not chosen.base.held:
         for part in ("position", "quaternion"):

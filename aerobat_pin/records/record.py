@@ -3,37 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.channels import LogChannel, driven_joints
+from aerobat_pin.records.block import Block
+from aerobat_pin.records.channels import LogChannel
+from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map
-from aerobat_pin.records.resample import line_means, rotation_matrices, sampled, sampled_turns, slopes, turn_rates
-from aerobat_pin.records.robots import FREE_NQ, FREE_NV, RecordedRobot
-from aerobat_pin.records.spool import spread_stretches
+from aerobat_pin.records.resample import (
+    line_means,
+    neighbour_rates,
+    rotation_matrices,
+    sampled,
+    sampled_turns,
+    slopes,
+    turn_rates,
+)
+from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
+from aerobat_pin.records.spool import Series, spread_stretches
 
+EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
 HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: z down to z up, for world and body axes alike
-
-
-@dataclass(frozen=True)
-class Block:
-    """A stretch of a recording at evenly spaced times, ready for an observer.
-
-    Attributes:
-        time: (m + 1,) [s].
-        q: (m + 1, nq) configurations.
-        v: (m + 1, nv) velocities.
-        tau: (m, nv) measured joint torques, interval means.
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    tau: Array
 
 
 @dataclass(frozen=True)
@@ -45,20 +39,33 @@ class Record:
         robot: the robot.
         channels: key -> channel.
         joints: joints that have channels, in the order of the columns.
+        driven: those of them that have efforts, in the order of their columns.
         start: first common time [s].
         rate: of the common times [Hz].
         parts: (first, last) index of the common times of each part that is used.
         notes: what was dropped or assumed, in words.
+        knots: (n + 1,) common times of a record that has its own, which can be uneven; None where they are even.
+        log: the columns that it was read from, without their samples; None if it was not read from a file.
+        folder: where relative paths of the map begin.
     """
 
     map: Map
-    robot: RecordedRobot
+    robot: PlainRobot
     channels: dict[str, LogChannel]
     joints: tuple[str, ...]
+    driven: tuple[str, ...]
     start: float
     rate: float
     parts: tuple[tuple[int, int], ...]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+    knots: Series | None = None
+    log: Columns | None = None
+    folder: Path = Path()
+
+    @property
+    def title(self) -> str:
+        """What messages and pages call the record: the name of its file, or that it is a flight."""
+        return "flight" if self.log is None else self.log.path.name
 
     @property
     def dt(self) -> float:
@@ -70,46 +77,75 @@ class Record:
         """Length of all used parts together [s]."""
         return float(sum(last - first for first, last in self.parts)) * self.dt
 
-    @property
-    def driven(self) -> tuple[str, ...]:
-        """The joints that have efforts, in the order of their columns."""
-        return driven_joints(self.map, self.joints, len(self.channels["joints.effort"].names))
-
     def times(self, first: int, last: int) -> Array:
         """Return the common times from index `first` to `last` inclusive [s]."""
+        if self.knots is not None:
+            return np.asarray(self.knots[first : last + 1])
         return np.asarray(self.start + np.arange(first, last + 1) * self.dt)
 
     def block(self, first: int, last: int) -> Block:
-        """Return the samples from index `first` to `last` inclusive."""
+        """Return the samples from index `first` to `last` inclusive, completed by the robot."""
         robot, count = self.robot, last - first + 1
         time = self.times(first, last)
         q = np.tile(robot.neutral(), (count, 1))
         v = np.zeros((count, robot.model.nv))
         tau = np.zeros((count - 1, robot.model.nv))
-        if robot.free and not self.map.base.held:
-            q[:, :FREE_NQ], v[:, :FREE_NV] = self._base(first, last)
-        rows_q = [robot.q_index(joint) for joint in self.joints]
-        rows_v = [robot.v_index(joint) for joint in self.joints]
+        rows_q, rows_v = ([index(joint) for joint in self.joints] for index in (robot.q_index, robot.v_index))
         for joint, place in self.map.joints.held.items():
             q[:, robot.q_index(joint)] = place
         if self.joints:
             q[:, rows_q] = self.at("joints.position", time)
             if "joints.velocity" in self.channels:
                 v[:, rows_v] = self.at("joints.velocity", time)
-            else:
+            elif self.knots is None:
                 window = 0.02 if self.map.joints.velocity is None else self.map.joints.velocity.window
                 v[:, rows_v] = self._slope("joints.position", first, last, window)
-            if "joints.effort" in self.channels:
-                tau[:, [robot.v_index(joint) for joint in self.driven]] = self.means("joints.effort", time)
-        return Block(time, q, v, tau)
+        if "joints.effort" in self.channels:
+            tau[:, [robot.v_index(joint) for joint in self.driven]] = self.means("joints.effort", time)
+        if robot.free and not self.map.base.held:
+            q[:, :FREE_NQ], v[:, :FREE_NV] = self._base(first, last)
+        if self.knots is not None:
+            self._differentiate(time, q, v)
+        measured = frozenset(self.channels)
+        extra = {
+            key.removeprefix(EXTRA): self.means(key, time) if channel.means else self.at(key, time)
+            for key, channel in self.channels.items()
+            if key.startswith(EXTRA)
+        }
+        velocities = {"base.velocity" if robot.free else "joints.velocity"}
+        source = {"q": "measured", "v": "measured" if velocities <= measured else "reconstructed"}
+        return robot.complete(Block(time, q, v, tau, extra, measured, source))
+
+    def _differentiate(self, time: Array, q: Array, v: Array) -> None:
+        """Write the velocities that are not measured, of a record at its own times, into v (m, nv)."""
+        places = {"base.velocity": [0, 1, 2], "base.rate": [3, 4, 5]} if self.robot.free else {}
+        places["joints.velocity"] = [self.robot.v_index(joint) for joint in self.joints]
+        rows = [row for key, own in places.items() if key not in self.channels for row in own]
+        if rows:
+            v[:, rows] = neighbour_rates(self.robot.model, time, q)[:, rows]
 
     def at(self, key: str, time: Array) -> Array:
         """Return a channel (m, k) at times (m,) [s]."""
+        channel = self.channels[key]
+        if channel.time is self.knots:
+            return self._own_rows(channel, time)
         return sampled(*self.cut(key, time), time)
 
     def means(self, key: str, time: Array) -> Array:
         """Return interval means (m, k) of a channel between times (m + 1,) [s]."""
+        channel = self.channels[key]
+        if channel.means:
+            return self._own_rows(channel, time[:-1])
+        if channel.time is self.knots:
+            rows = self._own_rows(channel, time)
+            return 0.5 * (rows[1:] + rows[:-1])
         return line_means(*self.cut(key, time), time)
+
+    def _own_rows(self, channel: LogChannel, time: Array) -> Array:
+        """Return the rows (m, k) of a channel whose stamps are the common times (m,) themselves."""
+        assert self.knots is not None
+        first = self.knots.index(float(time[0]))
+        return np.asarray(channel.values[first : first + len(time)])
 
     def spread(self, most: int, begin: float = -np.inf, end: float = np.inf) -> Iterator[tuple[int, int]]:
         """Yield (first, last) of pieces of all parts, or of a long record `SPREAD` stretches at even distances.
@@ -147,6 +183,8 @@ class Record:
 
     def turns(self, time: Array) -> Array:
         """Return the attitude (m, 4) at times (m,) [s]: body to world, z up, x, y, z, w."""
+        if self.channels["base.quaternion"].time is self.knots:
+            return as_attitude(self.map, self.at("base.quaternion", time))
         return as_attitude(self.map, sampled_turns(*self.cut("base.quaternion", time), time))
 
     def gyro(self, time: Array, attitude: Array) -> Array:
@@ -159,10 +197,12 @@ class Record:
     def _base(self, first: int, last: int) -> tuple[Array, Array]:
         """Return placement (m, 7) and twist in body axes (m, 6) of the base."""
         chosen, base = self.map, self.map.base
-        time, inside = self._wide(first, last)
+        time, inside = (self.times(first, last), slice(None)) if self.knots is not None else self._wide(first, last)
         place = self.at("base.position", time) @ world_turn(chosen).T
         attitude = self.turns(time)
         R = rotation_matrices(attitude)
+        linear: Array = np.zeros_like(place)
+        angular: Array = np.zeros_like(place)
         speed_window = 0.05 if base.velocity is None else base.velocity.window
         rate_window = 0.05 if base.rate is None else base.rate.window
         if "base.velocity" in self.channels:
@@ -171,11 +211,11 @@ class Record:
             turn = world_turn(chosen) if in_world else body_turn(chosen)
             velocity = velocity @ turn.T
             linear = np.einsum("nji,nj->ni", R, velocity) if in_world else velocity
-        else:
+        elif self.knots is None:
             linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, speed_window))
         if "base.rate" in self.channels:
             angular = self.gyro(time, attitude)
-        else:
+        elif self.knots is None:
             angular = turn_rates(attitude, self.dt, rate_window)
         return np.concatenate([place, attitude], axis=1)[inside], np.concatenate([linear, angular], axis=1)[inside]
 
@@ -215,19 +255,3 @@ def as_attitude(chosen: Map, turns: Array) -> Array:
         x, y, z, w = turns.T
         turns = np.stack([w, z, -y, -x], axis=1)  # the attitude after half a turn about the body's x
     return turns
-
-
-def checked_quaternions(channel: LogChannel) -> LogChannel:
-    """Return a channel of quaternions with length one. Raises LogError if they are none."""
-
-    def unit(time: Array, values: Array) -> Array:
-        length = np.linalg.norm(values, axis=1)
-        if np.any(np.abs(length - 1.0) > 0.05):
-            row = int(np.argmax(np.abs(length - 1.0)))
-            raise LogError(
-                f"map: base.quaternion ({', '.join(channel.names)}) has length {length[row]:.3g} at {time[row]:g} s: "
-                "1 was expected"
-            )
-        return np.asarray(values / length[:, None])
-
-    return channel.changed(unit)

@@ -10,7 +10,10 @@ channel is not used.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.spool import Series
@@ -67,6 +70,22 @@ def window_length(window: float, dt: float, most: int) -> int:
     """Return the odd number of samples of a window [s], at least 3 and at most `most`."""
     count = max(3, 2 * round(0.5 * window / dt) + 1)
     return min(count, most if most % 2 == 1 else most - 1)
+
+
+def neighbour_rates(model: pin.Model, time: Array, q: Array) -> Array:
+    """Return the velocities (m, nv) of configurations (m, nq) at uneven times (m,) [s], differentiated numerically.
+
+    At each sample it is the weighted mean of the rates over the two neighbouring intervals: the shorter one has the
+    larger weight (the length of the other).
+    """
+    dt = np.diff(time)
+    steps = np.array([pin.difference(model, a, b) for a, b in itertools.pairwise(q)])
+    rates = np.divide(steps, dt[:, None], out=np.zeros_like(steps), where=dt[:, None] > 0.0)
+    v = np.empty((len(time), model.nv))
+    v[0], v[-1] = rates[0], rates[-1]
+    total = np.maximum(dt[1:] + dt[:-1], 1e-300)[:, None]
+    v[1:-1] = (dt[1:, None] * rates[:-1] + dt[:-1, None] * rates[1:]) / total
+    return v
 
 
 def turn_rates(quaternions: Array, dt: float, window: float) -> Array:

@@ -1,27 +1,43 @@
-"""The robot of a recording as a Pinocchio model: from a URDF or MJCF file, or one rigid body by numbers."""
+"""The robot of a record, from a URDF or MJCF file or one rigid body by numbers, and what it may know beyond its masses.
+
+`PlainRobot` knows its masses alone. A robot that knows more, such as its air or how a crank moves its joints, is a
+subclass that overrides what it knows: Aerobat is one, and so is any robot of a user's own.
+"""
 
 from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
+from aerobat_pin.observers import Rows
+from aerobat_pin.records.block import Block
 from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
 
 
+class Parameter(NamedTuple):
+    """A parameter of a robot's belief: unit of its change, `1` for a factor, and the deviation expected of it."""
+
+    unit: str
+    expected: float
+
+
 @dataclass(frozen=True)
-class RecordedRobot:
-    """The model of a recorded robot.
+class PlainRobot:
+    """A robot of which the model is known, and which a subclass can know more about.
 
     Attributes:
         model: the model; its gravity is that of the map.
@@ -34,6 +50,32 @@ class RecordedRobot:
     free: bool
     joints: tuple[str, ...]
     title: str
+    remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
+    parameters: ClassVar[Mapping[str, Parameter]] = MappingProxyType({})  # that a calibration can identify
+
+    def complete(self, block: Block) -> Block:
+        """Return a block with what was not measured but follows from what was, such as joints that a crank drives."""
+        return block
+
+    def known(self, block: Block) -> Mapping[str, Array]:
+        """Return the generalised forces (m, nv) that the robot itself knows, interval means: its air, its rotors' drag.
+
+        Args:
+            block: a stretch of the record, completed.
+        """
+        return {}
+
+    def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
+        """Return the joint torques (m, nv) that are known in a block, given the other known forces; else its `tau`."""
+        return block.tau
+
+    def rows(self) -> Rows | None:
+        """Return the rows to believe; None where that follows from the map and the channels that are there."""
+        return None
+
+    def changed(self, values: Mapping[str, float]) -> PlainRobot:
+        """Return the robot with parameters changed by values, as a calibration found them."""
+        return self
 
     @property
     def mass(self) -> float:
@@ -57,7 +99,7 @@ class RecordedRobot:
         """Return whether a joint slides, so that its row is in N."""
         return bool(self.model.joints[self.model.getJointId(joint)].shortname().startswith("JointModelP"))
 
-    def heavier(self, factor: float) -> RecordedRobot:
+    def heavier(self, factor: float) -> Self:
         """Return the robot with all masses and inertias times a factor."""
         model = self.model.copy()
         for k, inertia in enumerate(self.model.inertias.tolist()):
@@ -79,7 +121,7 @@ class RecordedRobot:
         return np.array(pin.neutral(self.model))
 
 
-def recorded_robot(table: RobotTable, folder: Path) -> RecordedRobot:
+def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
     """Build the model of a map's robot; relative paths begin at `folder`.
 
     Raises:
@@ -114,7 +156,7 @@ def recorded_robot(table: RobotTable, folder: Path) -> RecordedRobot:
     if not (table.points or table.wrenches):
         names = [frame.name for frame in model.frames.tolist()[1:]]
         raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
-    return RecordedRobot(model, free, joints, title)
+    return PlainRobot(model, free, joints, title)
 
 
 def _one_body(table: RobotTable) -> pin.Model:

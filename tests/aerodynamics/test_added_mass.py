@@ -234,7 +234,7 @@ def test_the_observer_finds_the_forces_as_well_with_added_mass_as_without() -> N
 
 def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:
     """The channel matters: without it the residual is wrong by tens of millinewton, several times the noise."""
-    from aerobat_pin.aerobat.known_inputs import known_inputs
+    from aerobat_pin.aerobat.flight_record import known_inputs
     from aerobat_pin.observers import ForceLevelObserver
 
     experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from aerobat_pin.aerobat.air_stream import AirStream
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import moved
 from aerobat_pin.control.margins import loop_margins

@@ -11,8 +11,7 @@ import xarray as xr
 from scipy.signal import savgol_filter
 
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import known_inputs
-from aerobat_pin.aerobat.motion import motion
+from aerobat_pin.aerobat.flight_record import known_inputs, motion
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation.scores import r_squared, true_force
 from aerobat_pin.experiments.experiment import Experiment, run

@@ -61,7 +61,7 @@ def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
 def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
     pytest.importorskip("rosbags")
-    monkeypatch.setattr("aerobat_pin.estimation.recordings.bag_columns.REORDERED", 100)  # as of a long bag
+    monkeypatch.setattr("aerobat_pin.records.bag_columns.REORDERED", 100)  # as of a long bag
     bag(walk(), folder / "walk")
     found = estimated(folder / "walk", bag_map(folder / "quadruped.urdf"))
     assert np.max(foot_errors(found, 1.7e9)) < 0.1

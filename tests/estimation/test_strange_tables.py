@@ -19,7 +19,7 @@ from aerobat_pin.records.map_tables import LogTable
 
 def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole numbers in its first pieces and decimal commas later are right; points and commas in one column are not."""
-    monkeypatch.setattr("aerobat_pin.estimation.recordings.csv_columns.ROWS_AT_ONCE", 100)
+    monkeypatch.setattr("aerobat_pin.records.csv_columns.ROWS_AT_ONCE", 100)
     whole, points = [str(k) for k in range(250)], [f"{k}.5" for k in range(250)]
     commas = [f"{k},5" for k in range(250, 500)]
     log = tmp_path / "log.csv"

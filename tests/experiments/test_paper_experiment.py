@@ -94,7 +94,7 @@ def benchmark(request: pytest.FixtureRequest) -> Experiment:
 
 def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:
     """Estimate again from the same log with another gain; R2 (wing, axis) by observer."""
-    from aerobat_pin.aerobat.known_inputs import known_inputs
+    from aerobat_pin.aerobat.flight_record import known_inputs
     from aerobat_pin.estimation.scores import r_squared
     from aerobat_pin.observers import OBSERVERS
 

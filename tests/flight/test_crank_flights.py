@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import CrankError, TrimError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight import ConstantRate, crank_drive

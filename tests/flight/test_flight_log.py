@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import LogError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.result_tables import estimate_dataset

@@ -125,7 +125,7 @@ import pinocchio as pin
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 
 settings = ["simulation.duration=0.005", "air.warm_up_cycles=1", "air.strips=6"]
 log = simulate(load_scenario("paper", settings))

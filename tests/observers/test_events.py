@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.observers import Application, ForceLevelObserver, bias_of, calibrate_cusum, calibrate_level

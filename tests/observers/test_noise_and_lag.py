@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from support.arm import arm, push, rest
 
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.observers import (

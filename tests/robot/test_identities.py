@@ -15,7 +15,7 @@ import pytest
 from support.generalized import generalized_force
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.robot.aerobat import Aerobat, load_aerobat

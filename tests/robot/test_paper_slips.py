@@ -14,9 +14,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from support.generalized import generalized_force
 
-from aerobat_pin.aerobat.known_inputs import KnownInputs, known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
+from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.observers import MomentumObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat

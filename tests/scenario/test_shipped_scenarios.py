@@ -11,7 +11,7 @@ from support.commands import call
 
 from aerobat_pin.aerobat.csv_log import read_csv, write_csv
 from aerobat_pin.aerobat.estimate import belief_about, estimate_log
-from aerobat_pin.aerobat.known_inputs import known_inputs
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.estimation.scores import point_label, r_squared, true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.robot.load import believed_robot

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import KnownInputs, known_inputs, true_force
+from aerobat_pin.aerobat import known_inputs, true_force
+from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.observers.kalman.kalman import SENSOR_NOISE

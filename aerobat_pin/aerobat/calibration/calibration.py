@@ -16,10 +16,9 @@ from aerobat_pin.aerobat.calibration.harmonics import Harmonics
 from aerobat_pin.aerobat.calibration.identified import Identified
 from aerobat_pin.aerobat.calibration.learnt_range import LOST_UNNOTICED, LearntRange
 from aerobat_pin.aerobat.calibration.parameters import changed_belief, scaled_thrusters
-from aerobat_pin.aerobat.known_inputs import KnownInputs
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import CalibrationUse
+from aerobat_pin.estimation import CalibrationUse, KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.robot import Aerobat

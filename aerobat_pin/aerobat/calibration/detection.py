@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.known_inputs import KnownInputs
-from aerobat_pin.estimation import Contact
+from aerobat_pin.estimation import Contact, KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import KalmanObserver, LevelDetector, moving_weight
 

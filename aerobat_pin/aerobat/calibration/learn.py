@@ -27,9 +27,10 @@ from aerobat_pin.aerobat.calibration.identified import Identified
 from aerobat_pin.aerobat.calibration.identify import HELD_OUT, identify
 from aerobat_pin.aerobat.calibration.learnt_range import LearntRange
 from aerobat_pin.aerobat.calibration.parameters import PARAMETERS
-from aerobat_pin.aerobat.known_inputs import KnownInputs
-from aerobat_pin.aerobat.motion import Motion, motion
+from aerobat_pin.aerobat.flight_record import motion
+from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array, guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction
 from aerobat_pin.robot import JOINTS

@@ -19,24 +19,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.records import Parameter
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection
 
 DISTAL = ("left_elbow", "right_elbow")  # joints that carry the outer wings
 SCALED_FORCE = "thrusters"  # the known force that `thruster_scale` changes
-
-
-class Parameter(NamedTuple):
-    """Unit of a parameter's change, `1` for a factor, and the standard deviation that is expected of it."""
-
-    unit: str
-    expected: float
 
 
 PARAMETERS = {

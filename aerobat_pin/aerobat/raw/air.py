@@ -56,7 +56,7 @@ class AirAboutNominal:
         closure = self.robot.linkage.solve(*nominal.crank.T)
         q = self.robot.configuration(nominal.placements(), closure.theta_s, closure.theta_e)
         v = self.robot.velocity(nominal.twist, closure.theta_s_dot, closure.theta_e_dot)
-        return Motion(nominal.time, q, v, nominal.crank.T.copy(), self.wind.field(nominal.time), {})
+        return Motion(nominal.time, q, v, nominal.crank.T.copy(), self.wind.field(nominal.time))
 
     def fly(self, nominal: NominalMotion, by_twist: Array | None = None) -> AirForces:
         """Return the air along a motion.
@@ -74,7 +74,7 @@ class AirAboutNominal:
             for i, shift in enumerate(SHIFTS):
                 v = moved.v.copy()
                 v[:, i] += shift
-                shifted = Motion(moved.time, moved.q, v, moved.crank, moved.wind, {})
+                shifted = Motion(moved.time, moved.q, v, moved.crank, moved.wind)
                 by_twist[:, :, i] = (np.add(*self.along.fly(shifted)) - force) / shift
                 self._states[1 + i] = state
         return AirForces(force, inertia, by_twist)

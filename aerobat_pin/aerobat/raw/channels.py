@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import Torque
+from aerobat_pin.aerobat.robot import Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat

@@ -17,7 +17,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.aerobat.known_inputs import Torque
 from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.jumps import JUMP, LEAST_JUMP_GAIN
@@ -29,6 +28,7 @@ from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
 from aerobat_pin.aerobat.raw.tuning import Tuning
+from aerobat_pin.aerobat.robot import Torque
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 

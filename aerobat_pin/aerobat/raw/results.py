@@ -10,15 +10,15 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.known_inputs import ROWS_OF_TORQUE, KnownInputs
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
 from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
 from aerobat_pin.aerobat.truth import SUM
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation import CalibrationUse
+from aerobat_pin.estimation import CalibrationUse, KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation
 from aerobat_pin.robot import BASE_SIZE, Aerobat

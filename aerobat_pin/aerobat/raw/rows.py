@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.known_inputs import Torque
 from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
 from aerobat_pin.aerobat.raw.dynamics import cross_matrices
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
@@ -25,6 +24,7 @@ from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR,
 from aerobat_pin.aerobat.raw.nominal import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import SampleRows
 from aerobat_pin.aerobat.raw.rows_kernels import accelerometer_rows, felt_accelerations
+from aerobat_pin.aerobat.robot import Torque
 from aerobat_pin.numerics import Array, Integers
 
 TURNING = slice(9, 12)  # the states of the body's rate

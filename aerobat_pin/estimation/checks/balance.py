@@ -139,7 +139,7 @@ def _best_swap(found: Balance) -> tuple[tuple[int, int] | None, float]:
 def _balance(record: Record, forces: KnownForces) -> Balance | None:
     """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
     model = record.robot.model
-    ignored, _ = believed_rows(record)
+    ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
     weight = np.array([1.0 if _is_force(record, i) else 1.0 / MOMENT_ARM for i in rows])
     at = [record.robot.v_index(joint) for joint in record.driven]

@@ -22,9 +22,10 @@ LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
 MOST_COMPARED = 50
 
 
-def stamp_findings(record: Record, columns: Columns) -> Iterator[LogFinding]:
+def stamp_findings(record: Record) -> Iterator[LogFinding]:
     """Yield what the stamps and the sequence of samples show."""
-    yield from _clocks(columns)
+    if record.log is not None:
+        yield from _clocks(record.log)
     found: dict[tuple[float, float], list[str]] = {}
     for key, channel in record.channels.items():
         rate = 1.0 / typical_spacing(channel.time)
@@ -49,8 +50,9 @@ def stamp_findings(record: Record, columns: Columns) -> Iterator[LogFinding]:
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
         yield LogFinding("gap", "warning", what, end - begin, "s")
-    yield from _duplicates(columns.path)
-    yield from _unsealed(columns.path)
+    if record.log is not None:
+        yield from _duplicates(record.log.path)
+        yield from _unsealed(record.log.path)
 
 
 def _clocks(columns: Columns) -> Iterator[LogFinding]:

@@ -30,9 +30,9 @@ ACTUAL = {"truth": "actual", "sensor": "force sensor"}
 def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     """Draw estimated and actual unknown forces, one column for each point.
 
-    Below each force is its error, on one scale for all of them, if there is a reference. The last row enlarges a part of
-    one component; boxes mark this part and the events; a stretch that a map calls free of contact is grey. Panels of a
-    row share their axes.
+    Below each force is its error, on one scale for all of them, if there is a reference. The last row enlarges a part
+    of one component; boxes mark this part and the events; a stretch that a map calls free of contact is grey. Panels
+    of a row share their axes.
 
     Args:
         result: the estimates, with their references and events.

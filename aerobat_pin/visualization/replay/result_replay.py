@@ -60,7 +60,7 @@ def _visible(result: Result, record: Record) -> tuple[pin.Model, pin.GeometryMod
     path = record.map.robot.urdf
     if path is not None:
         try:
-            model, visual = load_any_robot(result.folder / path, int(record.robot.model.nq), Path(result.name))
+            model, visual = load_any_robot(record.folder / path, int(record.robot.model.nq), Path(result.name))
             if visual.ngeoms > 0:
                 return model, visual
         except LogError:

@@ -1,0 +1,130 @@
+"""A flight of Aerobat, simulated or recorded, as a record: the log's measured channels at the log's own times.
+
+| channel of the log | of the record |
+|---|---|
+| `q`, or `pose` and `joint_angle` | `base.position`, `base.quaternion`, `joints.position` |
+| `v`, or `twist` and `joint_rate` | `base.velocity`, `base.rate` (body axes), `joints.velocity` |
+| `motor_torque` or `joint_torque` | `joints.effort`, interval means |
+| `crank_angle`, `crank_rate`, `airspeed`, `wind_W`, `crank_torque`, `known_*` | `extra.*`, which `AerobatRobot` reads |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from aerobat_pin.aerobat.channels import KNOWN
+from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.robot import RECORDED, AerobatRobot, Torque
+from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records import LogChannel, Map, Record, Spool, parse_map, series_of
+from aerobat_pin.robot import BASE_SIZE, FORCE_POINTS, JOINTS, Aerobat
+from aerobat_pin.scenario import AirSection
+
+EXTRA_CHANNELS = ("crank_angle", "crank_rate", "airspeed", "wind_W", "crank_torque")
+PLACE_SIZE = 7  # of the base in q
+
+
+def flight_record(
+    log: FlightLog, robot: AerobatRobot, frames: Sequence[str] = FORCE_POINTS, gain: float = 1000.0
+) -> Record:
+    """Return the measured channels of a flight log as a record; its true values are not used.
+
+    Args:
+        log: the flight log, of q and v or of what they follow from.
+        robot: the assumed robot.
+        frames: frames at whose origins unknown forces act.
+        gain: of the observers that will be run [1/s], after which their estimates settle.
+    """
+    spool = Spool()
+    knots = series_of(spool, log.time)
+    channels = {
+        key: LogChannel(key, (name,), knots, series_of(spool, values), means)
+        for key, name, values, means in _channels(log, robot.aerobat)
+    }
+    count = len(log.time)
+    span = float(log.time[-1] - log.time[0])
+    rate = (count - 1) / span if span > 0.0 else 1.0
+    driven = JOINTS if "joints.effort" in channels else ()
+    joints = JOINTS if "joints.position" in channels else ()
+    parts = ((0, count - 1),)
+    return Record(flight_map(frames, gain), robot, channels, joints, driven, float(log.time[0]), rate, parts, (), knots)
+
+
+def flight_map(frames: Sequence[str], gain: float) -> Map:
+    """Return the map of a flight log: velocities in body axes, forces at frames."""
+    return parse_map(
+        {
+            "robot": {"points": list(frames)},
+            "base": {"velocity": {"axes": "body"}},
+            "observer": {"gain": gain},
+        },
+        "of a flight",
+    )
+
+
+def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array, bool]]:
+    """Yield key, name in the log, values (n, k), and whether they are interval means."""
+    measured = {str(name): np.asarray(log.measured[name].values, float) for name in log.measured.data_vars}
+    for name in ("q", "pose"):
+        if name in measured:
+            yield "base.position", name, measured[name][:, :3], False
+            yield "base.quaternion", name, measured[name][:, 3:PLACE_SIZE], False
+            break
+    for name in ("v", "twist"):
+        if name in measured:
+            yield "base.velocity", name, measured[name][:, :3], False
+            yield "base.rate", name, measured[name][:, 3:BASE_SIZE], False
+            break
+    at_q, at_v = list(robot.idx_q), list(robot.idx_v)
+    for key, whole, joints, rows, means in (
+        ("position", "q", "joint_angle", at_q, False),
+        ("velocity", "v", "joint_rate", at_v, False),
+        ("effort", "motor_torque", "joint_torque", at_v, True),
+    ):
+        if whole in measured:
+            yield f"joints.{key}", whole, measured[whole][:, rows], means
+        elif joints in measured:
+            yield f"joints.{key}", joints, log.measured[joints].sel(joint=list(JOINTS)).values, means
+    for name, values in measured.items():
+        if name in EXTRA_CHANNELS or name.startswith(KNOWN):
+            key = RECORDED + name.removeprefix(KNOWN) if name.startswith(KNOWN) else name
+            means = log.measured[name].dims[0] == "interval"
+            yield f"extra.{key}", name, values.reshape(len(values), -1), means
+
+
+@guarded()
+def known_inputs(
+    log: FlightLog, robot: Aerobat, torque: Torque = "measured", air: AirSection | None = None
+) -> KnownInputs:
+    """Prepare an observer's inputs from the measured channels of a log; its true values are not used.
+
+    Args:
+        log: the flight log.
+        robot: the assumed robot. Its linkage supplies joint angles that were not measured; its inertia supplies the
+            `modelled` torque.
+        torque: which joint torque to use; choose `none` if the log contains no torque.
+        air: the assumed air; when omitted the air noted in the log, or the default air if the log notes none.
+
+    Raises:
+        LogError: there is no such kind of torque, the log lacks the channels for it, or a gap in time is too long.
+    """
+    record = flight_record(log, AerobatRobot.of(robot, noted_air(log) if air is None else air, torque))
+    rows = record.robot.rows()
+    assert rows is not None
+    return inputs_of(record, *record.parts[0], KnownForces(record), rows)
+
+
+@guarded()
+def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
+    """Return the motion of a flight, as `AerobatRobot` completes it; errors as of `motion.completed`."""
+    record = flight_record(log, AerobatRobot.of(robot, air))
+    return Motion.of(record.block(*record.parts[0]))
+
+
+def noted_air(log: FlightLog) -> AirSection:
+    """Return the assumed air noted in the attributes of a log, or the default air."""
+    return AirSection.model_validate_json(log.measured.attrs.get("air", "{}"))

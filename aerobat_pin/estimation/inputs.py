@@ -1,0 +1,58 @@
+"""What an observer is given of a stretch of a record: configuration, velocity, joint torques and known forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.use import CalibrationUse
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Rows
+from aerobat_pin.records import Record
+
+
+@dataclass(frozen=True, repr=False)
+class KnownInputs:
+    """The inputs of an observer.
+
+    Attributes:
+        time: (m + 1,) times of the samples [s].
+        q: (m + 1, nq) configurations.
+        v: (m + 1, nv) velocities.
+        tau: (m, nv) known joint torques, interval means.
+        known: name -> (m, nv) other known generalised forces, interval means.
+        rows: rows of the equations of motion that the observer can use.
+        source: input -> where it comes from: `measured`, `reconstructed` or `believed`, and the kind of torque that is
+            known for `motor_torque`.
+        calibration: how a calibration was used, if there is one.
+        crank: (m + 1,) crank angle [rad], if it was estimated together with the motion; else None.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    tau: Array
+    known: Mapping[str, Array]
+    rows: Rows
+    source: Mapping[str, str]
+    calibration: CalibrationUse | None = None
+    crank: Array | None = None
+
+    def __repr__(self) -> str:
+        sources = ", ".join(f"{name} {source}" for name, source in self.source.items())
+        span = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"
+        return f"KnownInputs of {len(self.tau)} intervals, {span}; rows {self.rows}\n  {sources}"
+
+
+def inputs_of(record: Record, first: int, last: int, forces: KnownForces, rows: Rows) -> KnownInputs:
+    """Return the inputs of an observer from index `first` to `last` inclusive of a record.
+
+    Raises:
+        LogError, LinkageError: the robot cannot complete this stretch, or its known forces cannot be computed there.
+    """
+    block = record.block(first, last)
+    known = forces.known(block)
+    tau = forces.torque(replace(block, tau=record.robot.torque(block, known)))
+    source = {**block.source, **{name: block.source.get(name, "reconstructed") for name in known}}
+    return KnownInputs(block.time, block.q, block.v, tau, known, rows, source)
