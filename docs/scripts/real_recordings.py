@@ -26,7 +26,7 @@ from aerobat_pin.visualization.figures.recording import draw_recording
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import MapCalibration, RecordingEstimate, calibrate_recording, estimate_recording
+from aerobat_pin.estimation import MapCalibration, Result, calibrate_recording, estimate_recording
 from aerobat_pin.records import load_map, parse_map
 from aerobat_pin.visualization import save_figure
 
@@ -55,7 +55,7 @@ def read(
     friction: dict[str, Any] | None = None,
     calibration: MapCalibration | None = None,
     **robot: Any,
-) -> RecordingEstimate:
+) -> Result:
     """Estimate a log by a map of examples/recordings, with friction fitted or given, or changed keys of its robot."""
     values = tomllib.loads((MAPS / f"{name}.toml").read_text())
     values["robot"] |= robot

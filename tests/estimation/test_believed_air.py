@@ -10,10 +10,11 @@ import pytest
 import xarray as xr
 from scipy.signal import savgol_filter
 
+from aerobat_pin.aerobat import true_force
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import known_inputs, motion
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation.scores import r_squared, true_force
+from aerobat_pin.estimation.scores import r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.observers import ForceLevelObserver, MomentumObserver

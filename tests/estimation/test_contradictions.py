@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aerobat_pin.visualization.run_pages import report_html
 from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 
@@ -21,6 +20,7 @@ from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import believed_robot, load_robot
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.visualization.result_pages import report_html
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from aerobat_pin.aerobat import true_force
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation.scores import true_force
 from aerobat_pin.experiments import run, write
 from aerobat_pin.flight.point_forces import PointForce, interval_means
 from aerobat_pin.flight.simulate import simulate

@@ -388,7 +388,7 @@ def calls() -> dict[str, Call]:
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
         "motion": (estimation.motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "observer_scores": (estimation.observer_scores, {"estimate": estimate, "log": log}),
+        "observer_scores": (estimation.observer_scores, {"estimate": estimation.StoredEstimate.of(estimate)}),
         "point_label": (estimation.point_label, {"frame": frame}),
         "r_squared": (estimation.r_squared, {"estimate": noise, "truth": noise}),
         "read_log": (estimation.read_log, {"path": folder / "log.csv"}),
@@ -441,7 +441,6 @@ def _recordings(
             estimation.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None},
         ),
-        "write_recorded": (experiments.write_recorded, {"found": found, "folder": folder}),
         "write_mcap": (estimation.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
             estimation.write_flight_mcap,
@@ -467,8 +466,8 @@ SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 RESULTS = """Belief Calibration CalibrationUse MapCalibration
 Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
-AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
-Redundancy JointFriction OnlineSample RecordingEstimate StoredEstimate Compared LogChannel StoredVariable
+FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
+Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
 SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks

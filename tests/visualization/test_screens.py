@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from aerobat_pin.visualization.run_pages import report_html
 from support.browser import frames, needs_browser, opened, pixels, ready, resized
 
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization.result_pages import report_html
 
 SIZES = ((1440, 900), (844, 390), (390, 844))
 FINGER = 44  # [px]
