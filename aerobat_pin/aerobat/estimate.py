@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
 from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import known_inputs, motion, noted_air
-from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
+from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs, noted_air
+from aerobat_pin.aerobat.robot import AerobatRobot
+from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE
 from aerobat_pin.errors import CalibrationError, ScenarioError
-from aerobat_pin.estimation import KnownInputs
+from aerobat_pin.estimation import CalibrationUse, KnownInputs, observers_of
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
+from aerobat_pin.records import Record
 from aerobat_pin.robot import Aerobat, load_morphology
-from aerobat_pin.scenario import Scenario, parse_scenario, with_settings
+from aerobat_pin.scenario import RawSection, Scenario, parse_scenario, with_settings
 
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
 
@@ -126,16 +129,15 @@ def estimate_log(
     """
     section, air = belief.observers, belief.believed_air
     check_names(section.names)
-    if log.is_raw:
-        from aerobat_pin.aerobat.raw.results import estimate_raw  # compiles kernels that other logs do not need
-
-        if calibration is not None:
-            calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
-            if calibration.accelerometer is None:
-                raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
-        return estimate_raw(log, robot, belief, progress, None if calibration is None else calibration.accelerometer)
+    believed = replace(AerobatRobot.of(robot, air, section.torque), raw=section.raw or RawSection())
     if calibration is not None:
         calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
+        if log.is_raw and calibration.accelerometer is None:
+            raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
+        believed = replace(believed, mount=calibration.accelerometer)
+    if log.is_raw:
+        return _smoothed(flight_record(log, believed, section), progress)
+    if calibration is not None:
         robot, air = calibration.believed(robot, air)
     rows = ROWS_OF_TORQUE[section.torque]
     observers = [
@@ -144,7 +146,7 @@ def estimate_log(
     ]
     inputs = known_inputs(log, robot, section.torque, air)
     if calibration is not None:
-        inputs = calibration.applied(inputs, robot, motion(log, robot, air))
+        inputs = calibration.applied(inputs, robot, flight_motion(log, robot, air))
     estimates = {}
     for i, observer in enumerate(observers):
         if progress is not None:
@@ -169,3 +171,16 @@ def _check_keys(settings: Iterable[str]) -> None:
                 f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
                 f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
             )
+
+
+def _smoothed(record: Record, progress: Callable[[float], None] | None) -> tuple[KnownInputs, dict[str, Estimate]]:
+    """Return what the robot of a record of raw samples finds, as the inputs of an observer and its estimates."""
+    robot = record.robot
+    assert isinstance(robot, AerobatRobot)
+    found = robot.motion_from(record.times(*record.parts[0]), record.channels, observers_of(record)[0], progress)
+    assert found is not None
+    block, rows = found.block, ROWS_OF_TORQUE[robot.kind]
+    use = None if robot.mount is None else CalibrationUse("inside", f"calibration: {robot.mount}")
+    crank = block.extra["crank"][0]
+    inputs = KnownInputs(block.time, block.q, block.v, block.tau, found.known, rows, block.source, use, crank)
+    return inputs, dict(found.estimates)

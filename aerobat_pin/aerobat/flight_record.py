@@ -6,69 +6,89 @@
 | `v`, or `twist` and `joint_rate` | `base.velocity`, `base.rate` (body axes), `joints.velocity` |
 | `motor_torque` or `joint_torque` | `joints.effort`, interval means |
 | `crank_angle`, `crank_rate`, `airspeed`, `wind_W`, `crank_torque`, `known_*` | `extra.*`, which `AerobatRobot` reads |
+| raw samples, each with times of its own | as `RAW_KEYS` says |
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
-from aerobat_pin.aerobat.robot import RECORDED, AerobatRobot, Torque
+from aerobat_pin.aerobat.robot import AerobatRobot
+from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import LogChannel, Map, Record, Spool, parse_map, series_of
-from aerobat_pin.robot import BASE_SIZE, FORCE_POINTS, JOINTS, Aerobat
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat
+from aerobat_pin.scenario import AirSection, ObserverSection
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 EXTRA_CHANNELS = ("crank_angle", "crank_rate", "airspeed", "wind_W", "crank_torque")
 PLACE_SIZE = 7  # of the base in q
+RAW_KEYS = {  # channel of raw samples -> key
+    "mocap_position": "base.position",
+    "mocap_quaternion": "base.quaternion",
+    "gyro": "base.rate",
+    "accelerometer": "check.specific_force",
+    "encoder": "extra.encoder",
+    "joint_torque_sample": "joints.effort",
+    "crank_torque_sample": "extra.crank_torque",
+}
 
 
-def flight_record(
-    log: FlightLog, robot: AerobatRobot, frames: Sequence[str] = FORCE_POINTS, gain: float = 1000.0
-) -> Record:
+def flight_record(log: FlightLog, robot: AerobatRobot, section: ObserverSection | None = None) -> Record:
     """Return the measured channels of a flight log as a record; its true values are not used.
 
     Args:
-        log: the flight log, of q and v or of what they follow from.
+        log: the flight log.
         robot: the assumed robot.
-        frames: frames at whose origins unknown forces act.
-        gain: of the observers that will be run [1/s], after which their estimates settle.
+        section: the observers, and the frames at whose origins unknown forces act; the usual ones when omitted.
     """
     spool = Spool()
     knots = series_of(spool, log.time)
     channels = {
         key: LogChannel(key, (name,), knots, series_of(spool, values), means)
         for key, name, values, means in _channels(log, robot.aerobat)
-    }
+    } | {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
     count = len(log.time)
     span = float(log.time[-1] - log.time[0])
     rate = (count - 1) / span if span > 0.0 else 1.0
     driven = JOINTS if "joints.effort" in channels else ()
     joints = JOINTS if "joints.position" in channels else ()
     parts = ((0, count - 1),)
-    return Record(flight_map(frames, gain), robot, channels, joints, driven, float(log.time[0]), rate, parts, (), knots)
-
-
-def flight_map(frames: Sequence[str], gain: float) -> Map:
-    """Return the map of a flight log: velocities in body axes, forces at frames."""
-    return parse_map(
-        {
-            "robot": {"points": list(frames)},
-            "base": {"velocity": {"axes": "body"}},
-            "observer": {"gain": gain},
-        },
-        "of a flight",
+    return Record(
+        flight_map(section or ObserverSection()),
+        robot,
+        channels,
+        joints,
+        driven,
+        float(log.time[0]),
+        rate,
+        parts,
+        (),
+        knots,
     )
+
+
+def flight_map(section: ObserverSection) -> Map:
+    """Return the map of a flight log: velocities in body axes, forces at the frames of the observers."""
+    observer = section.model_dump(include={"names", "gain", "kalman", "smoother", "super_twisting"}, exclude_none=True)
+    robot = {"points": section.frames}
+    return parse_map({"robot": robot, "base": {"velocity": {"axes": "body"}}, "observer": observer}, "of a flight")
 
 
 def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array, bool]]:
     """Yield key, name in the log, values (n, k), and whether they are interval means."""
-    measured = {str(name): np.asarray(log.measured[name].values, float) for name in log.measured.data_vars}
+    names = [str(name) for name in log.measured.data_vars if str(name) not in RAW_KEYS]
+    measured = {name: np.asarray(log.measured[name].values, float) for name in names}
     for name in ("q", "pose"):
         if name in measured:
             yield "base.position", name, measured[name][:, :3], False
@@ -96,6 +116,23 @@ def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array,
             yield f"extra.{key}", name, values.reshape(len(values), -1), means
 
 
+def raw_channels(log: FlightLog, spool: Spool | None = None) -> dict[str, LogChannel]:
+    """Return key -> channel of a log's raw samples, in a spool or in one of their own; empty for other logs."""
+    where = spool or Spool()
+    return {key: _raw_channel(where, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
+
+
+def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:
+    """Return raw samples with their own stamps, and what the log notes about their sensor."""
+    values, noted = np.asarray(data.values, float), data.attrs
+    time = series_of(spool, np.asarray(data[data.dims[0]].values, float))
+    place, angles = (np.array(noted.get(name, np.zeros(3)), float) for name in ("place", "turn_deg"))
+    turn = np.asarray(pin.rpy.rpyToMatrix(*np.radians(angles)))
+    deviation = float(noted["noise"]) if "noise" in noted else None
+    samples = series_of(spool, values.reshape(len(values), -1))
+    return LogChannel(key, (str(data.name),), time, samples, False, deviation, place, turn)
+
+
 @guarded()
 def known_inputs(
     log: FlightLog, robot: Aerobat, torque: Torque = "measured", air: AirSection | None = None
@@ -119,7 +156,7 @@ def known_inputs(
 
 
 @guarded()
-def motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
+def flight_motion(log: FlightLog, robot: Aerobat, air: AirSection) -> Motion:
     """Return the motion of a flight, as `AerobatRobot` completes it; errors as of `motion.completed`."""
     record = flight_record(log, AerobatRobot.of(robot, air))
     return Motion.of(record.block(*record.parts[0]))

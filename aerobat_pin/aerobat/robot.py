@@ -1,38 +1,36 @@
 """Aerobat as a robot of records: its crank moves its joints through the closed linkage, and air acts on its wings.
 
-The joint torque that is known decides which forces can be estimated. The linkage prescribes the joints' motion, so the
-*measured* torque contains the reaction to the unknown force. A torque *modelled* from the motion alone does not, so the
-part of the force that this reaction balances cannot be estimated. *motor_only* is the torque at the crank: it
-determines the power of all joints together, but not the torque of each. With *none*, only the rows of the base can be
-used.
-
 Aerodynamic forces are never measured; they are always reconstructed, even for simulated flights. A model error is
 simulated by assuming a robot or an air that differs from those that flew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 
+from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.calibration.parameters import PARAMETERS, changed_belief
 from aerobat_pin.aerobat.motion import Motion, completed
+from aerobat_pin.aerobat.torque import (
+    RECORDED,
+    ROWS_OF_TORQUE,
+    Torque,
+    crank_halfway,
+    modelled_torque,
+    spread_crank_torque,
+)
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Rows
-from aerobat_pin.records import Block, Parameter, PlainRobot
-from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, prescribed_joint_dynamics
-from aerobat_pin.scenario import AirSection
-
-Torque = Literal["measured", "modelled", "motor_only", "none"]
-ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}
-RECORDED = "known."  # prefix of known forces among a block's extra channels
+from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records import EXTRA, Block, LogChannel, Parameter, PlainRobot, SmoothedMotion
+from aerobat_pin.robot import JOINTS, Aerobat
+from aerobat_pin.scenario import AirSection, RawSection
 
 
 @dataclass(frozen=True)
@@ -43,20 +41,24 @@ class AerobatRobot(PlainRobot):
         aerobat: the believed robot.
         air: the believed air.
         kind: which joint torque is known.
+        raw: what is assumed of raw samples.
+        mount: place and turn of the accelerometer as a calibration found them; as stated when None.
     """
 
     aerobat: Aerobat
     air: AirSection
     kind: Torque
+    raw: RawSection = field(default_factory=RawSection)
+    mount: Mount | None = None
     remembers: ClassVar[bool] = True  # the wake is that of all flaps before
     parameters: ClassVar[Mapping[str, Parameter]] = PARAMETERS
 
     @classmethod
-    def of(cls, robot: Aerobat, air: AirSection, kind: Torque = "measured") -> AerobatRobot:
-        """Return a believed robot in believed air as a robot of records. Raises LogError for an unknown kind."""
+    def of(cls, robot: Aerobat, air: AirSection | None = None, kind: Torque = "measured") -> AerobatRobot:
+        """Return a believed robot in believed air, else the default air. Raises LogError for an unknown torque."""
         if kind not in ROWS_OF_TORQUE:
             raise LogError(f"torque = {kind!r}: one of {', '.join(ROWS_OF_TORQUE)} was expected")
-        return cls(robot.model, True, JOINTS, robot.model.name, robot, air, kind)
+        return cls(robot.model, True, JOINTS, robot.model.name, robot, air or AirSection(), kind)
 
     def fingerprint(self) -> str:
         """Return a number made of all values of the robot's morphology."""
@@ -68,12 +70,33 @@ class AerobatRobot(PlainRobot):
 
     def changed(self, values: Mapping[str, float]) -> AerobatRobot:
         """Return the robot with other parameters: parameter -> change."""
-        return AerobatRobot.of(*changed_belief(self.aerobat, self.air, values), self.kind)
+        robot, air = changed_belief(self.aerobat, self.air, values)
+        return replace(AerobatRobot.of(robot, air, self.kind), raw=self.raw, mount=self.mount)
 
     def complete(self, block: Block) -> Block:
         """Return a block with the joints that the crank drives, the crank's motion and the wind; see `motion`."""
         block = completed(block, self.aerobat, self.air)
         return replace(block, source={**block.source, "motor_torque": self.kind})
+
+    def motion_from(
+        self,
+        time: Array,
+        channels: Mapping[str, LogChannel],
+        observers: Sequence[Observer],
+        progress: Callable[[float], None] | None,
+    ) -> SmoothedMotion | None:
+        """Smooth raw samples; None where the record has configurations and velocities.
+
+        Raises:
+            ScenarioError: an observer cannot use raw samples.
+            LogError: a channel is missing.
+        """
+        if f"{EXTRA}encoder" not in channels:
+            return None
+        from aerobat_pin.aerobat.raw.results import smoothed_raw  # compiles kernels that other records do not need
+
+        belief = self.aerobat, self.air, self.kind, self.raw, self.mount
+        return smoothed_raw(time, channels, observers, progress, *belief)
 
     def known(self, block: Block) -> Mapping[str, Array]:
         """Return the air's forces along a completed block, and those that were recorded, such as the thrusters'."""
@@ -104,40 +127,6 @@ class AerobatRobot(PlainRobot):
         if self.kind == "measured":
             return block.tau
         left_shoulder, left_elbow, right_shoulder, right_elbow = (block.tau[:, i] for i in self.aerobat.idx_v)
-        closure = self.aerobat.linkage.solve(_crank_halfway(moved)[0])
+        closure = self.aerobat.linkage.solve(crank_halfway(moved)[0])
         crank = closure.crank_torque(left_shoulder, left_elbow) + closure.crank_torque(right_shoulder, right_elbow)
         return spread_crank_torque(self.aerobat, moved, crank)
-
-
-def _crank_halfway(moved: Motion) -> Array:
-    """Return angle, rate and acceleration (3, m) of the crank in the middle of each interval."""
-    if moved.crank is None:
-        raise LogError("flight log: no channel named crank_angle: a torque at the crank, or from its motion, needs it")
-    return np.asarray(0.5 * (moved.crank[:, 1:] + moved.crank[:, :-1]))
-
-
-def modelled_torque(robot: Aerobat, moved: Motion, force: Array) -> Array:
-    """Return the motor torque (m, nv) that the prescribed joint motion needs if no unknown force acts.
-
-    `force` (m, nv) is the sum of the known generalised forces. Raises LogError if the crank is not recorded.
-    """
-    model, data = robot.model, robot.model.createData()
-    closure = robot.linkage.solve(*_crank_halfway(moved))
-    still = np.zeros((len(force), BASE_SIZE))
-    joints = robot.velocity(still, closure.theta_s_ddot, closure.theta_e_ddot)[:, BASE_SIZE:]
-    torque = np.zeros_like(force)
-    q, v = moved.q, moved.v
-    for k in range(len(force)):
-        halfway = pin.interpolate(model, q[k], q[k + 1], 0.5)
-        nle = pin.nonLinearEffects(model, data, halfway, 0.5 * (v[k] + v[k + 1]))
-        torque[k] = prescribed_joint_dynamics(pin.crba(model, data, halfway), nle, force[k], joints[k])[1]
-    return torque
-
-
-def spread_crank_torque(robot: Aerobat, moved: Motion, torque: Array) -> Array:
-    """Return the generalised force (m, nv) that has the power of a torque (m,) at the crank [N m], interval means.
-
-    Each wing receives half of the torque. Raises LogError if the crank is not recorded.
-    """
-    shoulder, elbow = robot.linkage.solve(_crank_halfway(moved)[0]).joint_torques(0.5 * torque)
-    return robot.velocity(np.zeros((len(torque), BASE_SIZE)), shoulder, elbow)

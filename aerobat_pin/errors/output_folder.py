@@ -6,7 +6,8 @@ of the file system, and the old one is deleted. For the folder `runs/paper`:
     runs/.aerobat-paper/lock    locked while a process writes; the file holds its number
     runs/.aerobat-paper/new     what it has written so far; after the exchange, the old result
 
-A process that is killed leaves this folder behind, but not its lock: the next one that writes beside it removes it.
+A process that is killed leaves this folder behind, but not its lock: the next one that writes beside it removes it. A
+link at one of these places, or what belongs to another user, is left alone, and the result refused.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 
 from aerobat_pin.errors.ending import cleaned, undisturbed, written
 from aerobat_pin.errors.exceptions import OutputError, OutputWarning
-from aerobat_pin.errors.whole_files import WORK, locked, without_empty, write_files
+from aerobat_pin.errors.whole_files import WORK, check_ours, locked, without_empty, write_files
 
 LOCK, NEW = "lock", "new"
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of the system call renameat2, see its page in section 2 of the Linux manual
@@ -70,6 +71,8 @@ def claimed(target: Path) -> Iterator[Path]:
 
     try:
         with without_empty((place, *place.parents, target)), cleaned(clear):
+            for folder in (place, place / NEW):
+                check_ours(folder, folder=True)
             with undisturbed():
                 descriptor = locked(place / LOCK)
             os.truncate(descriptor, 0)
@@ -218,9 +221,10 @@ def _remove(place: Path) -> None:
 
 def _remove_unless_alive(place: Path) -> None:
     """Remove the work folder of a process that was killed; of one that lives, and of another user's, do nothing."""
-    if place.is_symlink() or not (place / LOCK).is_file():
+    if not (place / LOCK).is_file():
         return
     with suppress(OSError):
+        check_ours(place, folder=True)
         descriptor = locked(place / LOCK)
         _remove(place)
         os.close(descriptor)

@@ -6,6 +6,7 @@ import errno
 import fcntl
 import os
 import shutil
+import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -71,20 +72,22 @@ def write_files(contents: Mapping[Path, bytes | Path]) -> None:
 
 
 def locked(path: Path) -> int:
-    """Open a file for reading and writing, and lock it until it is closed; the file and its folder may be missing.
+    """Open a file of ours for reading and writing, and lock it until it is closed; it and its folder may be missing.
 
     The lock ends with the process that holds it, however that ends.
 
     Raises:
         BlockingIOError: another process holds the lock.
+        FileExistsError: what is there is not ours.
     """
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
+        check_ours(path)
         descriptor = -1
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(descriptor), os.stat(path)):
+            if os.path.samestat(os.fstat(descriptor), os.lstat(path)):
                 return descriptor
         except FileNotFoundError:
             pass  # the process that held it has just removed it
@@ -94,6 +97,33 @@ def locked(path: Path) -> int:
             raise
         if descriptor >= 0:
             os.close(descriptor)
+
+
+def check_ours(path: Path, *, folder: bool = False) -> None:
+    """Raise FileExistsError if something is at a work place that no program of this user can have left there.
+
+    What is there will be overwritten or deleted; through a link, that would befall a file or folder elsewhere.
+
+    Args:
+        path: where a work file goes.
+        folder: a work folder goes there, not a file.
+    """
+    try:
+        found = os.lstat(path)
+    except FileNotFoundError:
+        return
+    kind = "folder" if folder else "file"
+    if stat.S_ISLNK(found.st_mode):
+        what = "is a link"
+    elif stat.S_IFMT(found.st_mode) != (stat.S_IFDIR if folder else stat.S_IFREG):
+        what = f"is no {kind}"
+    elif not folder and found.st_nlink > 1:
+        what = "is also a file of another name"
+    elif found.st_uid != os.geteuid():
+        what = "belongs to another user"
+    else:
+        return
+    raise FileExistsError(errno.EEXIST, f"{path} {what}; nothing, or a {kind} of your own, was expected there")
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from .calibration_parts import lines_of as lines_of
 from .calibration_parts import parts_bytes as parts_bytes
 from .calibration_parts import read_parts as read_parts
 from .compared import Compared as Compared
-from .compared import compared as compared
 from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
 from .findings import FindingVerdict as FindingVerdict
@@ -17,11 +16,11 @@ from .map_calibration import calibrate_recording as calibrate_recording
 from .map_calibration_file import map_calibration_bytes as map_calibration_bytes
 from .map_calibration_file import read_map_calibration as read_map_calibration
 from .observer_scores import ObserverScores as ObserverScores
-from .observer_scores import observer_scores as observer_scores
 from .online import OnlineEstimator as OnlineEstimator
 from .online import OnlineSample as OnlineSample
 from .result import Result as Result
 from .run_observers import blocks_of as blocks_of
+from .run_observers import observers_of as observers_of
 from .scores import FORCE_AXES as FORCE_AXES
 from .scores import POINT_SUFFIX as POINT_SUFFIX
 from .scores import TRUTH_SCORES as TRUTH_SCORES
@@ -30,6 +29,9 @@ from .scores import Score as Score
 from .scores import lag as lag
 from .scores import point_label as point_label
 from .scores import r_squared as r_squared
+from .self_check import PUSHED_SHARE as PUSHED_SHARE
+from .self_check import Check as Check
+from .self_check import check_record as check_record
 from .stored_estimate import StoredEstimate as StoredEstimate
 from .trust import ComponentSize as ComponentSize
 from .trust import InnovationScore as InnovationScore

@@ -32,6 +32,23 @@ class Compared:
     estimate: Series
     dt: float
 
+    @classmethod
+    def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
+        """Return an estimate beside a reference of its intervals; None if it does not estimate what this shows."""
+        known = estimate.head.identifiability.components
+        wanted = [f"{reference.frame}.{label}" for label in reference.labels]
+        if not set(wanted) <= set(known):
+            return None
+        columns, found = [known.index(label) for label in wanted], Series(estimate.start.spool, len(wanted))
+        margin = 0 if reference.filter is None else int(np.ceil(FORGOTTEN / (reference.filter * dt)))
+        for first, last in reference.stretches or ((0, len(estimate)),):
+            for begin in range(first, last, EXTENT):
+                end = min(begin + EXTENT, last)
+                low, high = max(first, begin - margin), min(last, end + margin)
+                own = estimate.between(low, high).components[:, columns]
+                found.append(low_passed(own, reference.filter, dt)[begin - low : end - low])
+        return cls(reference, estimate.start, found, dt)
+
     def pieces(self) -> Iterator[tuple[Array, ...]]:
         """Yield starts (n,), estimate, reference and the reference without noise (n, k), piece by piece."""
         values, clean = self.reference.values, self.reference.noise_free
@@ -87,29 +104,6 @@ class Compared:
     def liveliest(self) -> int:
         """Index of the component of which the reference varies most."""
         return int(np.argmax(self.sample(MOST_LAGGED)[1].std(axis=0)))
-
-
-def compared(estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
-    """Return an estimate beside a reference; None if it does not estimate what the reference shows.
-
-    Args:
-        estimate: the estimate.
-        reference: the reference, with as many intervals.
-        dt: typical length of an interval [s].
-    """
-    known = estimate.head.identifiability.components
-    wanted = [f"{reference.frame}.{label}" for label in reference.labels]
-    if not set(wanted) <= set(known):
-        return None
-    columns, found = [known.index(label) for label in wanted], Series(estimate.start.spool, len(wanted))
-    margin = 0 if reference.filter is None else int(np.ceil(FORGOTTEN / (reference.filter * dt)))
-    for first, last in reference.stretches or ((0, len(estimate)),):
-        for begin in range(first, last, EXTENT):
-            end = min(begin + EXTENT, last)
-            low, high = max(first, begin - margin), min(last, end + margin)
-            own = estimate.between(low, high).components[:, columns]
-            found.append(low_passed(own, reference.filter, dt)[begin - low : end - low])
-    return Compared(reference, estimate.start, found, dt)
 
 
 def low_passed(values: Array, frequency: float | None, dt: float) -> Array:

@@ -18,7 +18,7 @@ from aerobat_pin.estimation.checks.balance import effort_findings
 from aerobat_pin.estimation.checks.kinematics import motion_findings
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.compared import compared
+from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
@@ -247,7 +247,7 @@ def _error_bar(
         estimate = next(iter(run_observers(known.record, known, observers_of(known.record)[0][:1]).values()))
         if friction is not None and friction.to is not None:
             [reference] = sensor_references(record)  # the fit had it
-            side = compared(estimate, reference, record.dt)
+            side = Compared.of(estimate, reference, record.dt)
             assert side is not None
             errors = {
                 label: score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit

@@ -13,7 +13,6 @@ from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
 from aerobat_pin.estimation.use import CalibrationUse, Contact, FoundEvent
-from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Redundancy
 
 
@@ -58,6 +57,40 @@ class ObserverScores:
     notes: list[str]
     events: list[FoundEvent] | None = None
 
+    @classmethod
+    def of(
+        cls, estimate: StoredEstimate, compared: Iterable[Compared] = (), use: CalibrationUse | None = None
+    ) -> ObserverScores:
+        """Score an estimate.
+
+        Args:
+            estimate: the estimate.
+            compared: it beside its references.
+            use: how a calibration was used, with the contacts that were found.
+        """
+        head, found, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
+        by_point = None
+        if head.standard_deviation is not None and head.are_world_forces:
+            sure = [size.deviation for size in components]
+            by_point = {point_label(frame): sure[3 * i : 3 * i + 3] for i, frame in enumerate(head.frames)}
+        return cls(
+            points={point_label(side.reference.frame): side.scores() for side in compared},
+            components=components,
+            mean=dict(zip(found.components, estimate.mean.tolist(), strict=True)),
+            gain=head.gain.tolist(),
+            rows=head.rows,
+            rank=found.rank,
+            condition=found.condition if np.isfinite(found.condition) else None,
+            null_direction=None if found.null_direction is None else found.null_direction.tolist(),
+            unseen=found.describe(),
+            redundancy=estimate.redundancy,
+            deviation=by_point,
+            innovation=estimate.innovation,
+            warnings=warnings_about(next(estimate.blocks())),
+            events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
+            notes=list(head.notes),
+        )
+
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
         rest = asdict(self)
@@ -81,41 +114,6 @@ class ObserverScores:
             "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
         }
         return cls(points, **{**rest, **made})
-
-
-@guarded()
-def observer_scores(
-    estimate: StoredEstimate, compared: Iterable[Compared] = (), use: CalibrationUse | None = None
-) -> ObserverScores:
-    """Score an estimate.
-
-    Args:
-        estimate: the estimate.
-        compared: it beside its references.
-        use: how a calibration was used, with the contacts that were found.
-    """
-    head, found, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
-    by_point = None
-    if head.standard_deviation is not None and head.are_world_forces:
-        sure = [size.deviation for size in components]
-        by_point = {point_label(frame): sure[3 * i : 3 * i + 3] for i, frame in enumerate(head.frames)}
-    return ObserverScores(
-        points={point_label(side.reference.frame): side.scores() for side in compared},
-        components=components,
-        mean=dict(zip(found.components, estimate.mean.tolist(), strict=True)),
-        gain=head.gain.tolist(),
-        rows=head.rows,
-        rank=found.rank,
-        condition=found.condition if np.isfinite(found.condition) else None,
-        null_direction=None if found.null_direction is None else found.null_direction.tolist(),
-        unseen=found.describe(),
-        redundancy=estimate.redundancy,
-        deviation=by_point,
-        innovation=estimate.innovation,
-        warnings=warnings_about(next(estimate.blocks())),
-        events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
-        notes=list(head.notes),
-    )
 
 
 def found_events(estimate: StoredEstimate, contacts: Sequence[Contact]) -> list[FoundEvent]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.compared import Compared, compared
+from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import LogFinding
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.observer_scores import ObserverScores, observer_scores
+from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.score_tables import score_table, size_table, text_table
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.use import CalibrationUse
@@ -76,14 +76,14 @@ class Result:
     @cached_property
     def compared(self) -> dict[str, list[Compared]]:
         """Observer -> its estimate beside each reference of what it estimates."""
-        sides = {name: [compared(own, one, self.dt) for one in self.references] for name, own in self.stored.items()}
+        sides = {name: [Compared.of(own, one, self.dt) for one in self.references] for name, own in self.stored.items()}
         return {name: [side for side in found if side is not None] for name, found in sides.items()}
 
     @cached_property
     def observers(self) -> dict[str, ObserverScores]:
         """Observer -> scores."""
         return {
-            name: observer_scores(estimate, self.compared[name], self.calibration)
+            name: ObserverScores.of(estimate, self.compared[name], self.calibration)
             for name, estimate in self.stored.items()
         }
 

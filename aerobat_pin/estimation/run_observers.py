@@ -45,7 +45,8 @@ def built_observers(chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[
         *chosen.robot.points,
         *(Application(frame, "wrench") for frame in chosen.robot.wrenches),
     ]
-    return [OBSERVERS[name](robot.model, points, chosen.observer.gain, rows) for name in names]
+    section = chosen.observer
+    return [OBSERVERS[name](robot.model, points, section.gain, rows, **section.settings(name)) for name in names]
 
 
 def believed_rows(record: Record) -> tuple[str, ...]:

@@ -6,13 +6,13 @@ from .flight_summary import FlightSummary as FlightSummary
 from .flight_summary import flight_summary as flight_summary
 from .notes import flight_note as flight_note
 from .notes import recorded_note as recorded_note
+from .package_versions import versions as versions
 from .result_tables import estimate_dataset as estimate_dataset
 from .result_tables import read_run as read_run
 from .self_check import self_check as self_check
 from .sweep.plan import load_sweep as load_sweep
 from .sweep.run_sweep import run_sweep as run_sweep
 from .sweep.sweep_file import shipped_sweeps as shipped_sweeps
-from .versions import versions as versions
 from .write_mcap import write_flight_mcap as write_flight_mcap
 from .write_mcap import write_mcap as write_mcap
 from .write_results import RESULTS as RESULTS

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.aerobat.channels import KNOWN
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat import KNOWN, FlightLog
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import euler_angles, world_velocity
 

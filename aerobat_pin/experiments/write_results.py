@@ -17,8 +17,8 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import calibration_bytes
 from aerobat_pin.estimation import Result
 from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.experiments.package_versions import versions
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
-from aerobat_pin.experiments.versions import versions
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import netcdf_bytes, seal_netcdf

@@ -1,5 +1,7 @@
 from .block import Block as Block
-from .channels import LogChannel as LogChannel
+from .block import SmoothedMotion as SmoothedMotion
+from .channel import LogChannel as LogChannel
+from .channels import EXTRA as EXTRA
 from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .channels import factor_of as factor_of

@@ -1,4 +1,4 @@
-"""A stretch of a record at common times: what robots and observers are given."""
+"""A stretch of a record at common times: what robots and observers are given, or a robot finds by itself."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate
 
 
 @dataclass(frozen=True)
@@ -29,3 +30,18 @@ class Block:
     extra: Mapping[str, Array] = field(default_factory=dict)
     measured: frozenset[str] = frozenset()
     source: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SmoothedMotion:
+    """Motion and forces that a robot found together, from channels that are each on a clock of its own.
+
+    Attributes:
+        block: the motion, and the joint torques.
+        known: name -> (m, nv) known generalised forces, interval means.
+        estimates: observer -> estimate.
+    """
+
+    block: Block
+    known: Mapping[str, Array]
+    estimates: Mapping[str, Estimate]

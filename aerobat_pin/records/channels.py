@@ -10,11 +10,13 @@ import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
+from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
 
+EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
 G = 9.80665  # [m/s2] of the unit g
 SI_FACTORS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
@@ -38,30 +40,6 @@ COLUMN_PARTS = {
     "check.wrench": ("force", VECTOR),
 }
 SHARED = {"base.rate": "angular"}  # part of a message that also has the pose, where it is not that of an Imu
-
-
-@dataclass(frozen=True)
-class LogChannel:
-    """Samples of one channel, on disk if they are many.
-
-    Attributes:
-        key: key of the map, such as `base.rate`.
-        names: its columns in the log.
-        time: (n,) stamps [s], the delay that the map states taken off.
-        values: (n, k) samples in SI units.
-        means: whether they are means over the intervals that begin at the stamps, of a record at its own times.
-    """
-
-    key: str
-    names: tuple[str, ...]
-    time: Series
-    values: Series
-    means: bool = False
-
-    def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
-        """Return stamps and samples from a time to another [s], and `extra` more on either side."""
-        rows = slice(max(0, self.time.index(first) - extra), self.time.index(last, "right") + extra)
-        return self.time[rows], self.values[rows]
 
 
 @dataclass(frozen=True)
@@ -135,6 +113,11 @@ def further_requests(chosen: Map) -> Iterator[Request]:
         yield from _asked("check.wrench", chosen.check.wrench, "force", (3, 6), None)
     for name, known in chosen.known.items():
         yield from _known(f"known.{name}", known)
+    for name, section in chosen.extra.items():
+        names = section.columns or ((section.topic,) if section.topic is not None else ())
+        if not names or section.unit is not None:
+            raise LogError(f"map: extra.{name}: columns in the robot's own unit were expected, and no key unit")
+        yield Request(f"{EXTRA}{name}", names, 1.0, section.delay)
 
 
 def named_columns(chosen: Map) -> set[str]:

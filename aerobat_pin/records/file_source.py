@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +11,8 @@ import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.channels import (
-    LogChannel,
     base_requests,
     channel_of,
     further_requests,
@@ -27,6 +29,7 @@ from aerobat_pin.records.spool import EXTENT, typical_spacing
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
 FASTEST = 20_000.0  # [Hz] of the common times
+MOST_TIMES = 1 << 45  # common times from the first to the last, holes included; beyond they are no longer evenly spaced
 
 
 @guarded()
@@ -144,6 +147,11 @@ def _common_times(
             f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
         )
         raise LogError(f"log {path}: its channels have less than {LEAST_SAMPLES} samples in common: {spans}")
+    if (end - start) * rate > MOST_TIMES:
+        raise LogError(
+            f"log {path}: its stamps go from {start:.6g} to {end:.6g} s at {rate:.4g} samples a second: at most "
+            f"{MOST_TIMES / rate:.3g} s were expected; is one of them wrong?"
+        )
     return float(start), float(rate), float(end)
 
 
@@ -166,19 +174,16 @@ def _parts(
     if when is not None and when.column is not None:
         level = LogChannel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
     runs: list[tuple[int, int]] = []
-    used = 0
-    for low in range(0, count, EXTENT):
-        time = start + np.arange(low, min(low + EXTENT, count)) / rate
+    covered, used = 0, 0
+    for low, high in _outside(set(missing), start, rate, count):
+        time = start + np.arange(low, high) / rate
         good = np.ones(len(time), bool)
-        for begin, finish in missing:
-            good &= (time <= begin) | (time >= finish)
         if level is not None and when is not None:
             stamps, values = level.between(time[0], time[-1], extra=2)
             height = np.interp(time, stamps, values)
-            wanted = height >= (-np.inf if when.above is None else when.above)
-            wanted &= height <= (np.inf if when.below is None else when.below)
-            good &= wanted
-            used += int(np.sum(wanted))
+            good = height >= (-np.inf if when.above is None else when.above)
+            good &= height <= (np.inf if when.below is None else when.below)
+        covered, used = covered + len(good), used + int(np.sum(good))
         for first, last in _runs(good):
             if runs and runs[-1][1] == low + first - 1:
                 runs[-1] = (runs[-1][0], low + last)
@@ -187,7 +192,8 @@ def _parts(
     trim = (0.0, 0.0)
     if level is not None and when is not None:
         trim = when.trim
-        notes.append(f"use.when {when.column}: {100.0 * (1.0 - used / count):.0f} % of the record is left out")
+        share = 1.0 - used / max(covered, 1)
+        notes.append(f"use.when {when.column}: {100.0 * share:.0f} % of the record is left out")
     parts = []
     for first, last in runs:
         first, last = first + round(trim[0] * rate), last - round(trim[1] * rate)
@@ -196,6 +202,25 @@ def _parts(
         elif last > first:
             notes.append(f"a part of {last - first + 1} samples is left out")
     return tuple(parts), tuple(notes)
+
+
+def _outside(
+    missing: Iterable[tuple[float, float]], start: float, rate: float, count: int
+) -> Iterator[tuple[int, int]]:
+    """Yield (first, last), exclusive, of the common times that are in no hole, in pieces of at most `EXTENT`.
+
+    A hole costs the same however long it is: one wrong stamp can make it a year.
+    """
+
+    def time_of(index: int) -> float:
+        return start + index / rate
+
+    first, times = 0, range(count)
+    for begin, finish in (*sorted(missing), (np.inf, np.inf)):
+        last = bisect_right(times, begin, key=time_of)
+        for low in range(first, last, EXTENT):
+            yield low, min(low + EXTENT, last)
+        first = max(first, bisect_left(times, finish, key=time_of))
 
 
 def _runs(good: Array) -> list[tuple[int, int]]:

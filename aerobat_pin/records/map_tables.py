@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from aerobat_pin.scenario import Number, Positive, Section
+from aerobat_pin.scenario import Number, ObserverSettings, Positive, Section
 
 Stretch = Annotated[tuple[Number, Number], Field()]
 Three = tuple[Number, Number, Number]
@@ -258,7 +258,7 @@ class UseTable(Section):
     )
 
 
-class ObserverTable(Section):
+class ObserverTable(ObserverSettings):
     """The observers of the unknown forces; `aerobat list` names them."""
 
     names: tuple[str, ...] = Field(("force_level",), description="observers to run")
@@ -274,5 +274,8 @@ class Map(Section):
     joints: JointsTable = JointsTable()
     check: CheckTable = CheckTable()
     known: dict[str, KnownSection] = Field(default_factory=dict, description="name -> known force")
+    extra: dict[str, ChannelSection] = Field(
+        default_factory=dict, description="name -> columns that only a robot with forces of its own reads"
+    )
     use: UseTable = UseTable()
     observer: ObserverTable = ObserverTable()

@@ -10,7 +10,8 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.block import Block
-from aerobat_pin.records.channels import LogChannel
+from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.resample import (
@@ -25,7 +26,6 @@ from aerobat_pin.records.resample import (
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
 
-EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
 HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: z down to z up, for world and body axes alike
 

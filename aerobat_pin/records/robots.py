@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -20,8 +20,9 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
-from aerobat_pin.observers import Rows
-from aerobat_pin.records.block import Block
+from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records.block import Block, SmoothedMotion
+from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
@@ -71,6 +72,23 @@ class PlainRobot:
 
     def rows(self) -> Rows | None:
         """Return the rows to believe; None where that follows from the map and the channels that are there."""
+        return None
+
+    def motion_from(
+        self,
+        time: Array,
+        channels: Mapping[str, LogChannel],
+        observers: Sequence[Observer],
+        progress: Callable[[float], None] | None,
+    ) -> SmoothedMotion | None:
+        """Return motion and forces found together; None, as here, where the channels give the motion directly.
+
+        Args:
+            time: (m + 1,) common times of the record [s].
+            channels: key -> channel, each on its own clock.
+            observers: those that are asked for.
+            progress: called with the share that is done.
+        """
         return None
 
     def changed(self, values: Mapping[str, float]) -> PlainRobot:

@@ -29,6 +29,8 @@ from .sensor_tables import SensorsSection as SensorsSection
 from .size import MOST_SECONDS as MOST_SECONDS
 from .size import SECONDS_PER_STEP as SECONDS_PER_STEP
 from .tables import AirSection as AirSection
+from .tables import ObserverSection as ObserverSection
+from .tables import ObserverSettings as ObserverSettings
 from .tables import RawSection as RawSection
 from .tables import RobotSection as RobotSection
 from .toml import read_toml as read_toml

@@ -220,7 +220,20 @@ class RawSection(Section):
     noise: RawNoiseSection = RawNoiseSection()
 
 
-class ObserverSection(Section):
+class ObserverSettings(Section):
+    """Settings that only one kind of observer has."""
+
+    kalman: KalmanSection | None = Field(None, description="settings of the observer kalman")
+    smoother: KalmanSection | None = Field(None, description="settings of the observer smoother")
+    super_twisting: SuperTwistingSection | None = Field(None, description="settings of the observer super_twisting")
+
+    def settings(self, name: str) -> dict[str, Any]:
+        """Return the settings of one observer as keyword arguments; empty if the file has no table of its name."""
+        table = getattr(self, name, None)
+        return table.model_dump(exclude_none=True) if isinstance(table, Section) else {}
+
+
+class ObserverSection(ObserverSettings):
     """The observers of the unknown forces."""
 
     names: tuple[str, ...] = Field(("momentum", "force_level"), description="observers to run")
@@ -233,9 +246,6 @@ class ObserverSection(Section):
     frames: tuple[str, ...] = Field(
         ("left_force_point", "right_force_point"), description="frames at which forces are sought"
     )
-    kalman: KalmanSection | None = Field(None, description="settings of the observer kalman")
-    smoother: KalmanSection | None = Field(None, description="settings of the observer smoother")
-    super_twisting: SuperTwistingSection | None = Field(None, description="settings of the observer super_twisting")
     raw: RawSection | None = Field(None, description="settings of kalman and smoother on a log of raw samples")
 
     @model_validator(mode="after")
@@ -245,11 +255,6 @@ class ObserverSection(Section):
             if twice:
                 raise ValueError(f"observers.{key} = {list(values)}: '{twice[0]}' is there twice; once was expected")
         return self
-
-    def settings(self, name: str) -> dict[str, Any]:
-        """Return the settings of one observer as keyword arguments; empty if the file has no table of its name."""
-        table = getattr(self, name, None)
-        return table.model_dump(exclude_none=True) if isinstance(table, Section) else {}
 
 
 class BelievedSection(Section):

@@ -26,7 +26,7 @@ from support.high_incidence import (
 from support.measurements import plates, plunging
 from support.pages import HOLE, ROOT, Part, run
 
-from aerobat_pin.aerobat import motion
+from aerobat_pin.aerobat import flight_motion
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import load_robot, rotations
@@ -243,7 +243,7 @@ def flights(*, fly: bool) -> str:
         last = len(turn) // flap * flap - flap
         for change, values in CHANGES:
             air = scenario.air.model_copy(update=values)
-            made = sum(reconstructed_air(robot, air, motion(log, robot, air)).values())
+            made = sum(reconstructed_air(robot, air, flight_motion(log, robot, air)).values())
             force = np.einsum("nij,nj->ni", turn, made[:, :3])[-last:].mean(axis=0) / (
                 robot.mass * scenario.flight.gravity
             )

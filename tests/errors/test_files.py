@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from support.commands import call
 
 from aerobat_pin.errors import OutputError, OutputWarning
 from aerobat_pin.errors.output_folder import claimed, output_folder
@@ -112,6 +113,78 @@ def test_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
     (tmp_path / ".aerobat-three").write_text("left by a process that was killed, and longer than what comes")
     write_files({tmp_path / "three": b"3"})
     assert written(tmp_path) == {"three": "3"}
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> Path:
+    """Return a folder with what a work folder has, but nobody asked to write there."""
+    folder = tmp_path / "outside"
+    (folder / "new").mkdir(parents=True)
+    for name in ("private", "lock", "new/private"):
+        (folder / name).write_text("mine")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("place", "leads_to", "is_hard"),
+    [
+        ("runs/.aerobat-paper/lock", "private", False),
+        ("runs/.aerobat-paper/lock", "private", True),
+        ("runs/.aerobat-paper/lock", "missing", False),
+        ("runs/.aerobat-paper/new", "new", False),
+        ("runs/.aerobat-paper", "", False),
+        (".aerobat-crank.html", "private", False),
+        (".aerobat-crank.html", "private", True),
+        (".aerobat-crank.html", "missing", False),
+    ],
+)
+def test_a_link_where_work_goes_is_refused_and_not_followed(
+    place: str,
+    leads_to: str,
+    is_hard: bool,
+    outside: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Plain commands in somebody else's folder, such as git brings it: one line, and nothing outside changes."""
+    here, before = outside.parent / "here", written(outside)
+    (here / place).parent.mkdir(parents=True)
+    (os.link if is_hard else os.symlink)(outside / leads_to, here / place)
+    monkeypatch.chdir(here)
+    assert call(monkeypatch, *(["run", "paper", "--no-report"] if "paper" in place else ["crank"])) == 2
+    what = "is also a file of another name" if is_hard else "is a link"
+    kind = "file" if place.endswith(("lock", "html")) else "folder"
+    said = capsys.readouterr().err
+    assert said.startswith("error: output ")
+    assert said.endswith(f"{place} {what}; nothing, or a {kind} of your own, was expected there\n")
+    assert said.count("\n") == 1
+    assert written(outside) == before
+    assert (here / place).samefile(outside / leads_to) if leads_to != "missing" else (here / place).is_symlink()
+    assert [str(path.relative_to(here)) for path in here.rglob("*") if not path.is_dir() or path.is_symlink()] == [
+        place
+    ]
+
+
+def test_links_of_others_beside_the_result_stay(target: Path, outside: Path) -> None:
+    """What a killed process left is removed, but not through a link."""
+    (target.parent / ".aerobat-link").symlink_to(outside)
+    (target.parent / ".aerobat-dead").mkdir()
+    (target.parent / ".aerobat-dead" / "lock").symlink_to(outside / "private")
+    before = written(outside)
+    write(target)
+    assert written(outside) == before
+    assert (target.parent / ".aerobat-dead" / "lock").is_symlink()
+
+
+def test_what_another_user_left_is_refused(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And stays: he could put links there while we write."""
+    (target.parent / ".aerobat-target" / "new").mkdir(parents=True)
+    (target.parent / ".aerobat-target" / "new" / "his").write_text("his")
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    with pytest.raises(OutputError, match=r"\.aerobat-target belongs to another user; nothing, or a folder"):
+        write(target)
+    assert written(target.parent / ".aerobat-target") == {"new/his": "his"}
+    assert written(target)["a.txt"] == "old"
 
 
 def test_standard_output_on_a_full_disk_is_told(tmp_path: Path) -> None:

@@ -10,9 +10,10 @@ import pytest
 import xarray as xr
 from scipy.signal import savgol_filter
 
-from aerobat_pin.aerobat import true_force
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import known_inputs, motion
+from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs
+from aerobat_pin.aerobat.robot import AerobatRobot
+from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation.scores import r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
@@ -141,16 +142,17 @@ def test_a_wrong_belief_is_a_model_error_and_nothing_else() -> None:
 def test_measured_joints_win_over_the_crank_and_the_crank_over_differences(paper: Experiment) -> None:
     """Each quantity says where it comes from; a torque at the crank is spread with its power."""
     robot, log = paper.robot, stripped(paper.log)
-    closed = motion(log, robot, AirSection())
+    closed = flight_motion(log, robot, AirSection())
     np.testing.assert_allclose(closed.q[:, 7:], paper.log.measured["q"].values[:, 7:], atol=1e-9)
     np.testing.assert_allclose(closed.v[1:-1, 6:], paper.log.measured["v"].values[1:-1, 6:], atol=2e-3)
     order = ["left_shoulder", "left_elbow", "right_shoulder", "right_elbow"]
     joints = xr.DataArray(paper.log.measured["q"].values[:, list(robot.idx_q)] + 0.1, dims=("time", "joint"))
     measured = log.measured.assign(joint_angle=joints).assign_coords(joint=order)
-    found = motion(FlightLog(measured), robot, AirSection())
-    assert found.source["q"] == "measured"
+    found = flight_motion(FlightLog(measured), robot, AirSection())
+    record = flight_record(FlightLog(measured), AerobatRobot.of(robot))
+    assert record.block(*record.parts[0]).source["q"] == "measured"
     np.testing.assert_allclose(found.q[:, 7:], closed.q[:, 7:] + 0.1, atol=1e-9)
-    alone = motion(FlightLog(measured.drop_vars("crank_angle")), robot, AirSection())
+    alone = flight_motion(FlightLog(measured.drop_vars("crank_angle")), robot, AirSection())
     np.testing.assert_allclose(alone.v[1:-1, 6:], closed.v[1:-1, 6:], atol=2.0)
 
 

@@ -14,8 +14,9 @@ from support.commands import aerobat
 from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate_log
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.errors import ScenarioError
+from aerobat_pin.estimation import Check
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.experiments.self_check import Check, self_check
+from aerobat_pin.experiments.self_check import self_check
 from aerobat_pin.robot.load import believed_robot
 
 HEADER = ("time [s]", "x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw", "crank_angle [rad]", "airspeed [m/s]")

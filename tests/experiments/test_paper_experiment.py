@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerobat_pin.aerobat import true_force
+from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.estimation.scores import FORCE_AXES
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario

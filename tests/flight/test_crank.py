@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.errors import AerobatError, CrankError
-from aerobat_pin.flight import (
+from aerobat_pin.flight.crank import (
     ConstantRate,
     CrankDrive,
     CrankMotion,

@@ -12,7 +12,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import CrankError, TrimError
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.flight import ConstantRate, crank_drive
+from aerobat_pin.flight.crank import ConstantRate, crank_drive
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.trim import find_trim

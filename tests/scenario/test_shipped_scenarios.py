@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from support.commands import call
 
-from aerobat_pin.aerobat import true_force
 from aerobat_pin.aerobat.csv_log import read_csv, write_csv
 from aerobat_pin.aerobat.estimate import belief_about, estimate_log
 from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.estimation.scores import point_label, r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.robot.load import believed_robot

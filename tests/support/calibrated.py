@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, calibrate, known_inputs, motion, true_force
+from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, calibrate, flight_motion, known_inputs, true_force
 from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
 from aerobat_pin.scenario import load_scenario
 from support.detection_bound import detectability, earliest
@@ -74,7 +74,7 @@ def seen_with(
     log, scenario = flown(flight, seed, more)
     robot, air = calibration.believed(free.robot, free.air)
     inputs = known_inputs(log, robot, free.torque, air)
-    inputs = calibration.applied(inputs, robot, motion(log, robot, air))
+    inputs = calibration.applied(inputs, robot, flight_motion(log, robot, air))
     pushed = {force.frame for force in scenario.unknown_force}
     truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
     return Seen(robot.model, inputs, np.stack(truth, axis=1))

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, belief_about, known_inputs, motion
+from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, belief_about, flight_motion, known_inputs
 from aerobat_pin.robot import believed_robot
 from support.mismatch import Seen
 from support.other_plant import Push, crank_at, fly_elsewhere
@@ -62,5 +62,5 @@ def seen_elsewhere(flight: tuple[FlightLog, np.ndarray], calibration: Calibratio
     one = as_believed(log)
     inputs = known_inputs(log, one.robot, "measured", one.air)
     if calibration is not None:
-        inputs = calibration.applied(inputs, one.robot, motion(log, one.robot, one.air))
+        inputs = calibration.applied(inputs, one.robot, flight_motion(log, one.robot, one.air))
     return Seen(one.robot.model, inputs, np.stack([force, np.zeros_like(force)], axis=1))

@@ -388,7 +388,6 @@ def calls() -> dict[str, Call]:
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
         "motion": (estimation.motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "observer_scores": (estimation.observer_scores, {"estimate": estimation.StoredEstimate.of(estimate)}),
         "point_label": (estimation.point_label, {"frame": frame}),
         "r_squared": (estimation.r_squared, {"estimate": noise, "truth": noise}),
         "read_log": (estimation.read_log, {"path": folder / "log.csv"}),

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 from support.browser import needs_browser, opened
 
-from aerobat_pin.aerobat import true_force
+from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
@@ -165,7 +165,7 @@ def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, pa
     page = (paper_folder / "report.html").read_text()
     assert not re.search(r'(?:src|href)="(?!data:|#|replay\.html")', page)
     assert "url(" not in page
-    assert page.count("data:image/png;base64,") == 7
+    assert page.count("data:image/png;base64,") == 8
     assert page.count("mN</td>") == 12 + 8  # errors of two observers, wings and three axes; four sizes of each belief
     assert "79 % thruster-borne" in page
     for name, source in paper.metrics["inputs"].items():
@@ -202,7 +202,7 @@ def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, brow
     """From disk, offline, readable by day and by night; the linkage turns."""
     with opened(browser, (paper_folder / "report.html").as_uri()) as page:
         page.emulate_media(color_scheme=scheme)
-        assert page.locator("figure img").count() == 7
+        assert page.locator("figure img").count() == 8
         assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 500)")
         look = "getComputedStyle(document.body)"
         ink, ground = (page.evaluate(f"{look}.{name}") for name in ("color", "backgroundColor"))

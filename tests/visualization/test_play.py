@@ -14,6 +14,8 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,18 @@ class AllAnswers(urllib.request.HTTPErrorProcessor):
         return response
 
 
+@contextmanager
+def playing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run `aerobat play` with these words until the `with` block ends; provide the process and its page's address."""
+    command = [sys.executable, "-m", "aerobat_pin", "play", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
+        try:
+            assert server.stdout is not None
+            yield server, server.stdout.readline().split()[2]
+        finally:
+            server.kill()
+
+
 def of_session(leader: int) -> list[str]:
     """Return the live processes of a session."""
     found = []
@@ -68,12 +82,7 @@ def sent_again(connection: socket.socket) -> int:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
-    command = [sys.executable, "-m", "aerobat_pin", "play", str(paper_folder), "--rate", "0.05"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
-    try:
-        assert server.stdout is not None
-        said = server.stdout.readline()
-        address = said.split()[2]
+    with playing(str(paper_folder), "--rate", "0.05") as (server, address):
         assert address.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(address) as answer:
             page = answer.read().decode()
@@ -88,9 +97,22 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
         with socket.socket() as again:
             again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             again.bind(("127.0.0.1", int(address.rstrip("/").rsplit(":", 1)[1])))
-    finally:
-        server.kill()
-        server.wait()
+
+
+def test_a_client_that_leaves_early_does_not_end_the_server(tmp_path: Path) -> None:
+    """Neither one that closes its connection while the page is on its way, nor one that resets it."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with playing("--from-csv", str(motion), "--urdf", str(tmp_path / "arm.urdf")) as (server, address):
+        host, port = address.removeprefix("http://").rstrip("/").split(":")
+        for k in range(50):
+            with socket.create_connection((host, int(port))) as client:
+                client.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+                if k % 2 == 0:
+                    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close resets
+        with urllib.request.urlopen(address) as answer:
+            assert answer.read().endswith(b"</html>")
+        assert server.poll() is None
 
 
 def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connections() -> None:

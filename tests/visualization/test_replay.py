@@ -14,9 +14,9 @@ from support.browser import at, frames, needs_browser, node, opened, pixels, rea
 from support.wakes import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
-from aerobat_pin.aerobat import true_force
 from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.result_tables import estimate_dataset
 from aerobat_pin.flight.wake import wake_of

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.aerobat.motion import Motion
-from aerobat_pin.aerobat.robot import spread_crank_torque
+from aerobat_pin.aerobat.torque import spread_crank_torque
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 

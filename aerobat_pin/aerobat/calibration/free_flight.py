@@ -12,7 +12,7 @@ import pinocchio as pin
 from aerobat_pin.aerobat.calibration.parameters import OF_MASS, changed_belief, scaled_thrusters
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.aerobat.robot import Torque
+from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import MOMENT_ARM, MomentumObserver, Redundancy, moving_weight, redundancy_of

@@ -27,7 +27,7 @@ from aerobat_pin.aerobat.calibration.identified import Identified
 from aerobat_pin.aerobat.calibration.identify import HELD_OUT, identify
 from aerobat_pin.aerobat.calibration.learnt_range import LearntRange
 from aerobat_pin.aerobat.calibration.parameters import PARAMETERS
-from aerobat_pin.aerobat.flight_record import motion
+from aerobat_pin.aerobat.flight_record import flight_motion
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import KnownInputs
@@ -153,7 +153,7 @@ def _check_names(flights: Sequence[FreeFlight], vary: Sequence[str], parameters:
 
 
 def _as_believed(flight: FreeFlight) -> Remainder:
-    moved = motion(flight.log, flight.robot, flight.air)
+    moved = flight_motion(flight.log, flight.robot, flight.air)
     state = flight_state(moved)
     flaps = abs(float(state.phase[-1] - state.phase[0])) / (2.0 * np.pi)
     if flaps < FEWEST_FLAPS:

@@ -4,7 +4,7 @@ from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter, JointSample
 from aerobat_pin.aerobat.raw.find_mount import find_mount, mounted
 from aerobat_pin.aerobat.raw.offsets import ClockOffset
-from aerobat_pin.aerobat.raw.results import estimate_raw
+from aerobat_pin.aerobat.raw.results import smoothed_raw
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
 from aerobat_pin.aerobat.raw.tuning import Tuning
 
@@ -17,8 +17,8 @@ __all__ = [
     "RawChannel",
     "RawRecord",
     "Tuning",
-    "estimate_raw",
     "find_mount",
     "mounted",
     "raw_record",
+    "smoothed_raw",
 ]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
-from aerobat_pin.aerobat.channels import KNOWN
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.robot import Torque
+from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
+from aerobat_pin.records import EXTRA, LogChannel
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import RawSection
 
@@ -24,12 +22,12 @@ NOISE = {  # deviations of good laboratory sensors, where neither log nor settin
     "crank": 2.0 * np.pi / 4096 / np.sqrt(12.0),
     "torque": 5.0e-4,
 }
-CHANNEL = {
-    "position": "mocap_position",
-    "orientation": "mocap_quaternion",
-    "gyro": "gyro",
-    "accelerometer": "accelerometer",
-    "crank": "encoder",
+CHANNEL = {  # name -> key of the record
+    "position": "base.position",
+    "orientation": "base.quaternion",
+    "gyro": "base.rate",
+    "accelerometer": "check.specific_force",
+    "crank": f"{EXTRA}encoder",
 }
 
 
@@ -71,59 +69,66 @@ class RawRecord:
     torque: Torque
 
 
-def raw_record(log: FlightLog, robot: Aerobat, torque: Torque, settings: RawSection) -> RawRecord:
-    """Gather the raw samples of a log.
+def raw_record(
+    time: Array, measured: Mapping[str, LogChannel], robot: Aerobat, torque: Torque, settings: RawSection
+) -> RawRecord:
+    """Gather raw samples.
+
+    Args:
+        time: (m + 1,) knots [s].
+        measured: key of the record -> its channel.
+        robot: the believed robot.
+        torque: which joint torque is used.
+        settings: the table `observers.raw`.
 
     Raises:
-        LogError: the log has no encoder, no gyro and accelerometer, or not the torque that is asked for.
+        LogError: the record has no encoder, no gyro and accelerometer, or not the torque that is asked for.
     """
-    measured, stated = log.measured, settings.noise.model_dump()
-    channels = {}
-    for name, key in CHANNEL.items():
-        if key in measured:
-            channels[name] = _samples_of(name, measured[key], stated[name])
+    stated = settings.noise.model_dump()
+    channels = {
+        name: _samples_of(name, measured[key], stated[name]) for name, key in CHANNEL.items() if key in measured
+    }
     if "crank" not in channels:
         raise LogError("flight log: no channel named encoder: without the crank's angle the wings' motion is unknown")
-    if torque not in ("measured", "motor_only", "none"):
-        raise LogError(f"observers.torque = {torque}: raw samples take measured, motor_only or none")
+    if torque == "modelled":
+        raise LogError("observers.torque = modelled: raw samples take measured, motor_only or none")
     if torque == "measured":
-        if "joint_torque_sample" not in measured:
+        if "joints.effort" not in measured:
             raise LogError(
                 "flight log: no channel named joint_torque_sample: torque = measured needs it; 'motor_only' and 'none' "
                 "do not"
             )
-        channels["torque"] = _samples_of("torque", measured["joint_torque_sample"], stated["torque"])
+        channels["torque"] = _samples_of("torque", measured["joints.effort"], stated["torque"])
     elif torque == "motor_only":
         channels["torque"] = _motor_alone(measured, robot, channels["crank"], stated["torque"])
-    known = np.zeros((len(log.time) - 1, robot.model.nv))
-    for found in measured.data_vars:
-        if str(found).startswith(KNOWN):
-            values = np.asarray(measured[found].values, float)
-            known[:, : values.shape[1]] += values
-    return RawRecord(log.time, channels, known, torque)
+    known = np.zeros((len(time) - 1, robot.model.nv))
+    for key, channel in measured.items():
+        if key.startswith(f"{EXTRA}{RECORDED}"):
+            known[:, : channel.values.shape[1]] += channel.values[:]
+    return RawRecord(time, channels, known, torque)
 
 
-def _samples_of(name: str, data: Any, stated: float | None) -> RawChannel:
+def _samples_of(name: str, channel: LogChannel, stated: float | None) -> RawChannel:
     """Return a channel with its noise: the stated one, else the one noted in the log, else that of a good sensor."""
-    values = np.asarray(data.values, float)
-    values = values.reshape(len(values), -1)
-    noise = float(stated if stated is not None else data.attrs.get("noise", NOISE[name]))
-    if not 0.0 < noise < np.inf:
+    noise = stated if stated is not None else channel.deviation
+    if noise is None or not 0.0 < noise < np.inf:
         noise = NOISE[name]
-    place = np.array(data.attrs.get("place", np.zeros(3)), float)
-    turn = pin.rpy.rpyToMatrix(*np.radians(np.array(data.attrs.get("turn_deg", np.zeros(3)), float)))
-    return RawChannel(name, np.asarray(data[data.dims[0]].values, float), values, noise, place, np.asarray(turn))
+    place = np.zeros(3) if channel.place is None else channel.place
+    turn = np.eye(3) if channel.turn is None else channel.turn
+    return RawChannel(name, channel.time[:], channel.values[:], float(noise), place, turn)
 
 
-def _motor_alone(measured: Any, robot: Aerobat, crank: RawChannel, stated: float | None) -> RawChannel:
+def _motor_alone(
+    measured: Mapping[str, LogChannel], robot: Aerobat, crank: RawChannel, stated: float | None
+) -> RawChannel:
     """Return the motor's torque at the crank: measured there, or as four joint torques do work on the crank."""
-    if "crank_torque_sample" in measured:
-        return _samples_of("torque", measured["crank_torque_sample"], stated)
-    if "joint_torque_sample" not in measured:
+    if f"{EXTRA}crank_torque" in measured:
+        return _samples_of("torque", measured[f"{EXTRA}crank_torque"], stated)
+    if "joints.effort" not in measured:
         raise LogError(
             "flight log: no channel named crank_torque_sample: torque = motor_only needs it; 'none' does not"
         )
-    joints = _samples_of("torque", measured["joint_torque_sample"], stated)
+    joints = _samples_of("torque", measured["joints.effort"], stated)
     angle = np.interp(joints.time, crank.time, np.unwrap(crank.values[:, 0]))
     closure = robot.linkage.solve(angle)
     left = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])

@@ -28,7 +28,7 @@ from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
 from aerobat_pin.aerobat.raw.tuning import Tuning
-from aerobat_pin.aerobat.robot import Torque
+from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
-from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
 from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
-from aerobat_pin.aerobat.robot import ROWS_OF_TORQUE
+from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE, Torque
 from aerobat_pin.aerobat.truth import SUM
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.estimation import CalibrationUse, KnownInputs
+from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation
+from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation, Observer
+from aerobat_pin.records import Block, LogChannel, SmoothedMotion
 from aerobat_pin.robot import BASE_SIZE, Aerobat
-from aerobat_pin.scenario import RawSection, Scenario
+from aerobat_pin.scenario import AirSection, RawSection
 
 RAW_OBSERVERS = ("smoother", "kalman")
 NIS_LIMITS = 0.5, 1.6  # of a sensor's innovations, outside of which its stated noise is questioned
@@ -38,41 +38,55 @@ def check_raw_names(names: tuple[str, ...]) -> None:
         )
 
 
-def estimate_raw(
-    log: FlightLog,
+def smoothed_raw(
+    time: Array,
+    channels: Mapping[str, LogChannel],
+    observers: Sequence[Observer],
+    progress: Callable[[float], None] | None,
     robot: Aerobat,
-    belief: Scenario,
-    progress: Callable[[float], None] | None = None,
-    mount: Mount | None = None,
-) -> tuple[KnownInputs, dict[str, Estimate]]:
-    """Do what `estimate_log` does, with a log of raw samples: the inputs that it returns are the smoothed motion.
+    air: AirSection,
+    torque: Torque,
+    settings: RawSection,
+    mount: Mount | None,
+) -> SmoothedMotion:
+    """Find motion and forces together from raw samples.
 
-    `mount` is place and turn of the accelerometer as found by a calibration; as stated when omitted.
+    Args:
+        time: (m + 1,) knots [s].
+        channels: key of the record -> channel.
+        observers: `smoother` and `kalman` name the joint smoother and the causal filter; frames and gain are theirs.
+        progress: called with the share that is done.
+        robot: the believed robot.
+        air: the believed air.
+        torque: which joint torque is known.
+        settings: what is assumed of raw samples.
+        mount: place and turn of the accelerometer as found by a calibration; as stated when None.
 
     Raises:
         ScenarioError: an observer cannot use raw samples.
         LogError: a channel is missing.
     """
-    section, settings = belief.observers, belief.observers.raw or RawSection()
-    check_raw_names(section.names)
-    record = raw_record(log, robot, section.torque, settings)
+    names = tuple(observer.name for observer in observers)
+    check_raw_names(names)
+    frames, gain = observers[0].applications.frames, observers[0].gain
+    record = raw_record(time, channels, robot, torque, settings)
     if mount is not None:
         record = mounted(record, mount)
-    smoother = JointSmoother(robot, belief.believed_air, section.frames, settings)
+    smoother = JointSmoother(robot, air, frames, settings)
     found = smoother.run(record, progress)
     inputs = smoothed_inputs(record, robot, smoother, found)
-    if mount is not None:
-        inputs = replace(inputs, calibration=CalibrationUse("inside", f"calibration: {mount}"))
-    checked = OBSERVERS["force_level"](robot.model, section.frames, section.gain, ROWS_OF_TORQUE[section.torque]).run(
+    checked = OBSERVERS["force_level"](robot.model, frames, gain, ROWS_OF_TORQUE[torque]).run(
         inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
     )
     estimates = {}
-    for name in section.names:
+    for name in names:
         made = (found.force, found.force_covariance, found.innovation)
         if name == "kalman":
             made = filtered_forces(record, smoother, found)
         estimates[name] = as_estimate(name, checked, inputs, robot, record.torque, *made, found)
-    return inputs, estimates
+    extra = {"crank": found.nominal.crank.T}
+    block = Block(inputs.time, inputs.q, inputs.v, inputs.tau, extra, frozenset(channels), inputs.source)
+    return SmoothedMotion(block, inputs.known, estimates)
 
 
 def filtered_forces(record: RawRecord, smoother: JointSmoother, found: JointEstimate) -> tuple[Array, Array, Array]:

@@ -24,7 +24,7 @@ from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR,
 from aerobat_pin.aerobat.raw.nominal import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import SampleRows
 from aerobat_pin.aerobat.raw.rows_kernels import accelerometer_rows, felt_accelerations
-from aerobat_pin.aerobat.robot import Torque
+from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.numerics import Array, Integers
 
 TURNING = slice(9, 12)  # the states of the body's rate

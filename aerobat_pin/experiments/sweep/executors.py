@@ -14,8 +14,8 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 from aerobat_pin.errors import WorkersLostError
+from aerobat_pin.experiments.package_versions import versions
 from aerobat_pin.experiments.sweep.one_run import outcome_of
-from aerobat_pin.experiments.versions import versions
 from aerobat_pin.scenario import Scenario
 
 Outcomes = Iterator[tuple[int, str]]

@@ -11,7 +11,16 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerobat import SUM, FlightLog, belief_about, estimate_log, motion, read_log, true_events, true_force
+from aerobat_pin.aerobat import (
+    SUM,
+    FlightLog,
+    belief_about,
+    estimate_log,
+    flight_motion,
+    read_log,
+    true_events,
+    true_force,
+)
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import estimate_dataset, flight_note, read_run, recorded_note
@@ -46,7 +55,7 @@ def replay_flight(
     Raises:
         LogError: the log does not contain the motion of the wings.
     """
-    flown = motion(log, robot, air)
+    flown = flight_motion(log, robot, air)
     crank = None if flown.crank is None else flown.crank[0]
 
     def move_bars(visual_model: pin.GeometryModel, row: int) -> None:

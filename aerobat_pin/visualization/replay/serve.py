@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from io import BufferedIOBase
 from typing import Any
 
 from aerobat_pin.errors import OutputError, raising
@@ -34,6 +35,24 @@ class _Server(ThreadingHTTPServer):
         """Print nothing: a browser may leave in the middle of the page."""
 
 
+class _ToClient(BufferedIOBase):
+    """What is written goes to a client at once; one that has left ends its own thread, and not the program by SIGPIPE.
+
+    Args:
+        connection: to the client.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._connection.sendall(data, socket.MSG_NOSIGNAL)
+        return len(data)
+
+
 def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
     """Serve a page until Ctrl-C; only browsers on this machine can open it, by the announced address.
 
@@ -50,6 +69,10 @@ def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
     content = page.encode()
 
     class Handler(BaseHTTPRequestHandler):
+        def setup(self) -> None:
+            super().setup()
+            self.wfile = _ToClient(self.connection)
+
         def do_GET(self) -> None:
             if self.headers.get("Host") not in hosts:
                 self.send_error(403, "this page is served at its own address only")

@@ -1,0 +1,118 @@
+"""Play a known force into a record: is it found again at its point, along its axis, of its sign and size, and no other?
+
+The motion stays as it was recorded. What the efforts and the ground would have shown less of while a force f pushed,
+J^T f, is taken off the known forces; the estimate with f less the estimate without it must then be f. That tests the
+points, rows, axes and the gain on this very motion; what no row shows is not found again, and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.fit_known_forces import given_forces
+from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
+from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, observers_of, rows_of
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import Observer, moving_weight
+from aerobat_pin.records import Record
+
+PUSHED_SHARE = 0.1  # applied force divided by the weight
+FORCE_TOLERANCE = 0.02  # allowed error of every component, divided by the applied force
+MOST_CHECKED = 4000  # intervals that are checked: the beginning of the longest part
+
+
+@dataclass(frozen=True)
+class Check:
+    """Result of applying one known force.
+
+    Attributes:
+        observer: name of the observer.
+        frame: frame at which the force was applied.
+        axis: world axis along which the force was applied.
+        applied: applied force [N].
+        found: estimated force at the frame, world axes [N].
+        elsewhere: largest component of the estimated forces at all other frames [N].
+    """
+
+    observer: str
+    frame: str
+    axis: str
+    applied: float
+    found: tuple[float, float, float]
+    elsewhere: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the estimate shows the force at its frame, along its axis, and no force elsewhere."""
+        expected = np.array([self.applied * (axis == self.axis) for axis in "xyz"])
+        worst = max(float(np.max(np.abs(np.array(self.found) - expected))), self.elsewhere)
+        return worst <= FORCE_TOLERANCE * self.applied
+
+    @classmethod
+    def of(cls, observer: str, frames: tuple[str, ...], at: int, axis: str, applied: float, force: Array) -> Check:
+        """Return the result for a force (frames, 3) [N] that was estimated while one was applied at frame `at`."""
+        others = np.delete(force, at, axis=0)
+        x, y, z = (float(value) for value in force[at])
+        elsewhere = float(np.max(np.abs(others))) if others.size else 0.0
+        return cls(observer, frames[at], axis, applied, (x, y, z), elsewhere)
+
+    def __str__(self) -> str:
+        """Return the result as one line of text."""
+        found = ", ".join(f"{force:+.4f}" for force in self.found)
+        mark = "ok " if self.ok else "BAD"
+        where = f"{self.frame} along world {self.axis}"
+        result = f"found ({found}), elsewhere {self.elsewhere:.4f}"
+        return f"{mark}  {self.observer}: {self.applied:+.4f} N at {where}: {result}"
+
+
+@guarded()
+def check_record(record: Record) -> list[Check]:
+    """Play a tenth of the weight into a record, at each of its points and along each world axis.
+
+    Args:
+        record: the record; its map names points and observers.
+
+    Raises:
+        LogError: the map names no point of a force, or no part is long enough for the observers to settle.
+    """
+    frames = record.map.robot.points
+    first, last = max(record.parts, key=lambda part: part[1] - part[0])
+    last = min(last, first + MOST_CHECKED)
+    wait = int(np.ceil(TIME_CONSTANTS_TO_SETTLE / float(record.map.observer.gain) * record.rate))
+    if not frames or last - first <= 2 * wait:
+        raise LogError(
+            f"self-check: {len(frames)} points and {last - first} intervals: a point, and more than {2 * wait} "
+            "intervals in one part, were expected"
+        )
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    inputs = inputs_of(record, first, last, given_forces(record), rows)
+    size = PUSHED_SHARE * moving_weight(record.robot.model)
+    return [check for one in observers_of(record)[0] for check in _played(one, record, inputs, size, wait)]
+
+
+def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float, wait: int) -> Iterator[Check]:
+    """Yield the results of an observer, whose estimates count after `wait` intervals."""
+    frames, known = record.map.robot.points, dict(inputs.known)
+    before = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known)
+    columns = [before.identifiability.components.index(f"{frame}.F{axis}") for frame in frames for axis in "xyz"]
+    for at, frame in enumerate(frames):
+        rows = _jacobians(record.robot.model, inputs.q[:-1], frame)
+        for k, axis in enumerate("xyz"):
+            pushed = {**known, "self-check": -size * rows[:, k]}
+            after = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, pushed)
+            change = np.mean((after.components - before.components)[wait:, columns], axis=0)
+            yield Check.of(observer.name, frames, at, axis, size, change.reshape(-1, 3))
+
+
+def _jacobians(model: pin.Model, q: Array, frame: str) -> Array:
+    """Return the Jacobians (m, 3, nv) of a frame's origin, world axes, at configurations (m, nq)."""
+    data, index, axes = model.createData(), model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    found = np.empty((len(q), 3, model.nv))
+    for k, configuration in enumerate(q):
+        found[k] = pin.computeFrameJacobian(model, data, configuration, index, axes).reshape(6, -1)[:3]
+    return found
