@@ -17,11 +17,11 @@ from support.bad_inputs import CLASSES, FAULTS, Doors, drawn_classes
 
 from aerobat_description import toml_text
 from aerobat_pin.experiments.sweep import plan
-from aerobat_pin.scenario import csv_rows, size
+from aerobat_pin.scenario import csv_rows, scenario
 
 LIMITS = (
-    size.LARGEST_LOG / 1e9,
-    size.MOST_SECONDS,
+    scenario.LARGEST_LOG / 1e9,
+    scenario.MOST_SECONDS,
     plan.MOST_RUNS,
     plan.MOST_DAYS,
     csv_rows.LARGEST_TABLE / 1e6,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from measure import Figure, figure, interleaved
 
-from aerobat_pin.aerobat import raw_channels
+from aerobat_pin.aerobat import flight_channels
 from aerobat_pin.aerobat.raw import JointFilter, JointSmoother, raw_record
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import believed_robot
@@ -24,7 +24,7 @@ def raw_figures(rounds: int) -> Iterator[Figure]:
     """Two seconds of flight with given walks and with their choice by likelihood; the filter's cost for each sample."""
     scenario = load_scenario("raw_sensors")
     log, robot = simulate(scenario), believed_robot(scenario)
-    record = raw_record(log.time, raw_channels(log), robot, "measured", GIVEN)
+    record = raw_record(log.time, flight_channels(log, robot), robot, "measured", GIVEN)
     known, chosen = (JointSmoother(robot, scenario.believed_air, POINTS, one) for one in (GIVEN, RawSection()))
     tuning = known.run(record).tuning
     short = replace(record, time=record.time[: FILTERED + 1], known=record.known[:FILTERED])

@@ -24,7 +24,7 @@ from raw_page import COST, HEAD, MOUNT, OWN, TEXT
 from support.own_model import own_model_errors
 
 from aerobat_pin import load_scenario, simulate
-from aerobat_pin.aerobat import FlightLog, raw_channels, read_csv, write_csv
+from aerobat_pin.aerobat import FlightLog, flight_channels, read_csv, write_csv
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.aerobat.raw.nominal import first_guess
 from aerobat_pin.aerobat.raw.prior import first_prior
@@ -148,7 +148,7 @@ def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]],
     scenario = scenario_of(case, seed)
     log, robot = simulate(scenario), believed_robot(scenario)
     samples_of = through_a_table(log) if case.table else log
-    record = raw_record(samples_of.time, raw_channels(samples_of), robot, case.torque, case.raw)  # type: ignore[arg-type]
+    record = raw_record(samples_of.time, flight_channels(samples_of, robot), robot, case.torque, case.raw)  # type: ignore[arg-type]
     start = time.process_time()
     smoother = JointSmoother(robot, scenario.believed_air, FRAMES, case.raw)
     found = smoother.run(record)
@@ -194,7 +194,7 @@ def own_model_rows(draws: int) -> Iterator[str]:
     for name in OWN_FLIGHTS if draws else ():
         scenario = scenario_of(Case(name, name), 1)
         log, robot = simulate(scenario), believed_robot(scenario)
-        record = part_of(raw_record(log.time, raw_channels(log), robot, "measured", settings), 0, 1000)
+        record = part_of(raw_record(log.time, flight_channels(log, robot), robot, "measured", settings), 0, 1000)
         smoother = JointSmoother(robot, scenario.believed_air, FRAMES, settings)
         guess = first_guess(record)
         prior = first_prior(smoother.layout, guess, smoother.weight, settings)
@@ -221,9 +221,9 @@ def mount_rows(seeds: list[int]) -> Iterator[str]:
         for forces in ((), ("unknown_force=[]", "flight.angular_velocity=[6,0,6]")):
             scenario = load_scenario("raw_sensors", [f"simulation.seed={seed}", *place, *forces])
             log, robot = simulate(scenario), believed_robot(scenario)
-            exact = raw_record(log.time, raw_channels(log), robot, "measured", settings)
+            exact = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
             log.measured["accelerometer"].attrs.update(off)
-            records.append((log, exact, raw_record(log.time, raw_channels(log), robot, "measured", settings)))
+            records.append((log, exact, raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)))
         (log, exact, wrong), (_, _, free) = records
         air, truth = scenario.believed_air, true_forces(log)
         mount, _ = find_mount([free], robot, air, frames, settings)
@@ -267,7 +267,7 @@ def measure_memory(seconds: int) -> float:
     """Return what `memory_beyond` asks for, in this process."""
     scenario = load_scenario("raw_sensors", [f"simulation.duration={seconds}"])
     log, robot, settings = simulate(scenario), believed_robot(scenario), GIVEN.model_copy(update={"offset_error": 0.0})
-    record = raw_record(log.time, raw_channels(log), robot, "measured", settings)
+    record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     JointSmoother(robot, scenario.believed_air, FRAMES, settings).run(record)
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0

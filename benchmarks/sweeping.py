@@ -9,8 +9,8 @@ import numpy as np
 from measure import Figure, figure, interleaved
 
 from aerobat_pin.aerobat import estimate_log
-from aerobat_pin.experiments.sweep.executors import in_this_process, on_this_machine
-from aerobat_pin.experiments.sweep.one_run import outcome_of
+from aerobat_pin.experiments.sweep.outcomes import outcome_of
+from aerobat_pin.experiments.sweep.run_sweep import in_this_process, on_this_machine
 from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.robot import load_robot
 from aerobat_pin.scenario import load_scenario

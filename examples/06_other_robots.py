@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import step
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot import external_forces, joint_wrench
 
@@ -27,15 +26,19 @@ def fly(model: pin.Model, frame: str, force: np.ndarray, tau: np.ndarray) -> tup
     """Simulate a constant world force at a frame and a constant generalised force; return all samples of q and v."""
     data, wrench = model.createData(), np.concatenate([force, np.zeros(3)])
 
-    def rates(_: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+    def acceleration(q: np.ndarray, v: np.ndarray) -> np.ndarray:
         pin.forwardKinematics(model, data, q)
         pushed = joint_wrench(model, data, frame, wrench, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        return v, pin.aba(model, data, q, v, tau, external_forces(model, [pushed])).copy(), None
+        return pin.aba(model, data, q, v, tau, external_forces(model, [pushed])).copy()
 
     q, v = pin.integrate(model, pin.neutral(model), np.full(model.nv, 0.3)), np.full(model.nv, 0.2)
     samples = [(q, v)]
-    for k in range(STEPS):
-        q, v, _ = step(rates, lambda q, xi: pin.integrate(model, q, xi), k * DT, q, v, DT)
+    for _ in range(STEPS):  # the midpoint method
+        middle = v + 0.5 * DT * acceleration(q, v)
+        q, v = (
+            pin.integrate(model, q, DT * middle),
+            v + DT * acceleration(pin.integrate(model, q, 0.5 * DT * v), middle),
+        )
         samples.append((q, v))
     return np.array([q for q, _ in samples]), np.array([v for _, v in samples])
 

@@ -23,10 +23,10 @@ from .estimate import describe_belief as describe_belief
 from .estimate import estimate_log as estimate_log
 from .estimate import read_log as read_log
 from .flight_log import FlightLog as FlightLog
+from .flight_record import flight_channels as flight_channels
 from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
 from .flight_record import known_inputs as known_inputs
-from .flight_record import raw_channels as raw_channels
 from .robot import AerobatRobot as AerobatRobot
 from .truth import SUM as SUM
 from .truth import true_events as true_events

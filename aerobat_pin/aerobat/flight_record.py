@@ -24,7 +24,7 @@ from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import LogChannel, Map, Record, Spool, parse_map, series_of
+from aerobat_pin.records import LogChannel, Map, Record, Series, Spool, parse_map, series_of
 from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, ObserverSection
 
@@ -52,12 +52,8 @@ def flight_record(log: FlightLog, robot: AerobatRobot, section: ObserverSection 
         robot: the assumed robot.
         section: the observers, and the frames at whose origins unknown forces act; the usual ones when omitted.
     """
-    spool = Spool()
-    knots = series_of(spool, log.time)
-    channels = {
-        key: LogChannel(key, (name,), knots, series_of(spool, values), means)
-        for key, name, values, means in _channels(log, robot.aerobat)
-    } | {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
+    knots = series_of(Spool(), log.time)
+    channels = flight_channels(log, robot.aerobat, knots)
     count = len(log.time)
     span = float(log.time[-1] - log.time[0])
     rate = (count - 1) / span if span > 0.0 else 1.0
@@ -116,10 +112,16 @@ def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array,
             yield f"extra.{key}", name, values.reshape(len(values), -1), means
 
 
-def raw_channels(log: FlightLog, spool: Spool | None = None) -> dict[str, LogChannel]:
-    """Return key -> channel of a log's raw samples, in a spool or in one of their own; empty for other logs."""
-    where = spool or Spool()
-    return {key: _raw_channel(where, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
+def flight_channels(log: FlightLog, robot: Aerobat, knots: Series | None = None) -> dict[str, LogChannel]:
+    """Return key -> channel of a log, those at its own times on one clock, `knots`."""
+    knots = series_of(Spool(), log.time) if knots is None else knots
+    spool = knots.spool
+    own = {
+        key: LogChannel(key, (name,), knots, series_of(spool, values), means)
+        for key, name, values, means in _channels(log, robot)
+    }
+    raw = {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
+    return own | raw
 
 
 def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:

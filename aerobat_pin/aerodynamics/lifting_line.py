@@ -28,8 +28,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aerobat_pin.aerodynamics.finite_wing import added_mass_factor
-from aerobat_pin.aerodynamics.planform import FINE, AlongSpan, along_span
+from aerobat_pin.aerodynamics.planform import FINE, AlongSpan, added_mass_factor, along_span
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, guarded
 
@@ -69,7 +68,7 @@ class LiftingLine:
         quarter_chord, mid_chord, three_quarter_chord: x of these points at the stations (N,) [m].
         width: weight of each station in an integral along the span (N,) [m].
         added_mass: mass per span of the air that a section accelerates (N,) [kg/m]: pi rho b^2 times the planform's
-            `finite_wing.added_mass_factor`. The force per span along the normal, at mid-chord, is minus this mass times
+            `planform.added_mass_factor`. The force per span along the normal, at mid-chord, is minus this mass times
             the rate of the normal velocity there. Two couples oppose a nose-up rate q: b^2 / 8 times this mass times
             q', and b / 2 times this mass times U q, Theodorsen's pitch-rate force moved from mid-chord to 3/4 chord.
         area: area of the planform [m2].

@@ -1,7 +1,8 @@
 """Aerodynamics of Aerobat: strips fixed to the links, a quasi-steady tail and fin, the body's drag, and added mass.
 
 All forces depend on the links' twists relative to the air: the twist of each link minus the wind, in the link's axes.
-`strip_forces` and `quasi_steady` are the two models of the wing; `body_surfaces` models body, tail and fin.
+`strip_forces` and `quasi_steady` are the two models of the wing; the first file also models body, tail and fin. A strip
+that lies across a joint is divided into pieces, each on one link.
 
 Added mass: each piece of a strip accelerates a mass m of air (`LiftingLine.added_mass`, times a factor) along its
 normal and at mid-chord, and resists turning about mid-chord with the moment of inertia m b^2 / 8. All pieces on a link
@@ -20,24 +21,52 @@ from typing import Literal
 import numpy as np
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerodynamics.body_surfaces import add_surfaces
 from aerobat_pin.aerodynamics.lifting_line import LiftingLine
-from aerobat_pin.aerodynamics.memory import air_in, fill
-from aerobat_pin.aerodynamics.pieces import divide
 from aerobat_pin.aerodynamics.quasi_steady import quasi_steady_loads
 from aerobat_pin.aerodynamics.strip_forces import (
     AirConstants,
     Pieces,
     Strips,
     Surfaces,
+    add_surfaces,
+    air_in,
     strip_loads,
     strip_rows,
 )
-from aerobat_pin.numerics import Array, fields_of, guarded, inner, new_memory
+from aerobat_pin.numerics import Array, fields_of, fill, guarded, inner, new_memory
 from aerobat_pin.robot import LINKS, Wing
 
+SMALLEST_SHARE = 1e-6  # a smaller share of a strip is a joint that lies on the strip's edge, up to rounding
 Model = Literal["lifting_line", "quasi_steady"]
 NO_SURFACES = Surfaces(0.0, 0.0, np.zeros(3), 1.0, 0.0, 0.0, np.zeros(3), 0.0)
+
+
+def divide(wing: Wing, line: LiftingLine, added_mass: Array) -> Pieces:
+    """Divide the strips of a lifting line along the links.
+
+    A strip reaches to midway between its station and the next one, in the angle of the cosine, and to the tip. A piece
+    lies at its strip's station, or, if the strip is divided, in the middle of its own part.
+
+    Args:
+        wing: planform along the links.
+        line: lifting line on that planform.
+        added_mass: added mass of each strip (N,) [kg].
+    """
+    shoulder, elbow, _ = wing.breaks
+    joints = np.array([elbow, shoulder, -shoulder, -elbow])
+    midway = 0.5 * line.span * np.cos((np.arange(1, line.strips) + 0.5) * np.pi / (line.strips + 1))
+    edges = np.concatenate([[0.5 * line.span], midway, [-0.5 * line.span]])
+    cuts = np.sort(np.concatenate([edges, joints[np.abs(joints) < 0.5 * line.span]]))[::-1]
+    middle = 0.5 * (cuts[:-1] + cuts[1:])
+    strip = np.clip(np.searchsorted(-edges, -middle) - 1, 0, line.strips - 1)
+    share = -np.diff(cuts) / -np.diff(edges)[strip]
+    strip, middle, share = (part[share > SMALLEST_SHARE] for part in (strip, middle, share))
+    share /= np.bincount(strip, share)[strip]
+    y = np.where(np.bincount(strip)[strip] == 1, line.y[strip], middle)
+    link, point = wing.attach(y)
+    point[:, 0] += wing.leading_edge(y) - 0.5 * wing.chord(y)
+    x, y, z = point.T
+    return Pieces(strip, link, x, y, z, share, 0.5 * share * (added_mass * line.semichord)[strip])
 
 
 @inner

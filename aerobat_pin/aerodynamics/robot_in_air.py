@@ -1,28 +1,85 @@
-"""A robot in its air: the twists of its links along a motion, and a warmed-up aerodynamic state to start from."""
+"""A robot in its air: its memory for kernels, the twists of its links, and a warmed-up state to start from."""
 
 from __future__ import annotations
+
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics.added_mass import factored
-from aerobat_pin.aerodynamics.memory import fill, robot_in
+from aerobat_pin.aerodynamics.added_mass import AddedMass, factored
+from aerobat_pin.aerodynamics.links import Links, PinocchioResults
 from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants, air_in
 from aerobat_pin.numerics import (
     HALF_STEPS,
     Array,
     addresses,
+    array_at,
     check_views,
     copy_values,
     fields_of,
+    fill,
     guarded,
     kernel,
+    layout_of,
+    merged,
     motions,
     new_memory,
+    next_size,
     next_state,
     placements,
+    rewind,
 )
-from aerobat_pin.robot import Aerobat, tree_of
+from aerobat_pin.robot import LINKS, Aerobat, Tree, tree_of
+
+LINK_COUNT = len(LINKS)
+
+
+class RobotMemory(NamedTuple):
+    """Memory of a robot in its air.
+
+    `gravity` () [m/s2]. `H` (nv, nv) and `h` (nv,) are scratch arrays for inertia and bias. `loads` (9, N) are the
+    strips' loads. For a Runge-Kutta step of the aerodynamic state (S,): its `rates` (4, S) at the stages, the state at
+    the step's `start` (S,), and the current `state` (S,).
+    """
+
+    air: AirConstants
+    added_mass: AddedMass
+    gravity: Annotated[Array, ""]
+    tree: Tree
+    found: PinocchioResults
+    links: Links
+    H: Annotated[Array, "nv, nv"]
+    h: Annotated[Array, "nv"]
+    loads: Annotated[Array, "strip_rows, n"]
+    rates: Annotated[Array, "4, states"]
+    start: Annotated[Array, "states"]
+    state: Annotated[Array, "states"]
+
+
+robot_fields = layout_of(RobotMemory, "air", "found", "link_count", "nv", "strip_rows", "n", "states")
+
+
+@merged
+def robot_in(memory: Array) -> RobotMemory:
+    """Lay out a robot in its air.
+
+    Sizes: addresses of the memory of `air_in` and of Pinocchio's M, nle, liMi, v, a_gf; then nv, njoints, number of
+    strips, number of aerodynamic states.
+    """
+    cursor = rewind(memory)
+    air, M, nle, liMi = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
+    v, a_gf, nv, joints = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
+    n, states = next_size(cursor), next_size(cursor)
+    found = PinocchioResults(
+        M=array_at(M, (nv, nv)),
+        nle=array_at(nle, (nv,)),
+        liMi=array_at(liMi, (joints, 12)),
+        v=array_at(v, (joints, 6)),
+        a_gf=array_at(a_gf, (joints, 6)),
+    )
+    return robot_fields(cursor, air_in(array_at(air, (1,))), found, LINK_COUNT, nv, STRIP_ROWS, n, states)
 
 
 @kernel

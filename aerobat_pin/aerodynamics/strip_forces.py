@@ -24,6 +24,10 @@ degrees, this law lies between attached and stalled flow; docs/section_law.md co
 
 If a limit of the lift coefficient is set, w_eff is first reduced to w_eff / (1 + r^4)^(1/4), r = a0 w_eff / (U limit).
 At half the limit this is 1.5 % less, and the lift coefficient never exceeds the limit.
+
+Body, tail and fin are quasi-steady. The tail is a flat plate of area S with force rho/2 S a |u| w, a = 2 pi / (1 + 2 /
+aspect ratio), in the wing's mean downwash over the tail's span, times a factor. The fin is a vertical plate with side
+force -rho/2 S a |u| v at lateral velocity v. The body is a drag area at its centre of mass.
 """
 
 from __future__ import annotations
@@ -33,7 +37,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.numerics import Array, Integers, guarded, inner
+from aerobat_pin.numerics import Array, Integers, guarded, inner, memory_layout
 
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
@@ -94,7 +98,7 @@ class AirConstants(NamedTuple):
     Numbers (): `quasi_steady` is 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
     `lift_slope` [1/rad], `profile_drag` is the coefficient cd0, `slope_over_limit` is the lift slope divided by the
     limit of the lift coefficient, 0 for no limit. `downwash` (N, N) is the operator D [1/m], `tail_downwash` (N,)
-    its mean over the tail's span.
+    its mean over the tail's span. Sizes of its memory: numbers of strips and of their pieces.
     """
 
     quasi_steady: Annotated[Scalar, ""]
@@ -107,6 +111,9 @@ class AirConstants(NamedTuple):
     downwash: Annotated[Array, "n, n"]
     tail_downwash: Annotated[Array, "n"]
     surfaces: Surfaces
+
+
+air_in = memory_layout(AirConstants, "n", "p")
 
 
 class StripLoads(NamedTuple):
@@ -241,3 +248,38 @@ def strip_loads(
     for j in range(count):
         mean += tail_downwash[j] * circulation[j]
     return mean
+
+
+@inner
+def add_surfaces(surfaces: Surfaces, density: float, base: Array, downwash: float, body: Array) -> None:
+    """Add the wrench of body drag, tail and fin.
+
+    Args:
+        surfaces: constants of body, tail and fin.
+        density: density of the air [kg/m3].
+        base: (6,) twist of the body relative to the air, in body axes.
+        downwash: mean downwash of the wing over the tail's span [m/s].
+        body: (6,) wrench on the body; the forces are added in place.
+    """
+    tail, fin, drag_area = surfaces.tail, surfaces.fin, surfaces.drag_area[()]
+    cosine, sine, tail_lift = surfaces.tail_cosine[()], surfaces.tail_sine[()], surfaces.tail_lift[()]
+    factor, fin_lift = surfaces.downwash_factor[()], surfaces.fin_lift[()]
+    speed = np.sqrt(base[0] ** 2 + base[1] ** 2 + base[2] ** 2)
+    for k in range(3):
+        body[k] -= 0.5 * density * drag_area * speed * base[k]
+    x, y, z = tail[0], tail[1], tail[2]
+    u = base[0] + base[4] * z - base[5] * y
+    w = -(base[2] + base[3] * y - base[4] * x) - factor * downwash
+    force = density * tail_lift * abs(u * cosine - w * sine) * (u * sine + w * cosine)
+    fx, fz = -force * sine, force * cosine
+    body[0] += fx
+    body[2] += fz
+    body[3] += y * fz
+    body[4] += z * fx - x * fz
+    body[5] -= y * fx
+    x, y, z = fin[0], fin[1], fin[2]
+    u = base[0] + base[4] * z - base[5] * y
+    fy = -density * fin_lift * abs(u) * (base[1] + base[5] * x - base[3] * z)
+    body[1] += fy
+    body[3] -= z * fy
+    body[5] += x * fy

@@ -20,8 +20,7 @@ from aerobat_pin.cli.console import files_in, print_files, print_version, progre
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.options import CalibrationFile, Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.runs import compare_command, convert_command, play_command
-from aerobat_pin.cli.seeds import run_seeds
-from aerobat_pin.cli.sweep import sweep_command
+from aerobat_pin.cli.several_runs import run_seeds, sweep_command
 from aerobat_pin.cli.urdf import urdf_command
 
 LONGEST_MESSAGE = 2000  # characters of an error message, which can quote a file

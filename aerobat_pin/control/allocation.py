@@ -26,11 +26,8 @@ from aerobat_pin.numerics import (
     fields_of,
     inner,
     kernel,
-    layout_of,
-    merged,
+    memory_layout,
     new_memory,
-    next_size,
-    rewind,
     shaped,
     solve_positive,
 )
@@ -61,14 +58,7 @@ class Limited(NamedTuple):
     linear: Annotated[Array, "m"]
 
 
-limited_fields = layout_of(Limited, "m")
-
-
-@merged
-def allocation_in(memory: Array) -> Limited:
-    """Lay out the memory of an allocation. Sizes: number of thrusters."""
-    cursor = rewind(memory)
-    return limited_fields(cursor, next_size(cursor))
+allocation_in = memory_layout(Limited, "m")
 
 
 class Allocation:

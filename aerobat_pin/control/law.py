@@ -24,7 +24,7 @@ from typing import Annotated, NamedTuple
 
 from aerobat_pin.control.allocation import Limited, limited_thrusts
 from aerobat_pin.control.nominal import PITCHING
-from aerobat_pin.numerics import Array, inner, kernel, layout_of, merged, next_size, rewind
+from aerobat_pin.numerics import Array, inner, kernel, memory_layout
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
 
@@ -42,7 +42,7 @@ class Law(NamedTuple):
     State: `integral` (6,), `slow` (6,) of the lead, `begun` () whether it has begun, `nose_down` () [rad].
 
     Results: `disturbance` (6,) given from outside, `wanted`, `unrealised` (6,) wrenches, `command` (m,) thrusts.
-    Scratch: `reference` (12,), as the columns of `swing`, and `force` (3,).
+    Scratch: `reference` (12,), as the columns of `swing`, and `force` (3,). Sizes: m thrusters, n waves in the swing.
     """
 
     start: Annotated[Array, "3"]
@@ -74,14 +74,7 @@ class Law(NamedTuple):
     limited: Limited
 
 
-law_fields = layout_of(Law, "m", "waves")
-
-
-@merged
-def law_in(memory: Array) -> Law:
-    """Lay out the law's memory. Sizes: number of thrusters, number of waves in the swing."""
-    cursor = rewind(memory)
-    return law_fields(cursor, next_size(cursor), next_size(cursor))
+law_in = memory_layout(Law, "m", "waves")
 
 
 @kernel
@@ -89,7 +82,7 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
     """Write the wrench that is wanted for a sample, before lead and steering; integrals and nose move on.
 
     Args:
-        memory: see `law_in`; `disturbance` is what acts now, `unrealised` what was left of the last wrench.
+        memory: see `Law`; `disturbance` is what acts now, `unrealised` what was left of the last wrench.
         since: time since the begin of the flight [s].
         q: (nq,) configuration as the sensors show it; the base counts.
         v: (nv,) velocity likewise.

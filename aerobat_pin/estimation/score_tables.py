@@ -8,12 +8,12 @@ from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 
-Table = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
+ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
 SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation")
 
 
-def score_table(observers: Mapping[str, ObserverScores]) -> Table:
+def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
     """Return the table of scores; columns that have no meaning for these references are left out."""
     rows = []
     for name, found in observers.items():

@@ -174,7 +174,7 @@ def _estimated(
         dt=float(np.median(np.diff(time))),
         stored={name: StoredEstimate.of(estimate) for name, estimate in estimates.items()},
         references=truth_of(log, belief.observers.frames),
-        findings=tuple(LogFinding(*_split(line)) for line in contradictions(log, believed)),
+        findings=tuple(LogFinding(*_parts_of(line)) for line in contradictions(log, believed)),
         inputs=inputs.source,
         calibration=inputs.calibration,
         events=tuple(true_events(log)),
@@ -184,7 +184,7 @@ def _estimated(
     return Experiment(belief, believed, log, scores, note, drawn, calibration)
 
 
-def _split(contradiction: str) -> tuple[str, FindingVerdict, str]:
+def _parts_of(contradiction: str) -> tuple[str, FindingVerdict, str]:
     """Return a contradiction as a finding: check, verdict and text."""
     check, _, text = contradiction.partition(": ")
     return check, "warning", text

@@ -1,13 +1,12 @@
 """From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
 from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, read_csv, write_csv
-from aerobat_pin.flight.crank.drives import ConstantRate, CrankDrive, SpinUp
-from aerobat_pin.flight.crank.motor import RateControlledMotor
+from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
-from aerobat_pin.flight.sensing import Sensing
+from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.shown_motion import log_with_motion
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of

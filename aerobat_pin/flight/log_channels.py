@@ -9,7 +9,7 @@ import xarray as xr
 
 from aerobat_pin.aerobat import KNOWN_FORCE, LABELS, MEASURED, THRUSTERS, TRUE_CHANNELS, FlightLog, channel, filled
 from aerobat_pin.aerodynamics import strips_of
-from aerobat_pin.flight.crank.motor import RateControlledMotor
+from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.loop import LoopRecord
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Flown

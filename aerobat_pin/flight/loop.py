@@ -15,7 +15,7 @@ import numpy as np
 
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Flown
-from aerobat_pin.flight.sensing import Sensing
+from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.numerics import Array
 

@@ -1,15 +1,20 @@
-"""Sensors: they turn the exact channels of a simulated flight into the log's measured channels.
+"""Sensors turn the exact channels of a simulated flight into what is measured: of a whole log, or in a loop as it goes.
 
     sample i, taken at the first log time not before i / rate:   round((true + bias + walk + noise) / quantum) quantum
 
 The log's times do not change. At each time a channel shows the latest sample that was not lost and whose delay is
 over. Before the first sample has arrived, the channel already shows that sample. Attitude errors are small rotations
 about body axes; the attitude is rounded in roll, pitch and yaw.
+
+In a loop the errors are drawn in advance with the same random streams as those of a log, so a controller sees to the
+bit what the log of its flight shows. Only what makes up configuration and velocity is read there: position, attitude,
+velocity, gyro and joints, and the crank.
 """
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +27,8 @@ from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import SensorSection, SensorsSection
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
+ChannelColumns = slice | list[int]
+ORIGIN = np.zeros(3)
 
 
 def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
@@ -43,20 +50,9 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
     assert log.truth is not None
     measured, truth = log.measured.copy(deep=True), log.truth.copy()
     time = log.time
-    at_q, at_v = list(robot.idx_q), list(robot.idx_v)
-    places: dict[str, tuple[str, list[int] | None]] = {
-        "position": ("q", [0, 1, 2]),
-        "attitude": ("q", [3, 4, 5, 6]),
-        "velocity": ("v", [0, 1, 2]),
-        "gyro": ("v", [3, 4, 5]),
-        "joint_angle": ("q", at_q),
-        "joint_rate": ("v", at_v),
-        "crank_angle": ("crank_angle", None),
-        "airspeed": ("airspeed", None),
-        "motor_torque": ("motor_torque", at_v),
-    }
+    places = places_in_motion(robot) | {"motor_torque": ("motor_torque", list(robot.idx_v))}
     for name, sensor in sensors.fitted.items():
-        channel, columns = places[name]
+        channel, columns = places.get(name, (name, None))
         values = measured[channel].values
         table = values[:, None] if columns is None else values[:, columns]
         rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
@@ -73,6 +69,18 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
     return FlightLog(measured, truth)
 
 
+def places_in_motion(robot: Aerobat) -> dict[str, tuple[str, ChannelColumns]]:
+    """Return where in q or v each sensor of the motion reads."""
+    return {
+        "position": ("q", slice(0, 3)),
+        "attitude": ("q", slice(3, 7)),
+        "velocity": ("v", slice(0, 3)),
+        "gyro": ("v", slice(3, 6)),
+        "joint_angle": ("q", list(robot.idx_q)),
+        "joint_rate": ("v", list(robot.idx_v)),
+    }
+
+
 def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Return the readings (n, c) of a sensor at times (n,) [s], given the true values (n, c) of its channel."""
     taken = sampling_times(time, sensor.rate)
@@ -84,14 +92,19 @@ def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.ran
     """Return the readings (n, 4) of an attitude sensor at times (n,) [s], given the true quaternions xyzw (n, 4)."""
     taken = sampling_times(time, sensor.rate)
     errors = sensor_errors(time[taken], 3, sensor, rng)
-    samples = np.empty((len(taken), 4))
-    for shown, row, error in zip(samples, true[taken], errors, strict=True):
-        attitude = pin.Quaternion(row) * pin.Quaternion(pin.exp3(error))
-        if sensor.quantum > 0.0:
-            angles = quantised(pin.rpy.matrixToRpy(attitude.matrix()), sensor.quantum)
-            attitude = pin.Quaternion(pin.rpy.rpyToMatrix(angles))
-        shown[:] = attitude.coeffs() if attitude.coeffs() @ row >= 0.0 else -attitude.coeffs()
+    turns = [_quaternion_of(pin.exp3(error)) for error in errors]
+    rows = [attitude_sample(row, turn, sensor.quantum) for row, turn in zip(true[taken], turns, strict=True)]
+    samples = np.array(rows)
     return np.asarray(samples[last_arrived(time, taken, sensor, rng)])
+
+
+def attitude_sample(true: Array, error: pin.Quaternion, quantum: float) -> Array:
+    """Return a quaternion xyzw (4,), turned by an error and rounded in roll, pitch, yaw, with the nearer sign."""
+    attitude = pin.Quaternion(true) * error
+    if quantum > 0.0:
+        attitude = _quaternion_of(pin.rpy.rpyToMatrix(quantised(pin.rpy.matrixToRpy(attitude.matrix()), quantum)))
+    shown: Array = attitude.coeffs()
+    return shown if shown @ true >= 0.0 else -shown
 
 
 def sampling_times(time: Array, rate: float | None) -> Indices:
@@ -121,3 +134,91 @@ def last_arrived(time: Array, taken: Indices, sensor: SensorSection, rng: np.ran
     arrived = time[taken[kept]] + sensor.delay
     last = np.searchsorted(arrived, time + 1e-9, side="right") - 1
     return np.asarray(kept[np.maximum(last, 0)])
+
+
+class Sensing:
+    """What a robot's sensors show of q, v and crank angle during a flight.
+
+    Args:
+        robot: the robot that flies.
+        sensors: settings of the sensors.
+        time: (n + 1,) times of the samples [s]; after them, the errors are drawn anew and the sensors start again.
+        seed: seed of all random numbers.
+    """
+
+    def __init__(self, robot: Aerobat, sensors: SensorsSection, time: Array, seed: int) -> None:
+        """Draw the errors of the first n + 1 samples."""
+        places = places_in_motion(robot)
+        self._fitted = [(name, *places[name], one) for name, one in sensors.fitted.items() if name in places]
+        self._crank = [("crank_angle", "crank", slice(0, 1), one) for one in [sensors.fitted.get("crank_angle")] if one]
+        self._time, self._seed, self._first = time, seed, 0
+        self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
+
+    def draw(self, k: int) -> None:
+        """Draw the errors that sample k needs, unless they are drawn: work of a simulation, and of no sensor."""
+        if k - self._first == len(self._time):
+            self._first = k
+            self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
+
+    def read(self, k: int, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return what the sensors show at sample k of a flight whose true q and v are given; k counts up by one."""
+        self.draw(k)
+        k -= self._first
+        if self._readers:
+            q, v = q.copy(), v.copy()
+            table = {"q": q, "v": v}
+            for which, columns, reader in self._readers:
+                values = table[which]
+                values[columns] = reader(k, values[columns])
+        return q, v
+
+    def crank(self, k: int, angle: float) -> float:
+        """Return what the crank's sensor shows at sample k, which `read` has been called for, at a true angle [rad]."""
+        for _, _, reader in self._crank_readers:
+            angle = float(reader(k - self._first, np.array([angle]))[0])
+        return angle
+
+    def _drawn(
+        self, fitted: Sequence[tuple[str, str, ChannelColumns, SensorSection]]
+    ) -> list[tuple[str, ChannelColumns, Callable[[int, Array], Array]]]:
+        seeds = [self._seed] if self._first == 0 else [self._seed, self._first]
+        return [
+            (which, columns, _Reader(name, one, self._time, np.random.default_rng([*seeds, zlib.crc32(name.encode())])))
+            for name, which, columns, one in fitted
+        ]
+
+
+class _Reader:
+    """The readings of one sensor."""
+
+    def __init__(self, name: str, sensor: SensorSection, time: Array, rng: np.random.Generator) -> None:
+        self._attitude, self._quantum = name == "attitude", sensor.quantum
+        taken = sampling_times(time, sensor.rate)
+        axes = {"joint_angle": 4, "joint_rate": 4, "crank_angle": 1}.get(name, 3)
+        errors = sensor_errors(time[taken], axes, sensor, rng)
+        self._errors = [_quaternion_of(pin.exp3(error)) for error in errors] if self._attitude else errors
+        self._number = np.full(len(time), -1)
+        self._number[taken] = np.arange(len(taken))
+        self._shown = last_arrived(time, taken, sensor, rng)
+        newest = np.searchsorted(taken, np.arange(len(time)), side="right") - 1
+        kept = int(np.max(newest - self._shown)) + 1  # samples that are still waiting, or lost since
+        self._samples = np.zeros((kept, 4 if self._attitude else axes))
+
+    def __call__(self, k: int, true: Array) -> Array:
+        """Return the reading at time k, at which the channel's true value is given."""
+        samples, number = self._samples, self._number[k]
+        if number >= 0:
+            samples[number % len(samples)] = sample = self._sample(true, self._errors[number])
+            if len(samples) == 1:  # nothing waits, and nothing was lost
+                return sample
+        return np.asarray(samples[self._shown[k] % len(samples)])
+
+    def _sample(self, true: Array, error: Any) -> Array:
+        if not self._attitude:
+            return quantised(true + error, self._quantum)
+        return attitude_sample(true, error, self._quantum)
+
+
+def _quaternion_of(rotation: Array) -> pin.Quaternion:
+    """Return the quaternion of a rotation (3, 3); `pin.Quaternion(rotation)` loses 80 bytes of memory at each call."""
+    return pin.Quaternion(pin.SE3ToXYZQUAT(pin.SE3(rotation, ORIGIN))[3:])

@@ -8,8 +8,7 @@ import numpy as np
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import ScenarioError, SimulationError
-from aerobat_pin.flight.crank.drives import CrankDrive
-from aerobat_pin.flight.crank.motor import RateControlledMotor
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.loop import ClosedLoop, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage

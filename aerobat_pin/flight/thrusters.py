@@ -19,18 +19,7 @@ import numpy as np
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import ScenarioError, ShapeError
-from aerobat_pin.numerics import (
-    Array,
-    Integers,
-    fields_of,
-    guarded,
-    kernel,
-    layout_of,
-    merged,
-    new_memory,
-    next_size,
-    rewind,
-)
+from aerobat_pin.numerics import Array, Integers, fields_of, guarded, kernel, memory_layout, new_memory
 from aerobat_pin.scenario import ThrustersSection
 
 
@@ -104,7 +93,7 @@ class Propellers(NamedTuple):
     """Memory of m thrusters, see `LaggedThrust`.
 
     `kept` () is the share of a difference that is there after an interval, `lagging` () its mean over it. `waiting`
-    (n, m) are commands that are on their way, `turn` (1,) which of them is next.
+    (n, m) are the n commands that are on their way, `turn` (1,) which of them is next.
     """
 
     map: Annotated[Array, "6, m"]
@@ -118,14 +107,7 @@ class Propellers(NamedTuple):
     turn: Annotated[Integers, "1"]
 
 
-propeller_fields = layout_of(Propellers, "m", "n")
-
-
-@merged
-def propellers_in(memory: Array) -> Propellers:
-    """Lay out the memory. Sizes: number of thrusters, number of commands that wait."""
-    cursor = rewind(memory)
-    return propeller_fields(cursor, next_size(cursor), next_size(cursor))
+propellers_in = memory_layout(Propellers, "m", "n")
 
 
 @kernel

@@ -4,18 +4,21 @@ With e = exp(i t), t = [t1, t2, t3, t5, t6, t8, t9], the pins P and the gaps of 
 
     P = p + V e      gap = c + W e = 0       P' = i V e t'      P'' = V (i t'' - t'^2) e
 
-Only V and W depend on the lengths of the bars. How the loops are closed is the subject of `chain`.
+Only V and W depend on the lengths of the bars. How the loops are closed is the subject of `closure`. The derivatives of
+the closed linkage by its adjustable lengths follow from the implicit function theorem on its loops.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_description.morphology_tables import LinkageLengths
-from aerobat_description.position_closure import elbow
+from aerobat_description.position_closure import ADJUSTABLE, elbow
 from aerobat_pin.numerics import Array
 
 Complex = NDArray[np.complex128]
@@ -100,3 +103,41 @@ def loops_by_lengths(bars: LinkageLengths, angles: Array) -> Complex:
 def real_rows(equations: Complex) -> Array:
     """Return complex equations (..., 3, k) as real equations (..., 6, k): real parts, then imaginary parts."""
     return np.concatenate([equations.real, equations.imag], axis=-2)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of the closed linkage by one length, at a fixed crank angle.
+
+    `theta_s`, `theta_e` and `angles` t1, t2, t3, t5, t6, t8, t9 [rad/m] have the shape of the crank angle. `pins`
+    J1..J10 (..., 2) [m/m] have one more axis (outboard, up).
+    """
+
+    theta_s: Array
+    theta_e: Array
+    angles: Mapping[str, Array]
+    pins: Mapping[str, Array]
+
+
+def sensitivities(bars: LinkageLengths, angles: Array) -> dict[str, Sensitivity]:
+    """Differentiate the closed linkage by L3b, L5a and L5b: J dt/dL = -d(gap)/dL at constant t1.
+
+    Args:
+        bars: bar lengths and pivots.
+        angles: (..., 7) angles of the closed linkage, in the order of `ANGLES` [rad].
+
+    Returns:
+        The derivatives, by the name of the length.
+    """
+    jacobian = real_rows(loops(bars).by_angles(angles))
+    dependent = -np.linalg.solve(jacobian[..., 1:], real_rows(loops_by_lengths(bars, angles)))
+    by_length = np.concatenate([np.zeros_like(dependent[..., :1, :]), dependent], axis=-2)
+    points = pins(bars).by_angles(angles) @ by_length  # `pins` reaches no pin along an adjustable length
+    found = {}
+    for i, length in enumerate(ADJUSTABLE):
+        of_angle = {name: by_length[..., k, i] for k, name in enumerate(ANGLES)}
+        of_pin = {
+            name: np.stack([points[..., k, i].real, points[..., k, i].imag], axis=-1) for k, name in enumerate(PINS)
+        }
+        found[length] = Sensitivity(of_angle["t5"], of_angle["t6"] - of_angle["t5"], of_angle, of_pin)
+    return found

@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerobat_pin.linkage.chain import Angle
-from aerobat_pin.linkage.closure import Closure
+from aerobat_pin.linkage.closure import Angle, Closure
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 from aerobat_pin.numerics import Array, kernel
 

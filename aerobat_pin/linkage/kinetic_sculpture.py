@@ -11,10 +11,8 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import LinkageLengths
 from aerobat_description.position_closure import CRANK_ANGLES, ClosureError, advice, remedies
 from aerobat_pin.errors import LinkageError, NearSingularWarning
-from aerobat_pin.linkage.arms import ANGLES, bent_arms
-from aerobat_pin.linkage.chain import close_dyads
-from aerobat_pin.linkage.closure import DYADS, Closure
-from aerobat_pin.linkage.sensitivity import Sensitivity, sensitivities
+from aerobat_pin.linkage.arms import ANGLES, Sensitivity, bent_arms, sensitivities
+from aerobat_pin.linkage.closure import DYADS, Closure, close_dyads
 from aerobat_pin.numerics import guarded, together
 
 NEAR_SINGULAR = np.radians(15.0)  # [rad]: a transmission angle closer than this to 0 or 180 deg causes a warning

@@ -8,8 +8,6 @@ from .arrays import real_numbers as real_numbers
 from .arrays import shaped as shaped
 from .arrays import shown as shown
 from .arrays import together as together
-from .compiling import told_of_compilation as told_of_compilation
-from .frame_ids import frame_id as frame_id
 from .jit import Integers as Integers
 from .jit import announce_compilation as announce_compilation
 from .jit import inner as inner
@@ -17,6 +15,7 @@ from .jit import is_compiled as is_compiled
 from .jit import kernel as kernel
 from .jit import lock as lock
 from .jit import merged as merged
+from .jit import told_of_compilation as told_of_compilation
 from .kernel_cache import remove_damaged_kernels as remove_damaged_kernels
 from .lie_runge_kutta import DEPARTURES as DEPARTURES
 from .lie_runge_kutta import HALF_STEPS as HALF_STEPS
@@ -24,18 +23,21 @@ from .lie_runge_kutta import add_stage as add_stage
 from .lie_runge_kutta import lie_step as lie_step
 from .lie_runge_kutta import next_state as next_state
 from .lie_runge_kutta import next_tangent as next_tangent
-from .lie_runge_kutta import step as step
 from .matrix_products import add_product as add_product
 from .matrix_products import add_row_product as add_row_product
 from .matrix_products import factorise as factorise
 from .matrix_products import mirror as mirror
 from .memory import fields_of as fields_of
+from .memory import fill as fill
 from .memory import layout_of as layout_of
+from .memory import memory_layout as memory_layout
 from .memory import new_memory as new_memory
 from .memory import next_size as next_size
 from .memory import rewind as rewind
 from .memory import take as take
 from .memory import take_integers as take_integers
+from .pinocchio_models import frame_id as frame_id
+from .pinocchio_models import read_robot as read_robot
 from .pinocchio_views import DOUBLE as DOUBLE
 from .pinocchio_views import addresses as addresses
 from .pinocchio_views import array_at as array_at
@@ -43,7 +45,6 @@ from .pinocchio_views import check_views as check_views
 from .pinocchio_views import doubles_at as doubles_at
 from .pinocchio_views import motions as motions
 from .pinocchio_views import placements as placements
-from .quiet_parsing import read_robot as read_robot
 from .small_matrices import copy_values as copy_values
 from .small_matrices import dot as dot
 from .small_matrices import eigenvectors as eigenvectors

@@ -1,4 +1,4 @@
-"""Decorators that compile functions to kernels with numba, and the cache of compiled kernels on disk.
+"""Decorators that compile functions to kernels with numba, the cache of compiled kernels, and news of compilation.
 
 A call of Pinocchio from Python takes little longer than in C++, but small numpy operations between such calls take much
 longer. A kernel replaces these operations by one compiled call: a function of arrays that reads Pinocchio's results in
@@ -8,14 +8,15 @@ place. The tests compare each kernel with an independent implementation in numpy
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import event
 from numpy.typing import NDArray
 
 from aerobat_pin.numerics.kernel_cache import KernelCache
@@ -28,10 +29,8 @@ KERNEL_SOURCES = (
     "aerobat/raw/recursion.py",
     "aerobat/raw/rows_kernels.py",
     "aerodynamics/added_mass.py",
-    "aerodynamics/body_surfaces.py",
     "aerodynamics/lifting_line.py",
     "aerodynamics/links.py",
-    "aerodynamics/memory.py",
     "aerodynamics/quasi_steady.py",
     "aerodynamics/robot_air.py",
     "aerodynamics/robot_in_air.py",
@@ -40,7 +39,7 @@ KERNEL_SOURCES = (
     "control/disturbance.py",
     "control/law.py",
     "flight/attitude_hold.py",
-    "flight/crank/motor.py",
+    "flight/crank.py",
     "flight/plant/kernels.py",
     "flight/plant/memory.py",
     "flight/thrusters.py",
@@ -55,15 +54,14 @@ KERNEL_SOURCES = (
     "observers/kalman/learning.py",
     "observers/kalman/memory.py",
     "observers/kalman/noisy_sample.py",
-    "observers/kalman/process_noise.py",
     "observers/kalman/smoother_kernels.py",
     "observers/kernels/filters.py",
     "observers/kernels/memory.py",
     "observers/kernels/projection.py",
     "observers/kernels/residual.py",
     "robot/link_kernels.py",
-    "robot/link_tree.py",
 )
+OURS = "aerobat_pin."
 
 
 def kernel(function: Function) -> Function:
@@ -130,3 +128,27 @@ def lock(entry: Any, *arguments: Any) -> None:
     if not numba.config.DISABLE_JIT and not entry.signatures:
         entry(*arguments)
         entry.disable_compile()
+
+
+class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
+    """Call a function when a kernel of ours that Python called begins to compile; those within it are part of it."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell, self._depth = tell, 0
+
+    def on_start(self, found: Any) -> None:
+        function = found.data["dispatcher"].py_func
+        if self._depth == 0 and function.__module__.startswith(OURS):
+            room = function.__module__.split(".")[1]
+            self._tell(f"compiling {function.__name__} of {room}, once per installation: some seconds to a minute")
+        self._depth += 1
+
+    def on_end(self, found: Any) -> None:
+        self._depth -= 1
+
+
+@contextmanager
+def told_of_compilation(tell: Callable[[str], None]) -> Iterator[None]:
+    """Call `tell` with a line of text whenever a kernel begins to compile during a `with` block."""
+    with event.install_listener("numba:compile", _Compilations(tell)):
+        yield

@@ -11,21 +11,16 @@ Beside the point q on the manifold, the method integrates a vector y, for which 
 
 Stages are counted from 0. `lie_step` goes from stage to stage on the manifold. At each stage it calls a function of the
 caller, which calls `next_tangent` for q, `next_state` for y, and `add_stage` for quantities to be averaged over the
-step. `step` does all this for equations written as a Python function.
+step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
-
-import numpy as np
 
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import kernel
 
-Output = TypeVar("Output")
-Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
 Evaluation = Callable[[int, Array], tuple[Array, Array]]
 Retraction = Callable[[Array, Array], Array]
 
@@ -99,35 +94,3 @@ def lie_step(evaluate: Evaluation, retract: Retraction, q: Array) -> Array:
     q4 = retract(q2, evaluate(2, q3)[0])
     first, second = evaluate(3, q4)
     return retract(retract(q, first), second)
-
-
-def step(
-    rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
-) -> tuple[Array, Array, tuple[Output, ...]]:
-    """Integrate equations given as a Python function over one step.
-
-    Args:
-        rates: function (t, q, y) -> velocity of q in its tangent space, rate of y, and any further output.
-        retract: function (q, tangent) -> q.
-        t: start time [s].
-        q: point on the manifold.
-        y: vector state.
-        dt: time step [s].
-
-    Returns:
-        The point q and the vector y at t + dt, and the further outputs of the four stages.
-    """
-    start, state, slopes = np.array(y, float), np.array(y, float), np.zeros((4, len(y)))
-    velocities: list[Array] = []
-    outputs: list[Output] = []
-
-    def evaluate(stage: int, here: Array) -> tuple[Array, Array]:
-        velocity, slopes[stage], output = rates(t + 0.5 * HALF_STEPS[stage] * dt, here, state.copy())
-        velocities.append(np.array(velocity, float))
-        outputs.append(output)
-        tangent = np.zeros((2, len(velocity)))
-        next_tangent(stage, dt, np.array(velocities), tangent)
-        next_state(stage, dt, slopes, start, state)
-        return tangent[0], tangent[1]
-
-    return lie_step(evaluate, retract, q), state, tuple(outputs)

@@ -3,20 +3,15 @@
 Every array that is passed to a compiled call costs time. A kernel therefore gets a single flat array and finds its
 fields by address. A layout is a kernel that defines the fields. It first reads the sizes at the start of the array, and
 then takes one field after the other from a cursor, an address that advances by the size of each field. Making such
-views costs nothing, and because shapes are not part of a type, other sizes need no new compilation. `layout_of` writes
-the part that takes the fields, from a table of their names and shapes.
+views costs nothing, and because shapes are not part of a type, other sizes need no new compilation. `memory_layout`
+writes the layout from a table of names and shapes; `layout_of` only the part that takes the fields, where sizes follow
+from others.
 
     class Filter(NamedTuple):
         gain: Annotated[Array, "n"]
         state: Annotated[Array, "2, n"]
 
-    filter_fields = layout_of(Filter, "n")
-
-    @merged
-    def filter_in(memory: Array) -> Filter:
-        cursor = rewind(memory)
-        return filter_fields(cursor, next_size(cursor))
-
+    filter_in = memory_layout(Filter, "n")
     memory = new_memory(filter_in, 3)  # runs the layout once to find the total size
     fields_of(filter_in, memory).gain[:] = 1000.0
 """
@@ -97,6 +92,21 @@ def layout_of(fields: type[Fields], *sizes: str) -> Callable[..., Fields]:
     return cast(Callable[..., Fields], merged(scope[name_of_kernel]))
 
 
+def memory_layout(fields: type[Fields], *sizes: str) -> Callable[[Array], Fields]:
+    """Return the layout of a memory that begins with these sizes, in this order, and holds one table.
+
+    Args:
+        fields: the table, as for `layout_of`.
+        sizes: names of the sizes.
+    """
+    name = f"{fields.__name__}_in"
+    scope: dict[str, Any] = {"rewind": rewind, "next_size": next_size, "lay_out": layout_of(fields, *sizes)}
+    scope["__name__"] = fields.__module__  # names of compiled functions must differ
+    reading = ", next_size(cursor)" * len(sizes)
+    exec(f"def {name}(memory):\n    cursor = rewind(memory)\n    return lay_out(cursor{reading})", scope)
+    return cast(Callable[[Array], Fields], merged(scope[name]))
+
+
 def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:
     """Return memory for the fields of a layout, with all fields zero.
 
@@ -115,6 +125,15 @@ def new_memory(layout: Callable[[Array], Any], *sizes: int) -> Array:
 def fields_of(layout: Callable[[Array], Fields], memory: Array) -> Fields:
     """Return the fields that a layout defines in a memory. They are valid only as long as the memory exists."""
     return cast(Fields, _in_python(layout)(memory))
+
+
+def fill(fields: tuple[Any, ...], values: tuple[Any, ...]) -> None:
+    """Copy values into the fields of a memory, in order; nested tuples into nested fields."""
+    for field, value in zip(fields, values, strict=True):
+        if isinstance(field, tuple):
+            fill(field, value)
+        else:
+            field[...] = value
 
 
 def _in_python(function: Any) -> Any:

@@ -34,11 +34,10 @@ from aerobat_pin.numerics import (
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.identifiability import judge
-from aerobat_pin.observers.joints import serial_model
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
-from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight
+from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 
 DEFAULT_GAIN = 1000.0  # [1/s]
@@ -55,7 +54,7 @@ class Observer:
     """A momentum observer: estimates the unknown forces at given frames.
 
     Args:
-        model: any model, free-flyer or fixed base, of joints that `joints` knows.
+        model: any model, free-flyer or fixed base, of joints that `rows` knows.
         applications: where unknown forces act: names of frames, at whose origins a force acts, or `Application`s for a
             wrench, a force along a line, or frame axes. Leave it empty to estimate only the generalised residual.
         gain: K [1/s]: one number, one number per filtered quantity, or a symmetric positive definite matrix.

@@ -14,10 +14,10 @@ from .frames import external_forces as external_forces
 from .frames import joint_wrench as joint_wrench
 from .frames import rotations as rotations
 from .frames import world_velocity as world_velocity
+from .link_kernels import Tree as Tree
 from .link_kernels import chain as chain
 from .link_kernels import climb as climb
-from .link_tree import Tree as Tree
-from .link_tree import tree_of as tree_of
+from .link_kernels import tree_of as tree_of
 from .load import believed_robot as believed_robot
 from .load import load_robot as load_robot
 from .prescribed_joints import BASE_SIZE as BASE_SIZE

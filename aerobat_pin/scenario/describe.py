@@ -13,8 +13,7 @@ from typing import Any, get_args
 
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.scenario import Scenario
-from aerobat_pin.scenario.section import LARGEST_NUMBER, Section
-from aerobat_pin.scenario.tables import sections_of
+from aerobat_pin.scenario.tables import LARGEST_NUMBER, Section, sections_of
 from aerobat_pin.scenario.toml import scenario_value
 
 COLUMNS = 100  # width of the text in characters

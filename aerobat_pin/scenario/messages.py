@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from typing import Any, get_args
 
 from aerobat_pin.numerics import guarded
-from aerobat_pin.scenario.dotted_keys import parsed_value
-from aerobat_pin.scenario.section import Section
-from aerobat_pin.scenario.tables import sections_of
-from aerobat_pin.scenario.toml import scenario_value
+from aerobat_pin.scenario.tables import Section, sections_of
+from aerobat_pin.scenario.toml import parsed_value, scenario_value
 
 LONGEST_SHOWN = 200  # characters of a wrong value in an error message
 

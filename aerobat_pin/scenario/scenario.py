@@ -1,12 +1,14 @@
 """A scenario: the robot, its flight, the forces on it and the observers that estimate them. Every value is checked.
 
-Units are SI, except that keys ending in `_deg` are in degrees, which are easier to type.
+Units are SI, except that keys ending in `_deg` are in degrees, which are easier to type. How large a flight would be is
+estimated before it begins, and one that is too large is refused.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,12 +18,8 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import guarded
-from aerobat_pin.scenario.control_tables import ControlSection, ThrustersSection
-from aerobat_pin.scenario.dotted_keys import with_settings
+from aerobat_pin.scenario.feedback_tables import ControlSection, SensorsSection, ThrustersSection
 from aerobat_pin.scenario.messages import explain
-from aerobat_pin.scenario.section import Section
-from aerobat_pin.scenario.sensor_tables import SensorsSection
-from aerobat_pin.scenario.size import FlightSize, check_size, flight_size
 from aerobat_pin.scenario.tables import (
     AirSection,
     BelievedSection,
@@ -30,13 +28,29 @@ from aerobat_pin.scenario.tables import (
     HoldSection,
     ObserverSection,
     RobotSection,
+    Section,
     SimulationSection,
 )
-from aerobat_pin.scenario.toml import read_toml, shipped_names
+from aerobat_pin.scenario.toml import read_toml, shipped_names, with_settings
 from aerobat_pin.scenario.unknown_forces import UnknownForceSection
 
+SECONDS_PER_STEP = 1.0e-4  # measured: 30 to 200 us for 16 to 200 strips, half of it more for two observers
+BYTES_PER_STEP, BYTES_PER_STRIP = 980, 72  # of a step of the log; measured with 4, 16 and 60 strips
+MOST_SECONDS, LARGEST_LOG = 3600.0, 2.0e9  # of one flight; the simulation takes twice the memory of its log
 SHIPPED_SCENARIOS = Path(__file__).with_name("shipped")
 MOST_WARM_UP = 60.0  # [s]
+
+
+@dataclass(frozen=True)
+class FlightSize:
+    """What a flight would take: steps (warm-up included), bytes of its log, and seconds on one processor."""
+
+    steps: float
+    log_bytes: float
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"{self.steps:.3g} steps, a log of {self.log_bytes / 1e9:.3g} GB and about {self.seconds:.3g} s"
 
 
 class Scenario(Section):
@@ -87,12 +101,29 @@ class Scenario(Section):
 
     @property
     def size(self) -> FlightSize:
-        """What the flight would take: steps, bytes of its log, and seconds."""
-        return flight_size(self.simulation, self.crank, self.air, self.unknown_force)
+        """What the flight would take, estimated from constants that were measured."""
+        times, frequency = self.simulation, self.crank.frequency
+        flown = times.duration / times.dt
+        warm_up = self.air.warm_up_cycles / frequency / times.dt if frequency > 0.0 else 0.0
+        log_bytes = flown * (BYTES_PER_STEP + BYTES_PER_STRIP * self.air.strips) + self._tick_bytes
+        return FlightSize(flown + warm_up, log_bytes, SECONDS_PER_STEP * (flown + warm_up))
+
+    @property
+    def _tick_bytes(self) -> float:
+        """Memory [bytes] of the noise of all unknown forces."""
+        return 8.0 * sum(self.simulation.duration / force.tick for force in self.unknown_force)
 
     def check_size(self) -> None:
         """Raise ScenarioError if the flight is too large; a copy with other values has not been checked yet."""
-        check_size(self.size, self.simulation, self.unknown_force)
+        size, times = self.size, self.simulation
+        if size.log_bytes <= LARGEST_LOG and size.seconds <= MOST_SECONDS:
+            return
+        limit = f"at most {LARGEST_LOG / 1e9:g} GB and {MOST_SECONDS:g} s are allowed"
+        advice = "a shorter simulation.duration or a longer simulation.dt was expected"
+        if self._tick_bytes > 0.5 * size.log_bytes:
+            advice = "a longer unknown_force.*.tick was expected"
+        what = f"simulation.duration = {times.duration:g} s in steps of simulation.dt = {times.dt:g} s"
+        raise ScenarioError(f"{what}: {size}; {limit}: {advice}")
 
     @model_validator(mode="after")
     def _believable(self) -> Scenario:

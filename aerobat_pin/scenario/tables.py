@@ -1,23 +1,38 @@
-"""The tables of a scenario file as pydantic classes: every key with its default, rule, unit and meaning."""
+"""The tables of a scenario file as pydantic classes: every key with its default, rule, unit and meaning.
+
+`Section` is the base class of all of them, here and in the files of further tables.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from aerobat_pin.scenario.section import (
-    Coordinate,
-    Limits,
-    NonNegative,
-    Number,
-    PerWorldAxis,
-    Positive,
-    Section,
-    Triple,
-    Whole,
-)
+LARGEST_NUMBER = 1.0e12  # no key needs a larger number, in any of its units
+FARTHEST_START = 1.0e6  # [m]: further out, positions lose their digits
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Whole = Annotated[int, Field(strict=True)]
+Positive = Annotated[Number, Field(gt=0.0)]
+NonNegative = Annotated[Number, Field(ge=0.0)]
+Triple = tuple[Number, Number, Number]
+Coordinate = Annotated[Number, Field(ge=-FARTHEST_START, le=FARTHEST_START)]
+PerAxis = Annotated[
+    tuple[Number, ...], BeforeValidator(lambda given: (given,) if isinstance(given, int | float) else given)
+]
+Limits = tuple[Positive, Positive, Positive]
+PerWorldAxis = Annotated[
+    tuple[Positive, Positive, Positive],
+    BeforeValidator(lambda given: (given,) * 3 if isinstance(given, int | float) else given),
+]
+
+
+class Section(BaseModel):
+    """Base class of a scenario file's tables: unknown keys are errors, and values cannot change after reading."""
+
+    # A table is built when one is first read, with those inside it: most commands read few of them.
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def _false_for_none(values: Any) -> Any:
@@ -56,7 +71,7 @@ class SpinUpSection(Section):
 
 
 class MotorSection(Section):
-    """A motor that controls the crank's rate against all forces on it; see `aerobat_pin.flight.crank.motor`."""
+    """A motor that controls the crank's rate against all forces on it; see `aerobat_pin.flight.crank`."""
 
     start_frequency: NonNegative = Field(0.0, description="of the crank at t = 0, and steadily before [Hz]")
     rotor_inertia: Positive = Field(5.0e-5, description="seen at the crank: rotor times gear ratio squared [kg m2]")

@@ -20,7 +20,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import Array, Integers, guarded
 from aerobat_pin.scenario.csv_rows import TextTable
-from aerobat_pin.scenario.section import NonNegative, Number, Positive, Section, Triple
+from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
 
 Axes = Literal["link", "body", "world"]
 

@@ -19,7 +19,8 @@ from aerobat_pin.experiments import read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
-from aerobat_pin.visualization.replay.side_by_side import side_by_side
+from aerobat_pin.visualization.replay.page import SPEEDS
+from aerobat_pin.visualization.replay.recording import Recording
 from aerobat_pin.visualization.template import fill_template
 
 
@@ -154,3 +155,32 @@ def compare_runs(first: Path, second: Path) -> Comparison:
     names = [folder.resolve().name for folder in (first, second)]
     labels = names if names[0] != names[1] else ["first", "second"]
     return Comparison(*(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True)))
+
+
+def side_by_side(first: Recording, second: Recording, labels: tuple[str, str], rate: float) -> str:
+    """Return a page that plays two recordings from their beginnings on; the shorter one waits at its end.
+
+    They share a clock, a camera and the scale of their arrows.
+
+    Args:
+        first: a recording; the scale of the arrows becomes the coarser one of both, and its
+            title begins with its label.
+        second: another one.
+        labels: a name of each.
+        rate: speed at which the page starts to play, in multiples of real time.
+    """
+    both = first, second
+    scale = max(one.newtons_per_centimetre for one in both)
+    for one, label in zip(both, labels, strict=True):
+        one.scale, one.title = scale, f"{label}: {one.title}"
+    longer = max(both, key=lambda one: one.duration)
+    return fill_template(
+        "side_by_side.html",
+        labels=labels,
+        pages=[one.html(rate) for one in both],
+        start=float(longer.time[0]),
+        duration=longer.duration,
+        step=longer.duration / (len(longer.time) - 1),
+        speeds=[f"{speed:g}" for speed in sorted({*SPEEDS, rate})],
+        rate=rate,
+    )

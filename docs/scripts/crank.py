@@ -160,7 +160,7 @@ def page() -> str:
 A prescribed crank (`crank.drive` `constant`, `spin_up`, or a function of time) turns as it is told, however hard the wings
 are hit. With `crank.drive = "motor"` the crank angle is one more degree of freedom. Air, gravity, the motion of the body and
 the unknown force act back on it through the linkage, against a motor with a rate controller, a limit and a lag of its torque,
-the inertia of rotor and gear, and friction ([equations](../aerobat_pin/flight/crank/motor.py)). The torques that shoulders and
+the inertia of rotor and gear, and friction ([equations](../aerobat_pin/flight/crank.py)). The torques that shoulders and
 elbows transmit are logged as with a prescribed crank; the group `truth` of the log adds `crank_rate`, `crank_torque` (from
 the crank to the linkage), `drive_torque` (from the motor to the crank), `drive_power` and `friction_power`.
 

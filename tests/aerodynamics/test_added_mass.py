@@ -11,7 +11,7 @@ from support import twins
 from support.kernel_cases import instant
 
 from aerobat_pin.aerobat.truth import true_force
-from aerobat_pin.aerodynamics.finite_wing import added_mass_factor
+from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate

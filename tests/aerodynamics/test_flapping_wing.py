@@ -119,7 +119,7 @@ def test_steady_half_wings_carry_what_their_circulation_says() -> None:
 def test_added_mass_acts_at_mid_chord() -> None:
     """Of a plunging swept wing: minus its mass times the acceleration, its moment about the axes' origin with it.
 
-    The mass per span is pi rho b^2 times the factor of `test_finite_wing`.
+    The mass per span is pi rho b^2 times the factor of `test_lifting_line`.
     """
     line = LiftingLine(0.4, lambda y: 0.1 - 0.2 * np.abs(y), quarter_chord=lambda y: -np.abs(y), strips=8)
     stroke, time = Stroke(4.0, frequency=5.0, plunge=0.01), np.linspace(0.0, 0.2, 11)

@@ -1,6 +1,7 @@
 """The air pushes each link of the robot where it should, mirrors with the motion, and never divides by a speed.
 
-Twists are those of each link at and in its own frame, linear part first, as Pinocchio's LOCAL velocities; still air.
+Twists are those of each link at and in its own frame, linear part first, as Pinocchio's LOCAL velocities; still air. In
+wind and gusts, what the air does depends on velocities against it, and on nothing else.
 """
 
 from __future__ import annotations
@@ -12,16 +13,14 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
+from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
 from support.kernel_cases import instant
 
 from aerobat_pin.aerodynamics import RobotAir
-from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
-from aerobat_pin.robot.load import load_robot
-from aerobat_pin.robot.wing import LINKS, Wing
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.errors import ScenarioError
+from aerobat_pin.flight import Plant, simulate
+from aerobat_pin.robot import LINKS, Aerobat, Wing, load_aerobat, load_robot
+from aerobat_pin.scenario import load_scenario, scenario_toml
 
 DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)
 MIRRORED_LINKS = [0, 3, 4, 1, 2]
@@ -73,84 +72,6 @@ def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
             y, chord = AIR.line.y[strip], AIR.line.chord[strip]
             place = data.oMf[robot.model.getFrameId(LINKS[link])].act(np.array(point))
             assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
-
-
-def test_a_gliding_spread_wing_carries_79_millinewton() -> None:
-    """Steady lifting line on the planform, 5 deg, 3 m/s, 1 kg/m3, body gap at root chord: 78.6 mN upward.
-
-    Independent solution: rho U times the integral of Prandtl's circulation. The figure is the vertical force, lift
-    and suction together; the normal force alone is 0.1 % less.
-    """
-    speed, incidence = 3.0, np.radians(5.0)
-    twists = gliding(speed, incidence)
-    state = settled(BARE, twists)
-    wrenches, rates, strips = evaluate(BARE, twists, state)
-    assert np.max(np.abs(rates)) < 1e-12
-    upward = strips.force_z.sum() * np.cos(incidence) + strips.force_x.sum() * np.sin(incidence)
-    assert 1e3 * upward == pytest.approx(78.6, abs=0.05)
-    assert 1e3 * strips.force_z.sum() == pytest.approx(78.52, abs=0.05)
-    # Prandtl's equation for the same chords, written out with its sines.
-    n, theta = np.arange(1, 17), BARE.line.theta
-    sines = np.sin(np.outer(theta, n))
-    chord = WING.chord(0.5 * WING.span * np.cos(theta))
-    induced = sines * n / (2.0 * WING.span * np.sin(theta)[:, None])
-    normal = speed * np.sin(incidence) * np.cos(incidence)
-    modes = np.linalg.solve(sines / (np.pi * chord[:, None]) + induced, np.full(16, normal))
-    assert strips.force_z.sum() == pytest.approx(speed * np.pi * WING.span / 4.0 * modes[0], rel=1e-9)
-    assert wrenches[:, [0, 2]].sum(axis=0) == pytest.approx([strips.force_x.sum(), strips.force_z.sum()], rel=1e-12)
-
-
-@settings(max_examples=20, derandomize=True)
-@given(SEEDS)
-def test_link_wrenches_are_sums_of_strip_forces_at_the_quarter_chords(seed: int) -> None:
-    """A loop over pieces: share of (f_x, 0, f_z) at its own point, of the couple -m b/2 u q of a turning section."""
-    rng = np.random.default_rng(seed)
-    twists, line = rng.normal(size=(5, 6)), BARE.line
-    wrenches, _, strips = evaluate(BARE, twists, 0.1 * rng.normal(size=BARE.state_size))
-    expected = np.zeros((5, 6))
-    for i, link, x, y, z, share, _ in zip(*BARE.pieces, strict=True):
-        force = share * np.array([strips.force_x[i], 0.0, strips.force_z[i]])
-        point = np.array([x + strips.lead[i] * line.chord[i] / 4.0, y, z])
-        expected[link] += np.concatenate([force, np.cross(point, force)])
-        damping = line.added_mass[i] * line.width[i] * line.semichord[i] / 2.0
-        expected[link, 4] -= share * damping * strips.lead[i] * strips.u[i] * twists[link, 4]
-    assert wrenches == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
-
-
-@settings(max_examples=20, derandomize=True)
-@given(SEEDS)
-def test_strips_obey_the_section_laws_at_their_own_speed(seed: int) -> None:
-    """A loop over strips: mean speed of its pieces' 3/4-chord points, incidence, lift a0 rho b U w_eff, suction.
-
-    The suction is Garrick's: a0 rho b (w_eff - b q/2)^2, q the nose-up rate.
-    """
-    rng = np.random.default_rng(seed)
-    twists, state = gliding(4.0, 0.0) + rng.normal(size=(5, 6)), 0.01 * rng.normal(size=AIR.state_size)
-    _, rates, strips = evaluate(AIR, twists, state)
-    line, cd0 = AIR.line, SHAPE.aerodynamics.profile_drag
-    points = np.column_stack([AIR.pieces.x, AIR.pieces.y, AIR.pieces.z])
-    for i in range(line.strips):
-        mine = np.flatnonzero(AIR.pieces.strip == i)
-        links, share = AIR.pieces.link[mine], AIR.pieces.share[mine]
-        middle = share @ (twists[links, :3] + np.cross(twists[links, 3:], points[mine]))
-        speed, b = np.hypot(middle[0], middle[2]), line.chord[i] / 2.0
-        lead = 0.5 * middle[0] / speed * (3.0 - (middle[0] / speed) ** 2)
-        aft = points[mine] - [lead * line.chord[i] / 4.0, 0.0, 0.0]
-        velocity = share @ (twists[links, :3] + np.cross(twists[links, 3:], aft))
-        u, w, q = velocity[0], -velocity[2], -lead * (share @ twists[links, 4])
-        zeta1, zeta2, circulation = state.reshape(3, -1)[:, i]
-        w_n = w * abs(u) / speed - line.downwash[i] @ state.reshape(3, -1)[2]
-        w_eff = 0.5 * w_n + speed / b * (0.165 * 0.0455 * zeta1 + 0.335 * 0.300 * zeta2)
-        assert strips.incidence[i] == pytest.approx(np.arctan2(w, u), rel=1e-12)
-        assert strips.effective_velocity[i] == pytest.approx(w_eff, rel=1e-9, abs=1e-12)
-        assert strips.circulation[i] == circulation
-        drag = 1.225 * b * cd0 * speed * np.array([-u, w])
-        lift = 2.0 * np.pi * 1.225 * b * speed * w_eff
-        suction = lead * 2.0 * np.pi * 1.225 * b * (w_eff - b * q / 2.0) ** 2
-        assert strips.force_x[i] / line.width[i] == pytest.approx(suction + drag[0], rel=1e-9, abs=1e-9)
-        assert strips.force_z[i] / line.width[i] == pytest.approx(lift + drag[1], rel=1e-9, abs=1e-9)
-        kutta = 1.225 * (speed * circulation + 2.0 * b * rates.reshape(3, -1)[2, i])
-        assert kutta == pytest.approx(lift, rel=1e-9, abs=1e-9)
 
 
 @settings(max_examples=30, derandomize=True)
@@ -216,19 +137,6 @@ def test_drag_alone_never_gives_energy(seed: int) -> None:
     assert power < 0.0
 
 
-def test_body_drag_opposes_the_motion_of_the_body() -> None:
-    """Force -rho/2 CdA |v| v at the body's centre of mass, whatever the direction, and no moment."""
-    air, without = (
-        RobotAir(Wing(replace(SHAPE, aerodynamics=replace(NO_DRAG, body_drag_area=area)))) for area in (8e-4, 0.0)
-    )
-    twists, state = np.random.default_rng(10).normal(size=(5, 6)), np.zeros(AIR.state_size)
-    drag = evaluate(air, twists, state)[0] - evaluate(without, twists, state)[0]
-    velocity = twists[0, :3]
-    expected = -0.5 * 1.225 * 8e-4 * np.linalg.norm(velocity) * velocity
-    assert drag[0] == pytest.approx([*expected, 0.0, 0.0, 0.0], abs=1e-15)
-    assert not drag[1:].any()
-
-
 @pytest.mark.parametrize("span_chord", [(0.1, 0.06), (0.05, 0.03)])
 def test_the_tail_pushes_against_sink_and_pitching(span_chord: tuple[float, float]) -> None:
     """Flat plate 2 pi/(1 + 2/AR): sinking lifts it (nose down), pitching nose up is damped, its nose-up angle lifts."""
@@ -286,18 +194,6 @@ def test_broadside_flow_makes_no_lift_but_drag() -> None:
     assert np.max(np.abs(rates)) < 1e-14
 
 
-def test_the_logged_power_is_wrench_times_twist_and_what_the_added_mass_takes(robot: Aerobat) -> None:
-    """At one instant in a wind: sum over links of wrench . twist, and the same power by way of generalised forces."""
-    scenario = load_scenario("paper", ["air.wind=[1.0, 0.5, -0.3]", "air.warm_up_cycles=1"])
-    plant = Plant(load_robot(scenario), scenario)
-    q, v, joints, air, held = instant(plant, 5)
-    forces = plant.rates(q, v, joints, air, held)[2]
-    loads, twists = forces.link_wrench[0], twists_of(plant.robot, q, v)
-    assert forces.aerodynamic[0] @ v == pytest.approx(float(np.sum(loads * twists)), rel=1e-11)
-    assert forces.air_power[0] == pytest.approx(float(np.sum(loads * twists) + forces.added_mass[0] @ v), rel=1e-11)
-    assert forces.motor_power[0] == pytest.approx(forces.motor[0] @ v, rel=1e-11)
-
-
 def test_the_log_holds_what_each_strip_and_link_does() -> None:
     """Incidence, downwash, circulation and forces per strip; wrench per link; power; as the object gives them."""
     scenario = load_scenario("paper", ["simulation.duration=0.01"])
@@ -318,3 +214,81 @@ def test_the_log_holds_what_each_strip_and_link_does() -> None:
     assert strips.downwash == pytest.approx(downwash, rel=1e-9, abs=1e-12)
     assert log.truth["link_wrench"].shape == (10, 5, 6)
     assert log.truth["air_power"].attrs["units"] == "W"
+
+
+WIND = np.array([-1.3, 0.8, 0.5])
+
+
+def free_flight(wind: np.ndarray, start: np.ndarray) -> list[str]:
+    """Return settings of a free flight in a wind: no hold, no unknown force."""
+    still = [f"unknown_force.{i}.{key}=0.0" for i in range(2) for key in ("amplitude", "noise", "step")]
+    return [f"air.wind={list(map(float, wind))}", f"flight.velocity={list(map(float, start))}", *still]
+
+
+@pytest.mark.parametrize("model", ["lifting_line", "quasi_steady"])
+def test_flying_in_moving_air_is_flying_in_still_air_seen_from_a_moving_cart(model: str) -> None:
+    """Galilei: wind and start shifted by the same velocity give the same flight, shifted by velocity times time.
+
+    Forces, motor torque and the air's state agree; with added mass, whose wind terms do not cancel one by one.
+    """
+    start = np.array([5.0, 0.0, 0.0])
+    options = [f"air.model={model}", "simulation.duration=0.3", "flight.gravity=2.0"]
+    logs = [
+        simulate(load_scenario("paper_open_loop", [*free_flight(wind, start + wind), *options]))
+        for wind in (np.zeros(3), WIND)
+    ]
+    still, windy = (log.measured for log in logs)
+    drift = np.outer(still["time"].values, WIND)
+    np.testing.assert_allclose(windy["q"].values[:, :3] - drift, still["q"].values[:, :3], atol=1e-9)
+    np.testing.assert_allclose(windy["q"].values[:, 3:], still["q"].values[:, 3:], atol=1e-9)
+    for name in ("aerodynamic", "added_mass", "motor_torque"):
+        side = "measured" if name == "motor_torque" else "truth"
+        expected, found = (getattr(log, side)[name].values for log in logs)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(logs[1].truth["circulation"], logs[0].truth["circulation"], atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gust_at_one_instant_is_the_wind_of_its_velocity_but_for_the_added_mass(seed: int) -> None:
+    """Quasi-steady loads see v - v_air now; the added mass also sees how fast the air speeds up.
+
+    A uniformly accelerated air pushes on a fixed wing with its added mass times the acceleration along the normal.
+    """
+    gust = "air.gust={amplitude = [2.0, -1.0, 1.5], start = 0.0, duration = 0.4}"
+    time, phase = 0.1, np.pi / 2.0
+    now = 0.5 * (1.0 - np.cos(phase)) * np.array([2.0, -1.0, 1.5])
+    gusty, steady = (
+        Plant(load_robot(scenario), scenario)
+        for scenario in (
+            load_scenario("paper", ["air.warm_up_cycles=0", gust]),
+            load_scenario("paper", ["air.warm_up_cycles=0", f"air.wind={now.tolist()}"]),
+        )
+    )
+    field = gusty.wind(np.array([0.0, time, 0.4, 9.0]))
+    np.testing.assert_allclose(field[1, 0], now, atol=1e-15)
+    np.testing.assert_allclose(field[1, 1], np.pi / 0.4 * np.array([2.0, -1.0, 1.5]), atol=1e-14)
+    np.testing.assert_allclose(field[[0, 2, 3]], 0.0, atol=1e-13)
+    q, v, joints, air, held = instant(gusty, seed)
+    ours, theirs = (plant.rates(q, v, joints, air, held, time) for plant in (gusty, steady))
+    np.testing.assert_allclose(ours[2].aerodynamic, theirs[2].aerodynamic, atol=1e-14)
+    np.testing.assert_allclose(ours[1], theirs[1], atol=1e-12)
+    assert np.max(np.abs(ours[2].added_mass - theirs[2].added_mass)) > 1e-3
+
+
+def test_a_gust_lifts_the_robot_and_dies_down() -> None:
+    """Upward 1 m/s for half a second: higher than without while it blows; the log's airspeed knows of it."""
+    gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.1, duration = 0.5}"
+    calm, blown = (simulate(load_scenario("paper", ["simulation.duration=0.6", *more])) for more in ([], [gust]))
+    rise = blown.measured["q"].values[:, 2] - calm.measured["q"].values[:, 2]
+    assert np.max(np.abs(rise[:100])) == 0.0
+    assert rise[450] > 0.01
+
+
+def test_wind_and_gust_survive_writing_and_reading(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """A resolved scenario with a gust and a limit reads back; a gust that lasts no time is refused."""
+    scenario = load_scenario("paper", ["air.gust.amplitude=[1.0, 0.0, 0.0]", "air.lift_limit=1.4"])
+    file = tmp_path / "gust.toml"
+    file.write_text(scenario_toml(scenario), encoding="utf-8")
+    assert load_scenario(file) == scenario
+    with pytest.raises(ScenarioError, match=r"air\.gust\.duration = 0"):
+        load_scenario("paper", ["air.gust={amplitude = [1.0, 0.0, 0.0], duration = 0.0}"])

@@ -114,17 +114,6 @@ def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
     assert (out / "metrics.json").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_refused(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A file in the way, as the folder itself or as one of its parents."""
-    (tmp_path / "file").write_text("")
-    for out in ("file", "file/below"):
-        assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / out), *SHORT) == 2
-        assert "error: output" in capsys.readouterr().err
-    assert (tmp_path / "file").read_text() == ""
-
-
 def test_a_way_that_leads_through_a_missing_folder_is_followed_before_it_is_judged(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,18 +150,6 @@ def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_r
     first.rename(moved)
     assert call(monkeypatch, "run", "moved/scenario.toml", "--out", "again", "--no-report") == 0
     assert (moved / "metrics.json").read_bytes() == (tmp_path / "again" / "metrics.json").read_bytes()
-
-
-def test_nan_in_a_scenario_file_is_refused(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """TOML knows nan; a scenario does not."""
-    file = tmp_path / "nan.toml"
-    file.write_text('name = "nan"\n[flight]\nvelocity = [nan, 0.0, 0.0]\n')
-    monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, "run", "nan.toml") == 2
-    assert "flight.velocity.0 = nan: input should be a finite number" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["nan.toml"]
 
 
 def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -242,21 +219,3 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
     monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
     assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
     assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err
-
-
-def test_doctor_finds_this_installation_healthy(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One line per finding; exit code 0 where all is well."""
-    code = call(monkeypatch, "doctor")
-    printed = capsys.readouterr().out
-    assert "pinocchio" in printed
-    assert code == 0, printed
-
-
-def test_list_names_what_is_shipped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Scenarios, sweeps, morphologies, observers."""
-    assert call(monkeypatch, "list") == 0
-    printed = capsys.readouterr().out
-    for name in ("paper", "observer_benchmark", "gain_noise", "aerobat_guard", "momentum", "force_level"):
-        assert name in printed

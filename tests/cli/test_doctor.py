@@ -28,6 +28,18 @@ def by_name(findings: list[Finding]) -> dict[str, Finding]:
     return named
 
 
+def found() -> dict[str, Finding]:
+    """Check this installation."""
+    return by_name(check_installation())
+
+
+def assert_bad(finding: Finding, *detail: str, advice: str = "") -> None:
+    """Check that a finding is bad, with these words in its detail and its advice."""
+    assert not finding.ok
+    assert [word for word in detail if word not in finding.detail] == []
+    assert advice in finding.advice
+
+
 def distribution(folder: Path, name: str, version: str) -> None:
     """Write the metadata of an installed distribution."""
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
@@ -44,7 +56,7 @@ def foreign_pinocchio(folder: Path, source: str) -> Path:
 
 def test_this_installation_is_healthy() -> None:
     """Where the tests run, everything is found, and every finding has its advice in one line."""
-    findings = by_name(check_installation())
+    findings = found()
     assert [str(one) for one in findings.values() if not one.ok] == []
     assert all(one.detail and one.advice and "\n" not in one.detail + one.advice for one in findings.values())
     expected = {"python", "platform", "pinocchio", "pin", "numpy", "typer", "viewer", "description", "URDF", "chromium"}
@@ -84,7 +96,7 @@ def test_versions_are_compared_by_numbers(version: str, rule: str, expected: boo
 def test_a_missing_package_that_checks_need_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without `packaging` no version is compared; the checks that need it say so, the others run all the same."""
     monkeypatch.setitem(sys.modules, "packaging.specifiers", None)
-    findings = by_name(check_installation())
+    findings = found()
     for name in ("platform", "pinocchio", "requirements"):
         assert not findings[name].ok
         assert "packaging.specifiers" in findings[name].detail
@@ -96,19 +108,14 @@ def test_an_old_pin_is_named_with_the_version_that_is_wanted(monkeypatch: pytest
     """The distribution found first counts."""
     distribution(tmp_path, "pin", "3.9.0")
     monkeypatch.syspath_prepend(str(tmp_path))
-    finding = by_name(check_installation())["pin"]
-    assert not finding.ok
-    assert "3.9.0" in finding.detail
-    assert ">=4.1" in finding.advice
+    assert_bad(found()["pin"], "3.9.0", advice=">=4.1")
 
 
 def test_the_package_called_pinocchio_is_unmasked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """It is a plugin of a test runner; whoever installs it wanted `pin`."""
     distribution(tmp_path, "pinocchio", "0.5.1")
     monkeypatch.syspath_prepend(str(tmp_path))
-    finding = by_name(check_installation())["pinocchio's namesake"]
-    assert not finding.ok
-    assert "uninstall pinocchio" in finding.advice
+    assert_bad(found()["pinocchio's namesake"], advice="uninstall pinocchio")
 
 
 def test_a_real_pinocchio_that_registers_under_that_name_is_left_alone(
@@ -117,15 +124,14 @@ def test_a_real_pinocchio_that_registers_under_that_name_is_left_alone(
     """Builds from source may call themselves so."""
     distribution(tmp_path, "pinocchio", "4.1.0")
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert by_name(check_installation())["pinocchio's namesake"].ok
+    assert found()["pinocchio's namesake"].ok
 
 
 def test_a_module_that_is_not_the_robot_library_is_recognised(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """It imports, but it has no algorithm; the checks that need one are left out."""
     monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(tmp_path, "")))
-    findings = by_name(check_installation())
-    assert not findings["pinocchio"].ok
-    assert "something else" in findings["pinocchio"].detail
+    findings = found()
+    assert_bad(findings["pinocchio"], "something else")
     assert "URDF" not in findings
 
 
@@ -133,14 +139,10 @@ def test_pinocchio_from_ros_is_named_with_its_folder(monkeypatch: pytest.MonkeyP
     """A sourced ROS shell puts its own Pinocchio before pip's."""
     folder = tmp_path / "opt" / "ros" / "jazzy" / "lib" / "python3.12" / "site-packages"
     monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(folder, FAKE.format(version="3.4.0"))))
-    findings = by_name(check_installation())
-    assert not findings["pinocchio"].ok
-    assert "3.4.0" in findings["pinocchio"].detail
-    assert not findings["pinocchio's sources"].ok
-    assert "of ROS" in findings["pinocchio's sources"].detail
-    assert not findings["PYTHONPATH"].ok
-    assert str(folder / "pinocchio") in findings["PYTHONPATH"].detail
-    assert "unset PYTHONPATH" in findings["PYTHONPATH"].advice
+    findings = found()
+    assert_bad(findings["pinocchio"], "3.4.0")
+    assert_bad(findings["pinocchio's sources"], "of ROS")
+    assert_bad(findings["PYTHONPATH"], str(folder / "pinocchio"), advice="unset PYTHONPATH")
 
 
 def test_a_second_pinocchio_of_the_right_version_is_a_clash_too(
@@ -151,10 +153,9 @@ def test_a_second_pinocchio_of_the_right_version_is_a_clash_too(
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     folder = foreign_pinocchio(tmp_path / "lib", FAKE.format(version="4.1.0"))
     monkeypatch.setenv("PYTHONPATH", str(folder))
-    findings = by_name(check_installation())
+    findings = found()
     assert findings["pinocchio"].ok
-    assert not findings["pinocchio's sources"].ok
-    assert "of conda" in findings["pinocchio's sources"].detail
+    assert_bad(findings["pinocchio's sources"], "of conda")
 
 
 @pytest.mark.parametrize(
@@ -169,9 +170,8 @@ def test_an_import_that_fails_or_crashes_is_a_finding(
 ) -> None:
     """The doctor survives it."""
     monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(tmp_path, source)))
-    findings = by_name(check_installation())
-    assert not findings["pinocchio"].ok
-    assert message in findings["pinocchio"].detail
+    findings = found()
+    assert_bad(findings["pinocchio"], message)
     assert "URDF" not in findings
 
 
@@ -186,7 +186,7 @@ def test_a_search_path_that_brings_nothing_of_ours_is_no_complaint(
     monkeypatch.setattr(doctor, "_pinocchio", lambda: iter(()))  # its import would meet the empty numpy
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path / 'missing'}:{tmp_path / 'other'}::{together}")
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path / "other"))
-    findings = by_name(check_installation())
+    findings = found()
     assert findings["PYTHONPATH"].ok
     assert findings["LD_LIBRARY_PATH"].ok
 
@@ -195,9 +195,7 @@ def test_foreign_libraries_before_ours_are_found(monkeypatch: pytest.MonkeyPatch
     """The loader takes them from LD_LIBRARY_PATH, whatever Python imports."""
     (tmp_path / "libpinocchio_default.so.3.4.0").write_bytes(b"")
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
-    finding = by_name(check_installation())["LD_LIBRARY_PATH"]
-    assert not finding.ok
-    assert "libpinocchio_default" in finding.detail
+    assert_bad(found()["LD_LIBRARY_PATH"], "libpinocchio_default")
 
 
 def test_a_requirement_that_is_missing_or_old_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -208,9 +206,8 @@ def test_a_requirement_that_is_missing_or_old_is_named(monkeypatch: pytest.Monke
         file.write("Requires-Python: >=3.11\nRequires-Dist: pydantic<3,>=2.7\nRequires-Dist: nosuchthing[fast]>=1.2\n")
         file.write('Requires-Dist: norsuch>=1; extra == "test"\n')
     monkeypatch.syspath_prepend(str(tmp_path))
-    findings = by_name(check_installation())
-    assert not findings["pydantic"].ok
-    assert "1.10.2" in findings["pydantic"].detail
+    findings = found()
+    assert_bad(findings["pydantic"], "1.10.2")
     assert findings["nosuchthing"].detail == "not installed (wanted: >=1.2)"
     assert findings["nosuchthing"].advice == "pip install 'nosuchthing>=1.2'"
     assert "norsuch" not in findings
@@ -219,14 +216,14 @@ def test_a_requirement_that_is_missing_or_old_is_named(monkeypatch: pytest.Monke
 def test_a_python_that_is_not_supported_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the project's own metadata."""
     monkeypatch.setattr("platform.python_version", lambda: "3.10.4")
-    assert not by_name(check_installation())["python"].ok
+    assert not found()["python"].ok
 
 
 def test_a_platform_without_wheels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """An old glibc, another libc, another system."""
     for libc in (("glibc", "2.17"), ("", "")):
         monkeypatch.setattr("platform.libc_ver", lambda libc=libc: libc)
-        assert not by_name(check_installation())["platform"].ok
+        assert not found()["platform"].ok
     monkeypatch.setattr(sys, "platform", "win32")
     assert not by_name(list(doctor._platform()))["platform"].ok
 
@@ -234,9 +231,7 @@ def test_a_platform_without_wheels_is_a_finding(monkeypatch: pytest.MonkeyPatch)
 def test_a_pyzmq_that_dropped_what_meshcat_needs_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The replay would fail with an import error that names neither."""
     monkeypatch.setattr(doctor, "find_spec", lambda name: None if "ioloop" in name else find_spec(name))
-    finding = by_name(check_installation())["viewer"]
-    assert not finding.ok
-    assert "ioloop" in finding.detail
+    assert_bad(found()["viewer"], "ioloop")
 
 
 def test_a_mesh_that_is_only_a_pointer_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -248,10 +243,7 @@ def test_a_mesh_that_is_only_a_pointer_is_found(monkeypatch: pytest.MonkeyPatch,
     (tmp_path / "urdf" / "aerobat.urdf").write_text('<mesh filename="package://aerobat_description/meshes/a.stl" />')
     (tmp_path / "meshes" / "a.stl").write_text("version 1\noid sha256:0\nsize 684\n")
     monkeypatch.setattr(aerobat_description, "PACKAGE_PATH", str(tmp_path))
-    finding = by_name(check_installation())["description"]
-    assert not finding.ok
-    assert "a.stl" in finding.detail
-    assert "aerobat_light.srdf" in finding.detail
+    assert_bad(found()["description"], "a.stl", "aerobat_light.srdf")
 
 
 def test_a_robot_of_the_wrong_mass_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -259,9 +251,7 @@ def test_a_robot_of_the_wrong_mass_is_a_finding(monkeypatch: pytest.MonkeyPatch)
     import pinocchio
 
     monkeypatch.setattr(pinocchio, "computeTotalMass", lambda _: 1.042)
-    finding = by_name(check_installation())["URDF"]
-    assert not finding.ok
-    assert "1042.000 g" in finding.detail
+    assert_bad(found()["URDF"], "1042.000 g")
 
 
 def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -269,9 +259,7 @@ def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch)
     from aerobat_pin import flight
 
     monkeypatch.setattr(flight, "advance_stage", flight.advance_stage.py_func)
-    finding = by_name(check_installation())["kernel cache"]
-    assert not finding.ok
-    assert "NUMBA_CACHE_DIR" in finding.advice
+    assert_bad(found()["kernel cache"], advice="NUMBA_CACHE_DIR")
 
 
 def test_no_browser_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,7 +273,7 @@ def test_no_browser_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(doctor.metadata, "version", version)
-    chromium, playwright = (by_name(check_installation())[name] for name in ("chromium", "playwright"))
+    chromium, playwright = (found()[name] for name in ("chromium", "playwright"))
     assert chromium.ok
     assert playwright.ok
     assert "not installed: only `aerobat play --frames`" in chromium.detail
@@ -300,6 +288,6 @@ def test_a_check_that_fails_is_a_finding_of_its_own(monkeypatch: pytest.MonkeyPa
         raise OSError("no such thing")
 
     monkeypatch.setattr(doctor, "_viewer", _broken)
-    findings = by_name(check_installation())
+    findings = found()
     assert findings["broken"].detail == "OSError: no such thing"
     assert findings["URDF"].ok

@@ -41,18 +41,6 @@ def test_several_seeds_are_runs_of_their_own_and_one_table(
     assert printed.endswith(f"open {out / 'seeds.csv'}\n")
 
 
-@pytest.mark.parametrize("words", ["3-1", "one", "1-", "", "1-99999"])
-def test_seeds_that_are_no_list_are_refused(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str
-) -> None:
-    """One line, exit code 2, nothing written; --seed beside --seeds too."""
-    monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, "run", "paper", "--seeds", words) == 2
-    assert "error: run: --seeds" in capsys.readouterr().err
-    assert call(monkeypatch, "run", "paper", "--seeds", "1-2", "--seed", "1") == 2
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_two_runs_stand_side_by_side(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,4 +1,4 @@
-"""The law's kernels against a readable twin, and what the nominal flight tells them of the flaps."""
+"""The law's kernels against a readable twin; what the nominal flight tells of the flaps; what passes the noise."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import pinocchio as pin
 import pytest
 from support.control_twins import Law
 
-from aerobat_pin.control.allocation import Allocation
-from aerobat_pin.control.controller import Controller
+from aerobat_pin.control import Allocation, Controller
+from aerobat_pin.control.disturbance import beyond_noise
 from aerobat_pin.control.nominal import OVERTONES, PITCHING, most_steering, nominal_flight, waves
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.flight.thrusters import LaggedThrust
-from aerobat_pin.robot.load import believed_robot
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.flight import LaggedThrust
+from aerobat_pin.robot import believed_robot
+from aerobat_pin.scenario import load_scenario
 
 
 @pytest.mark.parametrize(
@@ -93,3 +93,31 @@ def test_a_sample_of_another_robot_is_refused() -> None:
         pilot.command(0.0, q[:7], v, 0.0)
     with pytest.raises(ShapeError, match="command has shape"):
         pilot.thrust.advance(np.zeros(4))
+
+
+GAIN, DT, DEVIATION = 10.0, 1e-3, 0.02  # [1/s], [s], of the momentum's samples [N s]
+FOLLOW = np.full(6, 1.0 - np.exp(-GAIN * DT))
+
+
+def test_white_noise_of_the_momentum_leaves_the_stated_variance() -> None:
+    """K^2 s / (s + K)^2 of white noise of density s^2 dt has the variance s^2 K^3 dt / 4, by Parseval's theorem."""
+    momentum = np.random.default_rng(0).normal(scale=DEVIATION, size=(200_000, 6))
+    slow, seen, state, smooth = np.zeros(6), np.zeros(6), np.zeros((3, 6)), []
+    for sample in momentum:
+        slow += FOLLOW * (sample - slow)
+        seen[:] = GAIN * (sample - slow)  # the residual of a momentum observer
+        beyond_noise(seen, FOLLOW, np.zeros((2, 6)), state, np.empty(6))
+        smooth.append(state[0].copy())
+    np.testing.assert_allclose(np.var(smooth), DEVIATION**2 * GAIN**3 * DT / 4.0, rtol=0.05)
+
+
+def test_the_first_sample_fades_as_stated_and_a_push_counts_but_for_its_noise() -> None:
+    """K t exp(-K t) after a time t; and 1 - variance / smooth^2 of what is seen, nothing below the variance."""
+    state, counted, always = np.array([np.zeros(6), np.ones(6), np.zeros(6)]), np.empty(6), np.full(6, 0.04)
+    pushes = np.array([0.1, 0.19, 0.4, 1.0, 2.0, -2.0])
+    for _ in range(100):
+        beyond_noise(pushes, FOLLOW, np.array([always, np.zeros(6)]), state, counted)
+    np.testing.assert_allclose(state[2], GAIN * 0.1 * np.exp(-GAIN * 0.1), rtol=0.02)
+    for _ in range(2000):
+        beyond_noise(pushes, FOLLOW, np.array([always, np.zeros(6)]), state, counted)
+    np.testing.assert_allclose(counted, [0.0, 0.0, 0.3, 0.96, 1.98, -1.98], rtol=1e-6)

@@ -133,8 +133,8 @@ def test_the_inertia_of_a_bar_is_that_of_its_struts() -> None:
     assert body.inertia[5] == pytest.approx(-np.sum(weights * away.real * away.imag), abs=thin)
 
 
-def test_the_command_writes_it_and_refuses_what_mjcf_cannot_say(tmp_path: Path) -> None:
-    """Printed as it was committed; a robot of one's own with its meshes; mistakes in one line."""
+def test_the_command_writes_it(tmp_path: Path) -> None:
+    """Printed as it was committed; a robot of one's own with its meshes."""
     assert aerobat("urdf", "--format", "mjcf", cwd=tmp_path).stdout == Path(description.MJCF_PATH).read_text()
     (tmp_path / "mine.toml").write_text('extends = "aerobat"\nname = "mine"\n[linkage]\nL3b = 6.8e-3\n')
     done = aerobat("urdf", "mine.toml", "--format", "mjcf", "--bars", "cad", "-o", "mine.xml", cwd=tmp_path)
@@ -142,10 +142,3 @@ def test_the_command_writes_it_and_refuses_what_mjcf_cannot_say(tmp_path: Path) 
     twin = mujoco.MjModel.from_xml_path(str(tmp_path / "mine.xml"))
     assert twin.body("left_L1").mass[0] == pytest.approx(0.16e-3)
     assert twin.nmesh == len(list((tmp_path / "meshes").iterdir()))
-    for words, message in (
-        (["--format", "mjcf", "--meshes", "package"], "relative or absolute was expected"),
-        (["--bars", "cad"], "--format mjcf was expected"),
-    ):
-        done = aerobat("urdf", *words, cwd=tmp_path)
-        assert (done.returncode, done.stdout) == (2, "")
-        assert message in done.stderr

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
-from support.commands import aerobat
 from support.readers import URDF
 
 from aerobat_description.morphology import Morphology
@@ -54,17 +52,6 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
     with pytest.raises(MorphologyError, match=message):
         Morphology.load("aerobat", {"thrusters": [thruster(name) for name in names]})
     load_aerobat("aerobat", {"thrusters": [thruster("a"), thruster("b")]})
-
-
-def test_a_robot_that_is_refused_costs_a_run_one_line_and_exit_code_2(tmp_path: Path) -> None:
-    """With a thruster named like a force point."""
-    text = 'extends = "aerobat"\nname = "twice"\n[[thrusters]]\nname = "left_force_point"\nposition = [0.1, 0, 0]\n'
-    (tmp_path / "twice.toml").write_text(f"{text}direction = [0, 0, 1]\nthrust = 0.1\n")
-    done = aerobat("run", "paper", "--set", "robot.morphology=twice.toml", cwd=tmp_path)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "thrusters[0].name = 'left_force_point': another link, joint or frame has this name" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["twice.toml"]
 
 
 @pytest.mark.parametrize(

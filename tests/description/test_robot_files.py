@@ -1,8 +1,14 @@
-"""`aerobat urdf`: a robot as files that every tool loads from anywhere."""
+"""`aerobat urdf`: a robot as files that every tool loads from anywhere; `aerobat_description` is also a ROS package.
+
+A valid one, installed by CMake, and found by those who look the ROS way.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
+import subprocess
 import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -14,6 +20,7 @@ import pytest
 import yourdfpy
 from support.commands import aerobat
 
+import aerobat_description as description
 from aerobat_description import URDF_PATH
 from aerobat_pin.robot.aerobat import load_aerobat
 
@@ -100,28 +107,6 @@ def test_the_linkage_comes_with_its_meshes_and_leaves_the_morphology_alone(mine:
     assert all((mine / bar[f"{side}_mesh"]).is_file() for bar in bars for side in ("left", "right"))
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("my_robot.toml",), "robot mine: its meshes must be written somewhere; give --output FILE"),
-        (("no_robot.toml",), "morphology file no_robot.toml: there is no such file"),
-        (("my_robot.toml", "-o", "nowhere/x.urdf"), "there is no folder nowhere"),
-        (("my_robot.toml", "-o", "there.urdf"), "there.urdf exists; --force overwrites it"),
-        (("my_robot.toml", "--meshes", "somewhere"), "'package'"),
-    ],
-)
-def test_what_cannot_be_written_is_said_once_and_nothing_is(words: tuple[str, ...], message: str, mine: Path) -> None:
-    """Exit code 2, one message, no traceback, no file."""
-    (mine / "there.urdf").write_text("somebody's")
-    before = sorted(mine.rglob("*"))
-    done = aerobat("urdf", *words, cwd=mine)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert sorted(mine.rglob("*")) == before
-    assert (mine / "there.urdf").read_text() == "somebody's"
-
-
 def test_force_overwrites_and_another_robots_meshes_are_not_overwritten_without_it(mine: Path) -> None:
     """Every file that would be replaced counts, not the URDF alone."""
     aerobat("urdf", "aerobat", "-o", str(mine / "a.urdf"), cwd=mine)
@@ -130,3 +115,75 @@ def test_force_overwrites_and_another_robots_meshes_are_not_overwritten_without_
     assert "exists; --force" in again.stderr
     assert not (mine / "b.urdf").exists()
     assert aerobat("urdf", "aerobat", "-o", str(mine / "b.urdf"), "--force", cwd=mine).returncode == 0
+
+
+PACKAGE = Path(description.PACKAGE_PATH)
+PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())["project"]
+VISIBLE_PARTS = Path(description.URDF_PATH).read_text().count("<mesh ")
+CMAKE = shutil.which("cmake")
+# What ament_package() does, as far as a package of data sees it: install the manifest, leave a mark in the index.
+AMENT = """
+macro(ament_package)
+  install(FILES package.xml DESTINATION share/${PROJECT_NAME})
+  file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/mark "")
+  install(FILES ${CMAKE_CURRENT_BINARY_DIR}/mark
+    DESTINATION share/ament_index/resource_index/packages RENAME ${PROJECT_NAME})
+endmacro()
+"""
+
+
+def visible_parts(urdf: str | Path) -> int:
+    """Count the meshes that Pinocchio finds without being told any folder."""
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    return int(pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL).ngeoms)
+
+
+def test_the_manifest_is_of_format_3_and_agrees_with_the_project() -> None:
+    """REP 149: name, version, description, maintainer with an address and licence; built by ament_cmake."""
+    package = ET.parse(PACKAGE / "package.xml").getroot()
+    assert (package.tag, package.get("format")) == ("package", "3")
+    required = {"name", "version", "description", "maintainer", "license"}
+    assert required <= {element.tag for element in package}
+    assert package.findtext("name") == description.__name__
+    assert package.findtext("version") == PROJECT["version"]
+    assert package.findtext("license") == PROJECT["license"]
+    assert package.find("maintainer").text == PROJECT["authors"][0]["name"]
+    assert re.fullmatch(r"[\w.]+@[\w.]+\.[a-z]{2,}", package.find("maintainer").get("email"))
+    assert package.findtext("buildtool_depend") == package.findtext("export/build_type") == "ament_cmake"
+
+
+def test_whoever_looks_in_ros_package_path_finds_the_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ROS's variable names the folder that holds the package's folder."""
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", description.REPOSITORY_PATH)
+    assert visible_parts(description.URDF_PATH) == VISIBLE_PARTS
+
+
+@pytest.mark.skipif(CMAKE is None, reason="no CMake on this machine: install it, e.g. `apt-get install cmake`")
+@pytest.mark.parametrize("ament", [True, False], ids=["ament", "plain"])
+def test_cmake_installs_every_data_file_where_ros_looks(
+    ament: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With ament_cmake (a stand-in of it) and without; then Pinocchio finds the meshes through AMENT_PREFIX_PATH."""
+    build, prefix, stand_in = tmp_path / "build", tmp_path / "prefix", tmp_path / "ament"
+    stand_in.mkdir()
+    if ament:
+        (stand_in / "ament_cmakeConfig.cmake").write_text(AMENT)
+    found = f"-Dament_cmake_DIR={stand_in}" if ament else "-DCMAKE_DISABLE_FIND_PACKAGE_ament_cmake=ON"
+    for command in (
+        [CMAKE, "-S", PACKAGE, "-B", build, f"-DCMAKE_INSTALL_PREFIX={prefix}", found],
+        [CMAKE, "--install", build],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
+        assert done.returncode == 0, done.stderr
+        assert "warning" not in (done.stdout + done.stderr).lower()
+    share = prefix / "share" / "aerobat_description"
+    data = {name: PACKAGE / name for name in ("LICENSE", "package.xml")}
+    for folder in ("linkage", "meshes", "mjcf", "morphologies", "srdf", "urdf"):
+        data |= {str(file.relative_to(PACKAGE)): file for file in (PACKAGE / folder).rglob("*") if file.is_file()}
+    assert {str(file.relative_to(share)) for file in share.rglob("*") if file.is_file()} == set(data)
+    assert all((share / name).read_bytes() == file.read_bytes() for name, file in data.items())
+    assert (prefix / "share/ament_index/resource_index/packages/aerobat_description").exists() == ament
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
+    assert visible_parts(share / "urdf" / "aerobat.urdf") == VISIBLE_PARTS

@@ -13,8 +13,8 @@ from aerobat_description.reading import MorphologyError
 from aerobat_description.toml_text import LARGEST_TOML, TomlError, toml_file, toml_values
 from aerobat_pin.errors import ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep
-from aerobat_pin.scenario.dotted_keys import parsed_value, with_settings
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario.toml import parsed_value, with_settings
 
 DEEP, WORD = "line 2: more than 32 levels", "line 2: a word of"
 REFUSED = {

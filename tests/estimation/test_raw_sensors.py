@@ -19,7 +19,7 @@ from aerobat_pin.aerobat import (
     calibration_bytes,
     contradictions,
     estimate_log,
-    raw_channels,
+    flight_channels,
     read_calibration,
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
@@ -56,7 +56,7 @@ def flight(*settings: str) -> tuple[FlightLog, Aerobat]:
 def smoothed(torque: str, *settings: str) -> tuple[JointSmoother, RawRecord, JointEstimate]:
     """Return smoother, record and estimate of a flight, with given walks."""
     log, robot = flight(*settings)
-    record = raw_record(log.time, raw_channels(log), robot, torque, GIVEN)  # type: ignore[arg-type]
+    record = raw_record(log.time, flight_channels(log, robot), robot, torque, GIVEN)  # type: ignore[arg-type]
     smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, GIVEN)
     return smoother, record, smoother.run(record)
 
@@ -106,7 +106,7 @@ def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_comm
     """Of each force: 10 mN of noise, 0.15 N at 1 s, both wings alike along z and mirrored along y."""
     log, robot = flight()
     settings = RawSection(offset_error=0.0)
-    record = raw_record(log.time, raw_channels(log), robot, "measured", settings)
+    record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
     smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, settings)
     found = smoother.run(record)
     assert found.jumps == pytest.approx([1.001])
@@ -174,7 +174,7 @@ def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
     log, robot = flight("sensors.gyro.delay=0.001")
     asked = GIVEN.model_copy(update={"apply_offsets": True})
     smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, asked)
-    mended = smoother.run(raw_record(log.time, raw_channels(log), robot, "measured", asked))
+    mended = smoother.run(raw_record(log.time, flight_channels(log, robot), robot, "measured", asked))
     before, after = (worst_r2(one.force, truth(log)) for one in (found, mended))
     assert before[0] < 0.9 < after[0]
 
@@ -272,7 +272,7 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
     true = pin.rpy.rpyToMatrix(*np.radians([0.5] * 3))
     assert np.all(np.abs(np.degrees(pin.log3(true.T @ mount.turn))) < 0.3)
     pushed, robot = unaware()
-    record = raw_record(pushed.time, raw_channels(pushed), robot, "measured", GIVEN)
+    record = raw_record(pushed.time, flight_channels(pushed, robot), robot, "measured", GIVEN)
     found = JointSmoother(robot, air, FRAMES, GIVEN.model_copy(update={"offset_error": 0.0})).run(
         mounted(record, mount)
     )
@@ -304,10 +304,10 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
         estimate_log(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
     blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named encoder"):
-        raw_record(blind.time, raw_channels(blind), robot, "measured", GIVEN)
+        raw_record(blind.time, flight_channels(blind, robot), robot, "measured", GIVEN)
     limp = FlightLog(log.measured.drop_vars(["joint_torque_sample", "torque_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named joint_torque_sample"):
-        raw_record(limp.time, raw_channels(limp), robot, "measured", GIVEN)
+        raw_record(limp.time, flight_channels(limp, robot), robot, "measured", GIVEN)
     with pytest.raises(ScenarioError, match="only a raw log has this sensor"):
         load_scenario("raw_sensors", ["sensors.motion_capture=none"])
 

@@ -17,7 +17,7 @@ from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments import load_sweep, run_sweep, shipped_sweeps
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
+from aerobat_pin.experiments.sweep.outcomes import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 
 SHORT = """
@@ -263,7 +263,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 def test_a_fault_of_ours_in_one_run_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Whatever is raised is a reason, with its name."""
-    from aerobat_pin.experiments.sweep import one_run as worker
+    from aerobat_pin.experiments.sweep import outcomes as worker
 
     def faulty(scenario: Any, **more: Any) -> Any:
         if scenario.simulation.seed == 1:
@@ -288,7 +288,7 @@ def test_where_all_runs_fail_the_exit_code_says_so(
 
 def test_a_cluster_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """It names the address and what was expected."""
-    from aerobat_pin.experiments.sweep import executors as workers
+    from aerobat_pin.experiments.sweep import run_sweep as workers
 
     monkeypatch.setattr(workers, "CONNECT", 0.3)
     with pytest.raises(WorkersLostError, match=r"tcp://127.0.0.1:9: cannot be reached"):

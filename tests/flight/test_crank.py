@@ -1,14 +1,21 @@
-"""Crank drives: what they promise of angle, rate and acceleration; wrong drives refused; what a scenario builds."""
+"""Crank drives: what they promise of angle, rate and acceleration; wrong drives refused; what a scenario builds.
+
+Flights whose crank speeds up, ripples or does what a function says: motion, log, warm-up, torques and power.
+"""
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from aerobat_pin.errors import AerobatError, CrankError
+from aerobat_pin.aerobat import FlightLog, known_inputs
+from aerobat_pin.errors import AerobatError, CrankError, TrimError
+from aerobat_pin.experiments import run
+from aerobat_pin.flight import Plant, find_trim, simulate
 from aerobat_pin.flight.crank import (
     ConstantRate,
     CrankDrive,
@@ -18,7 +25,9 @@ from aerobat_pin.flight.crank import (
     checked_motion,
     crank_drive,
 )
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import Aerobat, joint_table, load_robot
+from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75
 TIME = np.linspace(-0.2, 1.0, 2401)
@@ -106,3 +115,136 @@ def test_a_scenario_builds_the_drive_it_names() -> None:
     assert found == RateControlledMotor(START, RATE, RATE, 5e-5, 0.15, 0.004, 0.01, 0.1, 1e-4)
     assert found.before == ConstantRate(START, RATE)
     assert found.state == pytest.approx([START, RATE, 0.0, 0.0])
+
+
+SHORT = ["simulation.duration=0.2", "air.warm_up_cycles=1", "crank.spin_up.duration=0.15"]
+
+
+def scenario(drive: str, *settings: str) -> Scenario:
+    """Return the paper's scenario, short, with a drive."""
+    kept = [setting for setting in SHORT if drive == "spin_up" or "spin_up" not in setting]
+    return load_scenario("paper", [*kept, f"crank.drive={drive}", *settings])
+
+
+def swing(time: Array) -> tuple[Array, Array, Array]:
+    """Return a crank that swings to and fro instead of turning."""
+    return -1.5 + 0.8 * np.sin(25.0 * time), 20.0 * np.cos(25.0 * time), -500.0 * np.sin(25.0 * time)
+
+
+def joints(log: FlightLog, robot: Aerobat) -> tuple[Array, Array]:
+    """Return the log's joint angles and rates (n + 1, 4)."""
+    q, v = log.measured["q"].values, log.measured["v"].values
+    return q[:, list(robot.idx_q)], v[:, list(robot.idx_v)]
+
+
+@pytest.mark.parametrize("drive", ["constant", "spin_up", "swing"])
+def test_joints_and_log_follow_the_drive(drive: str) -> None:
+    """The log's crank angle is the drive's, its joints are the linkage's at that angle and rate."""
+    own = drive == "swing"
+    chosen = scenario("constant" if own else drive)
+    robot = load_robot(chosen)
+    log = simulate(chosen, drive=swing if own else None)
+    motion = swing(log.time) if own else crank_drive(chosen)(log.time)
+    assert log.measured["crank_angle"].values == pytest.approx(motion[0], rel=1e-12)
+    closed = robot.linkage.solve(*motion)
+    angles, rates = joints(log, robot)
+    assert angles == pytest.approx(np.stack([closed.theta_s, closed.theta_e] * 2, axis=-1), abs=1e-12)
+    assert rates == pytest.approx(np.stack([closed.theta_s_dot, closed.theta_e_dot] * 2, axis=-1), abs=1e-9)
+    if drive == "spin_up":
+        assert np.all(rates[0] == 0.0)
+        assert np.max(np.abs(rates[-1])) > 5.0
+
+
+def test_a_function_that_says_what_the_scenario_says_flies_the_same_flight() -> None:
+    """To the last bit, warm-up included."""
+    chosen = scenario("constant")
+    default = simulate(chosen)
+    own = simulate(chosen, drive=ConstantRate(np.radians(-90.0), 2.0 * np.pi * 4.75))
+    assert own.measured.identical(default.measured)
+
+
+def test_the_air_about_resting_wings_warms_up_without_a_history_of_flapping() -> None:
+    """A crank that starts at rest stood before: the air has settled, but for the old wake's last traces."""
+    kept = ["crank.frequency=1.0", "air.warm_up_cycles=2"]
+    rest = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept)).initial.air
+    longer = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept, "air.warm_up_cycles=6")).initial.air
+    flapping = Plant(load_robot(scenario("constant")), scenario("constant", *kept)).initial.air
+    assert np.max(np.abs(rest)) > 0.01
+    assert np.max(np.abs(rest - longer)) < 0.05 * np.max(np.abs(rest))
+    assert np.max(np.abs(rest - flapping)) > 0.1 * np.max(np.abs(rest))
+
+
+@pytest.mark.parametrize("drive", ["spin_up", "motor"])
+def test_the_modelled_torque_knows_the_cranks_acceleration(drive: str) -> None:
+    """Without unknown forces it is the measured torque, but for the sampling; the crank accelerates all along."""
+    still = [f"unknown_force.{i}.{key}=0" for i in (0, 1) for key in ("amplitude", "noise", "step")]
+    chosen = scenario(drive, *still, "crank.motor.start_frequency=4.75" if drive == "motor" else "crank.start_deg=10")
+    robot, log = load_robot(chosen), simulate(chosen)
+    measured, modelled = (known_inputs(log, robot, torque).tau[2:] for torque in ("measured", "modelled"))
+    assert np.max(np.abs(measured)) > 5e-3
+    assert modelled == pytest.approx(measured, rel=0.0, abs=0.01 * np.max(np.abs(measured)))
+
+
+@pytest.mark.parametrize("time", [0.03, 0.1, 0.17])
+def test_crank_and_joints_exchange_the_same_power_while_the_crank_speeds_up(time: float) -> None:
+    """At one instant of a spin-up: motor power = sum tau_j theta_j' = crank torque times crank rate, to rounding."""
+    chosen = scenario("spin_up", "air.warm_up_cycles=0")
+    plant = Plant(load_robot(chosen), chosen)
+    robot, closed = plant.robot, plant.closure(np.array([time]))
+    q = robot.configuration(plant.initial.placement, closed.theta_s[0], closed.theta_e[0])
+    v = robot.velocity(plant.initial.twist, closed.theta_s_dot[0], closed.theta_e_dot[0])
+    held = np.zeros((2, len(plant.forces)))
+    forces = plant.rates(q, v, joint_table(closed)[0], plant.initial.air, held)[2]
+    left, right = (forces.motor[0, list(robot.idx_v[i : i + 2])] for i in (0, 2))
+    crank = closed.crank_torque(*left) + closed.crank_torque(*right)
+    assert abs(crank[0]) > 1e-3
+    assert crank * closed.crank_velocity == pytest.approx(forces.motor_power, rel=1e-12)
+    spread = closed.joint_torques(0.5 * crank)
+    again = 2.0 * (spread[0] * closed.theta_s_dot + spread[1] * closed.theta_e_dot)
+    assert again == pytest.approx(forces.motor_power, rel=1e-12)
+
+
+def test_forces_are_found_while_a_motors_crank_ripples() -> None:
+    """The observers need no steady crank."""
+    scores = run(scenario("motor")).metrics["observers"]["force_level"]
+    for wing in ("left", "right"):
+        assert min(scores[wing][axis]["r2"] for axis in ("Fx", "Fy", "Fz")) > 0.99
+
+
+def test_a_flight_with_a_drive_of_ones_own_can_be_copied(tmp_path: Any) -> None:
+    """Pickled with its drive."""
+    plant = Plant(load_robot(scenario("constant")), scenario("constant"), swing)
+    again = pickle.loads(pickle.dumps(plant))
+    assert again.closure(np.array([0.1])).theta_s == plant.closure(np.array([0.1])).theta_s
+    assert again.drive is swing
+
+
+def test_a_drive_of_ones_own_that_is_no_motion_is_refused_before_flying() -> None:
+    """Degrees where radians were expected; and a function that does not reach back to the warm-up."""
+    with pytest.raises(CrankError, match="must be the angle's derivative"):
+        simulate(scenario("constant"), drive=lambda t: (360.0 * 4.75 * t, 2.0 * np.pi * 4.75, 0.0))
+    with (
+        np.errstate(invalid="ignore"),
+        pytest.raises(CrankError, match=r"from t = -0.2105\d* to 0 s; times before t = 0 are needed"),
+    ):
+        simulate(scenario("constant"), drive=lambda t: (30.0 * np.sqrt(t), 0.0, 0.0))
+
+
+def test_only_a_steady_crank_can_be_trimmed() -> None:
+    """A flap that speeds up does not repeat itself."""
+    with pytest.raises(TrimError, match=r"crank\.drive = 'motor'"):
+        find_trim(load_scenario("paper_open_loop", ["crank.drive=motor"]))
+
+
+@pytest.mark.parametrize("drive", ["constant", "spin_up", "motor"])
+def test_a_drive_survives_writing_and_reading(drive: str, tmp_path: Any) -> None:
+    """The resolved scenario holds the drive's own table with every default, and no other."""
+    chosen = load_scenario("paper", [f"crank.drive={drive}"])
+    text = scenario_toml(chosen)
+    for table in ("spin_up", "motor"):
+        assert (f"[crank.{table}]" in text) == (table == drive)
+    file = tmp_path / "again.toml"
+    file.write_text(text, encoding="utf-8")
+    assert load_scenario(file) == chosen
+    if drive == "motor":
+        assert "torque_limit = 0.15" in text

@@ -19,7 +19,6 @@ from support.kernel_cases import (
     built,
     compiled_only,
     instant,
-    posed,
     robot_with_a_turned_frame,
 )
 
@@ -27,14 +26,11 @@ from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.aerodynamics.robot_in_air import warm_up
 from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
-from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.memory import split_forces, unknown_forces
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import pinocchio_views, small_matrices
 from aerobat_pin.numerics.lie_runge_kutta import WEIGHTS, next_state, next_tangent
-from aerobat_pin.robot import link_kernels
-from aerobat_pin.robot.wing import LINKS
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
 GUSTY = 0.07  # [s] in the middle of the gust of the cases
@@ -181,54 +177,6 @@ def test_each_stage_follows_the_tableau(stage: int) -> None:
 
 
 # --------------------------------------------------------------------------------------------------------------- plant
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_climbing_the_tree_is_the_sum_of_transposed_jacobians(morphology: str, seed: int) -> None:
-    """Link wrenches become the generalised force that Pinocchio's Jacobians give."""
-    plant = built(morphology, "all forces, hold")
-    data, liMi = posed(plant, seed)
-    wrenches = np.random.default_rng(seed).standard_normal((5, 6))
-    expected = twins.at_joints(plant.model, data, wrenches)
-    found = np.full(plant.model.nv, np.nan)
-    link_kernels.climb(plant.in_air.fields.tree, liMi, wrenches, found)
-    assert_equal(found, expected)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_placements_down_the_tree_are_those_of_pinocchio(morphology: str, seed: int) -> None:
-    """Chained placements in the parents against `oMi`, seen from the body."""
-    plant = built(morphology, "all forces, hold")
-    data, liMi = posed(plant, seed)
-    rotation, origin = np.full((5, 3, 3), np.nan), np.full((5, 3), np.nan)
-    link_kernels.chain(plant.in_air.fields.tree, liMi, rotation, origin)
-    joints = [plant.model.frames[plant.model.getFrameId(link)].parentJoint for link in LINKS]
-    places = [data.oMi[joints[0]].actInv(data.oMi[joint]) for joint in joints]
-    assert_equal(rotation, [place.rotation for place in places])
-    assert_equal(origin, [place.translation for place in places])
-
-
-@pytest.mark.parametrize("case", [case for case in CASES if "hold" in case])
-@pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_unknown_forces_push_where_and_along_what_they_should(morphology: str, case: str) -> None:
-    """In axes of the link, the body and the world, several at a point, at frames that are turned in their link."""
-    plant = built(morphology, case)
-    held = np.random.default_rng(5).uniform(-0.3, 0.3, (2, len(plant.forces), 4))
-    for seed in SEEDS:
-        data, liMi = posed(plant, seed)
-        rotation, origin, wrenches = np.empty((5, 3, 3)), np.empty((5, 3)), np.full((5, 6), np.nan)
-        at_points, found = np.full((2, len(plant.points), 3), np.nan), np.empty(plant.model.nv)
-        link_kernels.chain(plant.in_air.fields.tree, liMi, rotation, origin)
-        world = liMi[plant.in_air.fields.tree.joint[0]]
-        plant_kernels.push(plant.fields.unknown, 0.6, held, seed, world, rotation, wrenches, *at_points)
-        expected = twins.forces_at_points(
-            plant.model, data, plant.forces, plant.points, 0.6, held[0, :, seed], held[1, :, seed]
-        )
-        assert_equal(at_points, expected)
-        link_kernels.climb(plant.in_air.fields.tree, liMi, wrenches, found)
-        assert_spatial(found, twins.at_frames(plant.model, data, plant.points, expected[0]))
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -14,8 +14,8 @@ from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.flight_summary import flight_summary
 from aerobat_pin.flight.sensors import sensed, sensed_attitude
 from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.scenario.feedback_tables import AXES_OF_SENSOR, SensorSection
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.scenario.sensor_tables import AXES_OF_SENSOR, SensorSection
 
 DT = 1e-3
 SHORT = ["simulation.duration=0.1", "air.warm_up_cycles=1"]

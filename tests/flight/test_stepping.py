@@ -1,4 +1,8 @@
-"""A flight in single steps is the flight in one call, and a wrench between the steps is a known force of it."""
+"""A flight in single steps is the flight in one call, a wrench between the steps is a known force of it.
+
+Sensors in the loop show what the log of the same flight shows. With many strips and a long step, the flight takes as
+many integration steps in an interval as its air needs.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import CrankError, ShapeError, SimulationError
-from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.point_forces import interval_means
-from aerobat_pin.robot.load import load_robot
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.flight import Plant, Sensing, interval_means, simulate
+from aerobat_pin.flight.sensors import recorded
+from aerobat_pin.robot import load_robot
+from aerobat_pin.scenario import load_scenario
 
 STEPS, DT = 60, 1e-3
 
@@ -122,3 +127,88 @@ def test_a_step_that_diverges_says_so_and_keeps_the_flight() -> None:
     with pytest.raises(SimulationError, match="the flight diverged at t = ") as raised:
         all(plant.step(tearing) for _ in range(100))
     assert raised.value.kept is not None
+
+
+PERFECT = []
+NOISY = ["sensors.gyro.noise=0.003", "sensors.attitude.noise=0.003", "sensors.velocity.walk=0.1"]
+POOR = [
+    "sensors.position.rate=90",
+    "sensors.position.delay=0.012",
+    "sensors.position.dropout=0.4",
+    "sensors.attitude.quantum=0.01",
+    "sensors.attitude.dropout=0.2",
+    "sensors.velocity.rate=250",
+    "sensors.velocity.delay=0.03",
+    "sensors.gyro.bias=[0.1, 0.2, 0.3]",
+    "sensors.joint_angle.noise=0.01",
+    "sensors.joint_rate.dropout=0.5",
+    "sensors.crank_angle.noise=0.02",
+    "sensors.crank_angle.delay=0.004",
+]
+
+
+@pytest.mark.parametrize("settings", [PERFECT, NOISY, POOR], ids=["perfect", "noisy", "poor"])
+def test_a_controller_sees_to_the_bit_what_the_log_shows(settings: list[str]) -> None:
+    """Noise, walk, bias, quantum, rate, delay and dropout, at all samples of a flight of 0.15 s."""
+    scenario = load_scenario("paper", ["simulation.duration=0.15", "simulation.seed=7", *settings])
+    robot = load_robot(scenario)
+    exact = simulate(scenario.model_copy(update={"sensors": load_scenario("paper").sensors}), robot=robot)
+    log = recorded(exact, robot, scenario.sensors, 7)
+    sensing = Sensing(robot, scenario.sensors, exact.time, 7)
+    q, v = exact.measured["q"].values, exact.measured["v"].values
+    crank, seen, turned = exact.measured["crank_angle"].values, [], []
+    for k in range(len(q)):
+        seen.append(sensing.read(k, q[k], v[k]))
+        turned.append(sensing.crank(k, crank[k]))
+    np.testing.assert_array_equal(turned, log.measured["crank_angle"].values)
+    np.testing.assert_array_equal([one for one, _ in seen], log.measured["q"].values)
+    np.testing.assert_array_equal([one for _, one in seen], log.measured["v"].values)
+    assert (np.max(np.abs(log.measured["q"].values - q)) > 1e-3) == bool(settings)
+
+
+def test_errors_are_drawn_anew_after_the_last_time() -> None:
+    """The window of 50 samples repeats its times, not its noise."""
+    scenario = load_scenario("paper", NOISY)
+    robot = load_robot(scenario)
+    sensing = Sensing(robot, scenario.sensors, np.arange(50) * 1e-3, 1)
+    v = np.zeros(robot.model.nv)
+    seen = np.array([sensing.read(k, robot.q0, v)[1][3:6] for k in range(150)])
+    assert np.std(seen) == pytest.approx(0.003, rel=0.1)
+    assert abs(np.corrcoef(seen[:50].ravel(), seen[50:100].ravel())[0, 1]) < 0.3
+
+
+def free(strips: int, dt: float, duration: float) -> FlightLog:
+    """Fly `paper_open_loop` without unknown forces."""
+    settings = [f"air.strips={strips}", f"simulation.dt={dt}", f"simulation.duration={duration}"]
+    return simulate(load_scenario("paper_open_loop", settings).model_copy(update={"unknown_force": []}))
+
+
+def test_number_of_steps_follows_the_fastest_mode_of_the_air() -> None:
+    """Eigenvalues of A times the airspeed of the fastest strip: one step of 1 ms with 16 strips, several with 64."""
+    counts = []
+    for strips in (16, 64):
+        scenario = load_scenario("paper_open_loop", [f"air.strips={strips}"])
+        plant = Plant(load_robot(scenario), scenario)
+        counts.append(plant.substeps(1e-3))
+        modes = np.linalg.eigvals(plant.air.line.state_space(1.0).A)
+        assert plant.air.line.fastest_mode == pytest.approx(np.abs(modes).max(), rel=1e-9)
+    assert counts[0] == 1
+    assert counts[1] >= 6
+
+
+def test_a_divided_step_is_two_steps_of_half_the_length() -> None:
+    """32 strips: two steps of 0.5 ms in an interval of 1 ms; same states, forces are means over both."""
+    whole, halves = free(32, 1e-3, 0.1), free(32, 5e-4, 0.1)
+    for name in ("q", "v"):
+        np.testing.assert_allclose(whole.measured[name].values, halves.measured[name].values[::2], atol=1e-9)
+    assert whole.truth is not None
+    assert halves.truth is not None
+    for name in ("aerodynamic", "added_mass"):
+        pairs = halves.truth[name].values.reshape(-1, 2, whole.truth[name].shape[1])
+        np.testing.assert_allclose(whole.truth[name].values, pairs.mean(axis=1), atol=1e-9)
+
+
+def test_a_free_flight_hardly_depends_on_the_number_of_strips() -> None:
+    """Distance in 2 s: 16 and 32 strips within 1 %; docs/lifting_line.md has 16 to 64, which span 1.3 %."""
+    ends = [free(strips, 1e-3, 2.0).measured["q"].values[-1, 0] for strips in (16, 32)]
+    assert ends[1] == pytest.approx(ends[0], rel=0.01)

@@ -13,11 +13,10 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.stepping import stage_mean
+from support.stepping import stage_mean, step
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.scenario.scenario import load_scenario
 
 SE3 = pin.liegroups.SE3()

@@ -11,8 +11,8 @@ from support.arm import arm, push, rest
 from aerobat_description.meshes import parts
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import Application, ForceLevelObserver, LineOfAction, locate, locate_series
-from aerobat_pin.observers.analysis.bias import correlation_length
-from aerobat_pin.observers.analysis.panel import Panel
+from aerobat_pin.observers.analysis.line_of_action import Panel
+from aerobat_pin.observers.analysis.noise_and_lag import correlation_length
 from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
 from aerobat_pin.robot.wing import LINKS
 

@@ -172,24 +172,41 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
     np.testing.assert_allclose(loose.force, 0.0, atol=1e-9)
 
 
-def test_a_quaternion_that_is_none_is_refused() -> None:
-    """Zero or twice as long, Pinocchio would take it for some attitude; a float32 one is good enough."""
-    model = pin.buildSampleModelHumanoid()
-    q, v = pin.neutral(model), np.zeros(model.nv)
-    observer = MomentumObserver(model)
-    observer.reset(q.astype(np.float32), v)
-    for length in (0.0, 2.0):
-        wrong = q.copy()
-        wrong[3:7] *= length
-        with pytest.raises(ShapeError, match=rf"q\[3:7\] of sample 0 has length {length:g}: 1 was expected"):
-            observer.reset(wrong, v)
-        with pytest.raises(ShapeError, match=rf"q\[3:7\] of sample 1 has length {length:g}"):
-            observer.run([0.0, 1.0], np.array([q, wrong]), np.zeros((2, model.nv)), np.zeros((1, model.nv)))
-    loose = pin.JointModelRUBZ()
-    turning = pin.Model()
-    turning.addJoint(0, loose, pin.SE3.Identity(), "wheel")
-    with pytest.raises(ShapeError, match=r"q\[0:2\] of sample 0"):
-        MomentumObserver(turning).reset(np.zeros(2), np.zeros(1))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_configuration_that_is_none_is_refused_and_the_stream_stays_as_it_was(kind: type[Observer]) -> None:
+    """Pinocchio would take any quaternion for some attitude; one of float32 is good enough."""
+    robot = load_aerobat()
+    model, q, v = robot.model, robot.q0, np.zeros(robot.model.nv)
+    observer, other = (kind(model, ["left_force_point"], 200.0) for _ in range(2))
+    for one in (observer, other):
+        one.reset(q.astype(np.float32), v)
+    far, wrong = q.copy(), {rf"q\[3:7\] of sample {{}} has length {length}": q.copy() for length in (0, 2, 3)}
+    far[2] = -1e9
+    for length, turned in zip((0, 2, 3), wrong.values(), strict=True):
+        turned[3:7] *= length
+    for message, refused in {**wrong, r"q\[2\] of sample {} = -1e\+09: at most 1e\+06 m or rad": far}.items():
+        with pytest.raises(ShapeError, match=message.format(0)):
+            observer.update(1e-3, refused, v, v)
+        with pytest.raises(ShapeError, match=message.format(1)):
+            observer.run([0.0, 1.0], np.array([q, refused]), np.zeros((2, model.nv)), np.zeros((1, model.nv)))
+    np.testing.assert_array_equal(observer.update(1e-3, q, v, v).force, other.update(1e-3, q, v, v).force)
+    for refused in (*wrong.values(), far):
+        with pytest.raises(ShapeError, match="of sample 0"):
+            observer.reset(refused, v)
+
+
+@pytest.mark.parametrize(("joint", "pair"), [(pin.JointModelPlanar(), "2:4"), (pin.JointModelRUBZ(), "0:2")])
+def test_wheels_and_planar_joints_stream_too(joint: pin.JointModel, pair: str) -> None:
+    """Their pairs of cosine and sine are unit vectors as well."""
+    model = pin.Model()
+    model.addJoint(0, joint, pin.SE3.Identity(), "joint")
+    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    observer, q, v = MomentumObserver(model), pin.neutral(model), np.zeros(model.nv)
+    observer.reset(q, v)
+    observer.update(1e-3, q, v, v)
+    for size in (0.0, 2.0):
+        with pytest.raises(ShapeError, match=rf"q\[{pair}\] of sample 0 has length {size:g}"):
+            observer.update(2e-3, q * size, v, v)
 
 
 def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuses() -> None:

@@ -16,10 +16,10 @@ import pinocchio as pin
 import pytest
 from support import without_coriolis
 from support.arm import arm
+from support.stepping import step
 from support.without_coriolis import JOINTS, chain, drift, mjcf_leg, random_record
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.observers import OBSERVERS, MomentumObserver, Observer, Tie
 from aerobat_pin.robot.frames import external_forces, joint_wrench
 

@@ -1,16 +1,23 @@
 """Three hundred bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
 
-`make reliability` tries thousands of the same kinds, and writes their counts to docs/reliability.md.
+`make reliability` tries thousands of the same kinds, and writes their counts to docs/reliability.md. Wrong arguments,
+all of them: every public function names the one that is wrong, in an error of the package.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.bad_inputs import CLASSES, Doors, drawn_classes
+from support.wrong_values import EXCLUDED, WRONG, api_case, calls, fault, public_callables
+
+from aerobat_pin import load_aerobat
+from aerobat_pin.errors import ArgumentError, ShapeError
+from aerobat_pin.numerics import guarded
 
 COUNTS = {1: 24, 2: 84, 3: 28, 4: 20, 5: 20, 6: 20, 7: 32, 8: 20, 9: 30, 10: 20, 11: 20}
 
@@ -39,3 +46,48 @@ def test_every_class_is_tried_often_enough() -> None:
     assert sum(drawn.values()) == 2000
     assert set(drawn) == set(CLASSES)
     assert min(drawn.values()) >= 20
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write where a wrong path may lead."""
+    monkeypatch.chdir(tmp_path)
+
+
+def test_every_public_function_has_its_wrong_calls() -> None:
+    """Or stands on a list that says why not."""
+    assert set(public_callables()) - {name.strip().partition(".")[0] for name in calls()} - EXCLUDED == set()
+    assert [name for name, call in calls().items() if not call.arguments] == []
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_every_wrong_argument_is_refused_by_name() -> None:
+    """Each argument of each public function, with values of some twenty kinds that do not belong there."""
+    cases = [(name, argument, kind) for name, call in calls().items() for argument in call.arguments for kind in WRONG]
+    assert len(cases) > 5000
+    assert [said for case in cases if (said := fault(*case))] == []
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_drawn_case_is_one_of_them() -> None:
+    """What the generator of bad inputs calls."""
+    rng = np.random.default_rng(3)
+    assert [said for _ in range(50) if (said := api_case(rng)[1])] == []
+
+
+def test_arguments_reach_the_function_as_they_are_needed() -> None:
+    """Lists as arrays, iterables as lists, numbers as floats; sizes that share a name must agree."""
+
+    @guarded(size="positive", free="free")
+    def call(a: Iterable[float], size: float, free: int = 0, *rest: int, **named: int) -> tuple[object, ...]:
+        return a, size, free, rest, named
+
+    found = call(iter([1.0]), np.float32(0.5), "x", 1, 2, c=3)  # type: ignore[arg-type]
+    assert found == ([1.0], 0.5, "x", (1, 2), {"c": 3})
+    with pytest.raises(ShapeError, match=r"size = -1\.0: a finite number, positive, was expected"):
+        call([1.0], -1.0)
+    with pytest.raises(ArgumentError, match=r"a = 'abc': a list was expected"):
+        call("abc", 1.0)  # type: ignore[arg-type]
+    robot = load_aerobat()
+    with pytest.raises(ShapeError, match=r"theta_s has shape \(2,\): \(\) or \(3,\) was expected"):
+        robot.configuration(np.tile(robot.q0[:7], (3, 1)), [0.1, 0.2], 0.0)

@@ -1,4 +1,4 @@
-"""The benchmarks start, and the comparison of two checkouts marks what got worse; they measure nothing here."""
+"""The benchmarks start, and comparisons of two checkouts mark what got worse or moved; they measure nothing here."""
 
 from __future__ import annotations
 
@@ -27,6 +27,22 @@ print("\\n".join(lines(
 )))
 """
 
+DIFFERENCES = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from compared_numbers import Comparison
+
+found = Comparison({"^metrics.json .given_up$": None, "[.]was[.]": ".is."})
+found.of_file(
+    "metrics.json",
+    {".given_up": 1.0, ".was.r2": 0.5, ".same": [1.0, 2.0], ".gone": 1, ".verdict": "good", ".text": "about 2.5 N",
+     ".words": "so far", ".time": [1.7e9, 1.7e9 + 1.0, 1.7e9 + 2.0]},
+    {".is.r2": 0.25, ".same": [1.0, 2.0], ".verdict": "bad", ".text": "about 3 N", ".words": "other now", ".more": 1,
+     ".time": [1.7e9, 1.7e9 + 1.5, 1.7e9 + 2.0]},
+)
+print(found.count, *found.places, *found.told, sep="\\n")
+"""
+
 
 def python(*words: str) -> str:
     """Run Python on this checkout's packages and return what it prints."""
@@ -50,4 +66,18 @@ def test_a_ratio_that_got_worse_by_more_than_three_percent_is_marked() -> None:
         "wait 10.00 20.00 ms +100.0 %",
         "gone 1.00 - x",
         "new - 1.00 x",
+    ]
+
+
+def test_a_number_that_moved_is_found_and_a_text_that_is_worded_anew_is_told() -> None:
+    """A key of another name is followed; one that went, a verdict, a number within a text and a clock differ."""
+    assert python("-c", DIFFERENCES, str(ROOT / "benchmarks")).splitlines() == [
+        "7",
+        "(0.5, 'metrics.json .is.r2')",
+        "(inf, 'metrics.json .gone is missing')",
+        "(inf, 'metrics.json .verdict')",
+        "(0.2, 'metrics.json .text')",
+        "(0.25, 'metrics.json .time')",
+        "reworded: metrics.json .words: so far -> other now",
+        "new: metrics.json .more",
     ]

@@ -1,4 +1,4 @@
-"""The wheel: built offline from a copy of the project, installed into an empty folder, run from another one."""
+"""The wheel, built offline from a copy of the project and run from elsewhere; what the package says about itself."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
+import tomllib
 import zipfile
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 
+from aerobat_pin.visualization.replay.page import viewer_script
+
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = shutil.ignore_patterns(".*", "build", "dist", "runs", "*.egg-info", "__pycache__")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+SDIST = "import sys, setuptools.build_meta as made; print(made.build_sdist(sys.argv[1]))"
 PACKAGES = ("aerobat_description", "aerobat_pin")
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
 OFFLINE = ["--no-deps", "--no-index", "--no-cache-dir", "--disable-pip-version-check", "--quiet"]
+BUILD = [sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation", "-w"]
 
 
 def environment(**changes: str) -> dict[str, str]:
@@ -37,16 +44,25 @@ def run(*command: str | Path, cwd: Path, **changes: str) -> subprocess.Completed
     return done
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel with this environment's setuptools, and from a copy: an old `build/` would slip into it."""
+def copied(folder: Path) -> Path:
+    """Copy the project, for this environment's setuptools to build from: an old `build/` would slip in."""
     setuptools = next((found.version for found in metadata.distributions(name="setuptools")), "0")
     advice = f"setuptools {setuptools} cannot build the wheel: pip install -e '.[test]' brings one that can"
     assert int(setuptools.split(".")[0]) >= 77, advice
-    source = tmp_path_factory.mktemp("source") / "project"
-    shutil.copytree(ROOT, source, ignore=LEFT_OUT)
+    return Path(shutil.copytree(ROOT, folder / "project", ignore=LEFT_OUT))
+
+
+def files_of(wheel: Path) -> set[str]:
+    """Return the files in a wheel but for its metadata."""
+    names = zipfile.ZipFile(wheel).namelist()
+    return {name for name in names if not name.endswith("/") and ".dist-info/" not in name}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel."""
     target = tmp_path_factory.mktemp("wheel")
-    run(sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation", "-w", target, source, cwd=target)
+    run(*BUILD, target, copied(tmp_path_factory.mktemp("source")), cwd=target)
     (made,) = target.iterdir()
     return made
 
@@ -66,7 +82,7 @@ def python(code: str, installed: Path, cwd: Path, **changes: str) -> str:
 
 def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -> None:
     """Every file of the two packages, the licence, no tests, no documents, under a megabyte."""
-    names = {name for name in zipfile.ZipFile(wheel).namelist() if not name.endswith("/")}
+    names = zipfile.ZipFile(wheel).namelist()
     info = next(name.split("/")[0] for name in names if name.endswith(".dist-info/METADATA"))
     ours = {
         path.relative_to(ROOT).as_posix()
@@ -76,16 +92,16 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         or path.suffix
         in {".py", ".pyi", ".toml", ".urdf", ".srdf", ".stl", ".obj", ".typed", ".xml", ".txt", ".html", ".css", ".svg"}
     }
-    assert {name for name in names if not name.startswith(f"{info}/")} == ours
+    assert files_of(wheel) == ours
     for one in (
         "aerobat_pin/py.typed",
         "aerobat_description/py.typed",
+        "aerobat_description/package.xml",
+        "aerobat_description/CMakeLists.txt",
         "aerobat_pin/scenario/shipped/paper.toml",
         "aerobat_pin/experiments/sweep/shipped/morphology.toml",
     ):
         assert one in ours
-    for one in ("package.xml", "CMakeLists.txt"):
-        assert f"aerobat_description/{one}" in ours
     for end in (".toml", ".urdf", ".srdf", ".stl"):
         assert sum(name.startswith("aerobat_description/") and name.endswith(end) for name in ours) >= 3
     assert f"{info}/licenses/LICENSE" in names
@@ -192,3 +208,50 @@ def test_it_works_where_no_cache_can_be_written(writable: bool, installed: Path,
         assert "no locator available" in said["refused"]
         assert said["cache"] is None
         assert all(place.is_file() for place in places)
+
+
+def test_the_page_of_licences_names_every_library() -> None:
+    """Those of the package and of each extra, in words of their own."""
+    page = (ROOT / "docs" / "licences.md").read_text("utf-8")
+    extras = PROJECT["optional-dependencies"]
+    needed = [*PROJECT["dependencies"], *(one for listed in extras.values() for one in listed)]
+    names = {re.split(r"[\[<>=~ ]", one)[0] for one in needed}
+    assert [name for name in sorted(names) if not re.search(rf"(?<![\w-]){name}(?![\w-])", page)] == []
+    assert [extra for extra in extras if f"| `{extra}` |" not in page] == []
+
+
+def test_the_replay_carries_the_licences_of_its_viewer() -> None:
+    """Copyright lines of meshcat, three.js and all the others, in a comment before the script."""
+    comment, _, script = str(viewer_script()).partition("*/")
+    for name in ("Robin Deits", "three.js authors", "Apache License", "ieee754", "Yusuke Kawasaki"):
+        assert name.lower() in comment.lower(), name
+    assert "</" not in comment
+    assert len(script) > 500_000
+
+
+def test_the_citation_is_of_this_version_and_names_the_paper() -> None:
+    """Version, licence, authors and identifiers."""
+    text = (ROOT / "CITATION.cff").read_text("utf-8")
+    for part in (f"version: {PROJECT['version']}", "license: BSD-2-Clause", "doi: 10.48550/arXiv.2411.11218"):
+        assert part in text
+    assert re.findall(r"family-names: (\w+)", text) == ["Gupta", "Sihite", "Ramezani"]
+
+
+def test_the_classifiers_name_the_pythons_that_are_allowed() -> None:
+    """The lowest and the highest of `requires-python`, and all between."""
+    low, high = map(int, re.findall(r"3\.(\d+)", PROJECT["requires-python"]))
+    named = {int(found) for one in PROJECT["classifiers"] for found in re.findall(r":: 3\.(\d+)$", one)}
+    assert named == set(range(low, high))
+
+
+def test_the_sdist_makes_a_wheel_with_the_same_files(wheel: Path, tmp_path: Path) -> None:
+    """Built offline, like the wheel itself."""
+    run(sys.executable, "-c", SDIST, tmp_path, cwd=copied(tmp_path))
+    [archive] = tmp_path.glob("aerobat_pinocchio-*.tar.gz")
+    with tarfile.open(archive) as packed:
+        packed.extraction_filter = getattr(tarfile, "data_filter", None)  # Python 3.11.2 has none
+        packed.extractall(tmp_path / "unpacked")
+    [folder] = (tmp_path / "unpacked").iterdir()
+    run(*BUILD, tmp_path, folder, cwd=tmp_path)
+    [made] = tmp_path.glob("*.whl")
+    assert files_of(made) == files_of(wheel)

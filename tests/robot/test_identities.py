@@ -2,7 +2,7 @@
 
 Mdot = C + C^T and p' = tau + J^T f + C^T v - g (Haddadin, De Luca & Albu-Schaeffer 2017, the ground of every momentum
 observer); external forces in three reference frames; the prescribed-joint dynamics; conservation of energy and
-momentum.
+momentum. Quadrature decides how accurate an observer is: trapezoid and mean inputs, against what is often written.
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.generalized import generalized_force
+from support.stepping import step
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.numerics.lie_runge_kutta import step
-from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
-from aerobat_pin.robot.frames import external_forces, joint_wrench
-from aerobat_pin.robot.prescribed_joints import prescribed_joint_dynamics
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.aerobat import known_inputs
+from aerobat_pin.experiments import Experiment
+from aerobat_pin.flight import simulate
+from aerobat_pin.robot import Aerobat, external_forces, joint_wrench, load_aerobat, prescribed_joint_dynamics
+from aerobat_pin.scenario import load_scenario
 
 SEEDS = range(5)
 FRAMES = ("base_link", "left_proximal", "left_force_point", "right_force_point", "right_linkage_J8")
@@ -241,3 +240,49 @@ def test_momentum_and_energy_are_conserved_without_air_and_gravity(robot: Aeroba
     coarse, fine = np.array(left)
     assert np.max(coarse) < 1e-7
     assert np.max(fine / coarse) < 1.0 / 14.0
+
+
+INTERVALS = slice(0, 1000)
+
+
+@pytest.fixture(scope="module")
+def balance(paper: Experiment) -> dict[str, np.ndarray]:
+    """Return the pieces of p' = u + u_f + C^T v - g along the paper's flight, and the true mean u_f."""
+    assert paper.log.truth is not None
+    inputs, model = known_inputs(paper.log, paper.robot), paper.robot.model
+    data = model.createData()
+    p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)
+    for k, (q, v) in enumerate(zip(inputs.q, inputs.v, strict=True)):
+        p[k] = pin.crba(model, data, q) @ v
+        g = pin.computeGeneralizedGravity(model, data, q).copy()
+        drift[k] = pin.computeCoriolisMatrix(model, data, q, v).T @ v - g
+    u = inputs.tau + sum(inputs.known.values(), np.zeros_like(inputs.tau))
+    rate = np.diff(p, axis=0) / np.diff(inputs.time)[:, None]
+    return {"drift": drift, "u": u, "rate": rate, "truth": paper.log.truth["unknown"].values}
+
+
+def misses(balance: dict[str, np.ndarray], drift: np.ndarray, u: np.ndarray) -> float:
+    """Return the error of the mean external force, rms of the rows that have a signal, over the signal."""
+    error = (balance["rate"] - drift - u - balance["truth"])[INTERVALS]
+    signal = np.std(balance["truth"][INTERVALS], axis=0)
+    told = signal > 1e-3 * signal.max()
+    return float(np.max(np.sqrt(np.mean(error[:, told] ** 2, axis=0)) / signal[told]))
+
+
+def test_the_trapezoid_of_the_drift_is_good_to_a_thousandth_and_either_end_alone_is_not(
+    balance: dict[str, np.ndarray],
+) -> None:
+    """The rectangle rule, with C^T v - g of the last or of the next sample, errs by 6 % instead of 0.06 %."""
+    drift, u = balance["drift"], balance["u"]
+    trapezoid = misses(balance, 0.5 * (drift[1:] + drift[:-1]), u)
+    assert trapezoid < 1e-3
+    for end in (drift[:-1], drift[1:]):
+        assert misses(balance, end, u) > 50.0 * trapezoid
+
+
+def test_inputs_of_the_interval_before_lose_more_than_any_quadrature(balance: dict[str, np.ndarray]) -> None:
+    """One sample of misalignment of the known forces costs three times what the rectangle rule does."""
+    drift, u = balance["drift"], balance["u"]
+    late = np.vstack([u[:1], u[:-1]])
+    middle = 0.5 * (drift[1:] + drift[:-1])
+    assert misses(balance, middle, late) > 2.0 * misses(balance, drift[:-1], u)

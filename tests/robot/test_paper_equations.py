@@ -196,24 +196,17 @@ def test_the_joint_order_is_left_shoulder_elbow_then_right(robot: Aerobat) -> No
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_centres_of_mass_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
-    """Paper, section II-B, linear positions of the five bodies."""
+def test_positions_and_angular_velocities_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
+    """Paper, section II-B: positions of the five bodies; angular velocities, theta_s in place of the printed theta_p.
+
+    The former in world, the latter each in its own frame.
+    """
     q, v = random_state(robot, seed)
-    data = robot.model.createData()
+    data, bodies = robot.model.createData(), paper_bodies_of(robot, q, v)
     pin.forwardKinematics(robot.model, data, q, v)
-    for link, position in zip(LINKS, paper_bodies_of(robot, q, v).p, strict=True):
+    for link, position, omega in zip(LINKS, bodies.p, bodies.omega, strict=True):
         joint = robot.model.frames[robot.model.getFrameId(link)].parentJoint
         np.testing.assert_allclose(data.oMi[joint].act(robot.model.inertias[joint].lever), position, atol=EXACT, rtol=0)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_angular_velocities_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
-    """Paper, section II-B, angular velocities, theta_s in place of the printed theta_p; each in its own frame."""
-    q, v = random_state(robot, seed)
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q, v)
-    for link, omega in zip(LINKS, paper_bodies_of(robot, q, v).omega, strict=True):
-        joint = robot.model.frames[robot.model.getFrameId(link)].parentJoint
         np.testing.assert_allclose(data.v[joint].angular, omega, atol=EXACT, rtol=EXACT)
 
 

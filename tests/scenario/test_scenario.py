@@ -1,17 +1,31 @@
-"""Scenario files: what is shipped loads, what is written reads back, what is wrong is named."""
+"""Scenario files: what is shipped loads, what is written reads back, what is wrong is named.
+
+What one changes of the shipped scenario whose name it carries, every result says. The size of a flight is estimated
+before it begins; too large a one is refused.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError, SweepError
-from aerobat_pin.experiments.experiment import run
+from aerobat_pin.errors import AerobatError, LogError, MorphologyFileError, ScenarioError, SweepError, TrimError
+from aerobat_pin.experiments import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
-from aerobat_pin.robot.aerobat import load_morphology
-from aerobat_pin.scenario.scenario import load_scenario, parse_scenario, shipped_scenarios
-from aerobat_pin.scenario.toml import scenario_toml
+from aerobat_pin.flight import find_trim, simulate
+from aerobat_pin.robot import load_morphology
+from aerobat_pin.scenario import (
+    TextTable,
+    changed_keys,
+    changes_text,
+    described,
+    load_scenario,
+    parse_scenario,
+    scenario_toml,
+    shipped_scenarios,
+)
 
 
 @pytest.mark.parametrize("name", ["paper", "observer_benchmark"])
@@ -62,6 +76,16 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("simulation.dt=-0.001", "simulation.dt = -0.001: input should be greater than 0"),
         ("simulation.dt=nan", "simulation.dt = nan: input should be a finite number"),
         ("observers.gain=-5", "observers.gain = -5: input should be greater than 0"),
+        ("observers.gain=1e300", "observers.gain = 1e+300: input should be less than or equal to 1000000000000"),
+        ('observers.names=["momentum", "momentum"]', "'momentum' is there twice"),
+        ('observers.frames=["left_distal", "left_distal"]', "'left_distal' is there twice"),
+        (
+            "flight.position=[0, 0, -1e9]",
+            "position.2 = -1000000000.0: input should be greater than or equal to -1000000",
+        ),
+        ("unknown_force.0.step_end=0.5", "step from step_start = 1.0 s to step_end = 0.5 s: step_end comes later"),
+        ("sensors.gyro.delay=1e300", "sensors.gyro.delay = 1e+300"),
+        ("sensors.gyro.delay=100", "sensors.gyro.delay = 100: input should be less than or equal to 60"),
         ("simulation.seed=-1", "simulation.seed = -1"),
         ("simulation.duration=[1]", "simulation.duration"),
         ("air.wind=[1,0]", "air.wind = [1, 0]: 3 numbers were expected"),
@@ -173,3 +197,112 @@ def test_what_the_robot_cannot_do_is_refused_before_flying(setting: str, message
     with pytest.raises(AerobatError) as caught:
         run(load_scenario("paper", ["simulation.duration=0.01", setting]))
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "changed"),
+    [
+        ([], {}),
+        (["believed.air.density=1.47"], {"believed.air.density": 1.47}),
+        (["unknown_force.*.noise=0.5"], {"unknown_force.0.noise": 0.5, "unknown_force.1.noise": 0.5}),
+        (["sensors.gyro.noise=0.05", "observers.gain=50"], {"sensors.gyro.noise": [0.05], "observers.gain": 50.0}),
+        (["air.wind=[1,0,0]"], {"air.wind": [1.0, 0.0, 0.0]}),
+        (['observers.names=["kalman"]'], {"observers.names": ["kalman"]}),
+        (["simulation.seed=1"], {}),  # as it is
+        (["name=mine", "simulation.seed=7"], {}),  # another scenario: nothing that it could be taken for
+    ],
+)
+def test_what_differs_from_the_shipped_scenario_is_named(settings: list[str], changed: dict[str, Any]) -> None:
+    """Dotted keys as `--set` takes them, with the new values; defaults of a new table stay out."""
+    assert changed_keys(load_scenario("paper", settings)) == changed
+
+
+def test_what_is_taken_away_is_named_too() -> None:
+    """A hold that is gone is null; a list of another length is one value."""
+    values = load_scenario("paper").model_dump(exclude_none=True)
+    del values["hold"]
+    values["unknown_force"] = values["unknown_force"][:1]
+    changed = changed_keys(parse_scenario(values, "mine"))
+    assert changed["hold"] is None
+    assert [force["frame"] for force in changed["unknown_force"]] == ["left_force_point"]
+    assert set(changed) == {"hold", "unknown_force"}
+    assert changes_text("paper", changed).startswith("changed from paper: hold = none, unknown_force = [{frame = left")
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_a_shipped_scenario_changes_nothing(name: str) -> None:
+    """Not even after it was written with all its defaults."""
+    assert changed_keys(load_scenario(name)) == {}
+    assert changes_text(name, {}) == ""
+
+
+def test_a_description_does_not_contradict_its_scenario() -> None:
+    """That of a shipped scenario goes when a key changes and comes back with it; the user's own stays."""
+    paper = load_scenario("paper")
+    short = described(load_scenario("paper", ["simulation.duration=0.5"]))
+    assert short.description == "changed from paper: simulation.duration = 0.5"
+    longer = short.model_copy(update={"simulation": paper.simulation.model_copy(update={"duration": 3.0})})
+    assert described(longer).description == "changed from paper: simulation.duration = 3"
+    assert described(short.model_copy(update={"simulation": paper.simulation})) == paper == described(paper)
+    own = load_scenario("paper", ["description=mine", "simulation.duration=0.5"])
+    assert described(own) == own
+    assert "2 s, noise" not in repr(short)
+
+
+def test_a_long_list_of_changes_stays_a_line() -> None:
+    """Eight of them, and how many more; six digits of a number."""
+    text = changes_text("paper", {f"key{i}": 1.0 / 3.0 for i in range(10)})
+    assert text.startswith("changed from paper: key0 = 0.333333, key1")
+    assert text.endswith("key7 = 0.333333, and 2 more")
+
+
+@pytest.mark.parametrize("strips", [4, 16, 40])
+def test_the_log_has_the_size_that_was_estimated(strips: int) -> None:
+    """To 3 %: measured and true channels together."""
+    scenario = load_scenario("paper", ["simulation.duration=0.05", "simulation.dt=1e-4", f"air.strips={strips}"])
+    log = simulate(scenario)
+    assert log.truth is not None
+    assert log.measured.nbytes + log.truth.nbytes == pytest.approx(scenario.size.log_bytes, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            ["simulation.duration=1e7"],
+            r"duration = 1e\+07 s .* 1e\+10 steps, a log of 2\.\d+e\+04 GB and about 1e\+06 s",
+        ),
+        (["simulation.dt=1e-12"], r"dt = 1e-12 s.*at most 2 GB and 3600 s are allowed: a shorter simulation\.duration"),
+        (["simulation.dt=1e-12", "simulation.duration=1e-11"], "a longer simulation.dt"),  # the warm-up alone
+        (["simulation.duration=10_000", "simulation.dt=0.02", "unknown_force.*.tick=1e-5"], r"unknown_force\.\*\.tick"),
+        (["simulation.duration=1e10", "simulation.dt=1e-300"], "not a whole number of steps"),
+    ],
+)
+def test_too_large_a_flight_is_refused_before_it_takes_memory(settings: list[str], message: str) -> None:
+    """With the estimate, the limit, and the key to change; also where a copy of a good scenario is made too large."""
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario("paper", settings)
+
+
+def test_python_is_refused_as_the_command_line_is() -> None:
+    """`model_copy` checks nothing."""
+    good = load_scenario("paper")
+    large = good.model_copy(update={"simulation": good.simulation.model_copy(update={"duration": 1e7})})
+    with pytest.raises(ScenarioError, match=r"a shorter simulation\.duration"):
+        simulate(large)
+
+
+def test_a_search_for_trim_is_sized_too() -> None:
+    """It flies hundreds of flaps, of which a scenario alone knows nothing."""
+    tiny = load_scenario("paper", ["simulation.dt=1e-6", "simulation.duration=1e-3"])
+    with pytest.raises(TrimError, match=r"takes some 320 flaps, about 6\.7\d+e\+03 s; at most 3600 s"):
+        find_trim(tiny)
+
+
+def test_a_table_of_hundreds_of_megabytes_is_refused_by_its_size(tmp_path: Path) -> None:
+    """Before a byte of it becomes a number; the number of rows is estimated from its beginning."""
+    with (tmp_path / "log.csv").open("wb") as file:
+        file.write(50_000 * b"0,1\n")
+        file.truncate(200_000_000)
+    with pytest.raises(LogError, match=r"log\.csv: 200 MB, about 5e\+07 rows; at most 100 MB are read"):
+        TextTable(tmp_path / "log.csv", "log", LogError)

@@ -39,6 +39,7 @@ def test_every_scenario_is_listed_with_a_line(
     """`aerobat list`: name and description, which fits on a line."""
     assert call(monkeypatch, "list") == 0
     printed = capsys.readouterr().out
+    assert all(name in printed for name in ("gain_noise", "aerobat_guard", "momentum", "force_level"))
     for name, description in SHIPPED.items():
         assert f"  {name:<20} {description}\n" in printed
         assert 20 < len(description) < 120

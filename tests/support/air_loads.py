@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from aerobat_pin.aerodynamics import air_loads
-from aerobat_pin.aerodynamics.memory import air_in
+from aerobat_pin.aerodynamics.strip_forces import air_in
 from aerobat_pin.numerics import Array, kernel
 
 

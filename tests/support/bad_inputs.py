@@ -278,7 +278,7 @@ class Doors:
         )
         host = hosts[rng.integers(len(hosts))]
         asked = urllib.request.Request(self.address, headers={"Host": host})
-        answer = urllib.request.build_opener(_Unchecked).open(asked, timeout=self.patience)
+        answer = urllib.request.build_opener(AllAnswers).open(asked, timeout=self.patience)
         fine = answer.status == 403 and b"the page" not in answer.read()
         return Attempt(7, "host of another", "" if fine else f"silent acceptance: host {host!r}")
 
@@ -292,7 +292,7 @@ class Doors:
         return Attempt(number, case.name, wrong and f"{kind}: {case.name}: {wrong}")
 
 
-class _Unchecked(urllib.request.HTTPErrorProcessor):
+class AllAnswers(urllib.request.HTTPErrorProcessor):
     """Returns every answer, whatever its status."""
 
     def http_response(self, request: object, response: Any) -> Any:

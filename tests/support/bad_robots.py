@@ -29,40 +29,48 @@ COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--html", "out.html"]
 ENTITIES = "".join(f'<!ENTITY a{i} "{16 * f"&a{i - 1 if i else str()};"}">' for i in range(8))
-ROBOTS = (
-    "",
-    "<a/>",
-    "<robot",
-    '<robot name="r"><link name="base"/></robot>',
-    f'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaaaaaaaa">{ENTITIES}]><robot name="&a7;"/>',
-    ARM.replace('name="bar"', 'name="base"'),
-    ARM.replace('name="bar"', 'name=""'),
-    ARM.replace("<limit", "<!-- ").replace('velocity="1"/>', "-->"),
-    ARM.replace('child link="bar"', 'child link="base"'),
-    ARM.replace("revolute", "magic"),
-    ARM.replace("revolute", "floating"),
-    ARM.replace("revolute", "fixed"),
-    ARM.replace(HINGE, ""),
-    ARM.replace('name="arm"', ""),
-    ARM.replace("</robot>", f"{HINGE}</robot>"),
-)
-MOTIONS = (
-    "",
-    "time,hinge\n",
-    "time,hinge\n0,0\n",
-    "t,hinge\n0,0\n1,0\n",
-    "time,hinge\n0,0\n1,nan\n",
-    "time,hinge\n0,0\n1,1e300\n",
-    "time,hinge\n0,0\n1,x\n",
-    "time,hinge\n0,0\n1\n",
-    "time,hinge,hinge\n0,0,0\n1,0,0\n",
-    "time,hinge\n1,0\n0,0\n",
-    "time,hinge\n0,0\n0,0\n",
-    "time,hinge,bar.Fx\n0,0,0\n1,0,0\n",
-    "time,hinge,x.Fx,x.Fy,x.Fz\n0,0,0,0,0\n1,0,0,0,0\n",
-    "time;hinge\n0;0\n1;0\n",
-    "time,x,y,z,a,b,c,d,hinge\n0,0,0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0,0\n",
-)
+ROBOTS = {  # text -> what is said of it
+    "": "cannot be read as XML: no element found",
+    "\0\1\2": "cannot be read as XML",
+    "<a/>": "an outermost element <robot> was expected",
+    "<robot": "cannot be read as XML",
+    '<robot name="r"><link name="base"/></robot>': "no joint of it moves; a joint, or the 7 columns",
+    f'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaaaaaaaa">{ENTITIES}]><robot name="&a7;"/>': "cannot be read as XML",
+    ARM.replace(SHAPE, 9000 * "<b>" + 9000 * "</b>"): "more than 100 levels of elements",
+    ARM.replace("0 1 0", "a b c"): '<axis xyz="a b c">: numbers up to',
+    ARM.replace("0 1 0", "0 0 0"): '<axis xyz="0 0 0">: more than 0 was expected',
+    ARM.replace("1 1 1", "nan 1 1"): '<box size="nan 1 1">: numbers up to 1e',
+    ARM.replace("1 1 1", "1e300 1 1"): '<box size="1e300 1 1">: numbers up to 1e',
+    ARM.replace("1 1 1", "-1 1 1"): '<box size="-1 1 1">: more than 0',
+    ARM.replace('name="bar"', 'name="base"'): "Pinocchio cannot read it: link 'base' is not unique",
+    ARM.replace('name="bar"', 'name=""'): r"child link \[bar\] of joint \[hinge\] not found",
+    ARM.replace("<limit", "<!-- ").replace('velocity="1"/>', "-->"): "it does not specify limits",
+    ARM.replace('child link="bar"', 'child link="base"'): "no joint of it moves",
+    ARM.replace("revolute", "magic"): r"has no known type \[magic\]",
+    ARM.replace("revolute", "floating"): "1 columns of configuration; arm.urdf takes 7, or 14 on a free base",
+    ARM.replace("revolute", "fixed"): "no joint of it moves",
+    ARM.replace(HINGE, ""): "Two root links found",
+    ARM.replace('name="arm"', ""): "No name given for the robot",
+    ARM.replace("</robot>", f"{HINGE}</robot>"): "joint 'hinge' is not unique",
+}
+MOTIONS = {  # text -> what is said of it, with the arm
+    "": "two rows or more",
+    "time,hinge\n": "two rows or more",
+    "time,hinge\n0,0\n": "two rows or more",
+    "t,hinge\n0,0\n1,0\n": "no column named time",
+    "time,a,b\n0,0,0\n1,0,0\n": "2 columns of configuration; arm.urdf takes 1, or 8 .* hinge",
+    "time,hinge\n0,0\n1,nan\n": "line 3: hinge is not finite",
+    "time,hinge\n0,0\n1,1e300\n": r"line 3: hinge = 1e\+300: numbers up to 1e\+06",
+    "time,hinge\n0,0\n1,x\n": "line 3: hinge = 'x': a number was expected",
+    "time,hinge\n0,0\n1\n": "line 3: 1 values: 2 were expected",
+    "time,hinge,hinge\n0,0,0\n1,0,0\n": "two columns are named hinge",
+    "time,hinge\n1,0\n0,0\n": "never decreasing",
+    "time,hinge\n0,0\n0,0\n": "the same in all rows",
+    "time,hinge,bar.Fx\n0,0,0\n1,0,0\n": "three columns bar.Fx",
+    "time,hinge,x.Fx,x.Fy,x.Fz\n0,0,0,0,0\n1,0,0,0,0\n": "no frame named 'x' in the model; it has: .*bar",
+    "time;hinge\n0;0\n1;0\n": "semicolons separate its columns",
+    "time,x,y,z,a,b,c,d,hinge\n0,0,0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0,0\n": "no unit quaternion",
+}
 
 
 def stl(*corner: float) -> bytes:
@@ -78,7 +86,7 @@ def _arm(place: Path, text: str = ARM, motion: str = "time,hinge\n0,0\n1,0.5\n")
 
 def _robot(rng: Rng, place: Path) -> list[str]:
     """Write a URDF that is none."""
-    return _arm(place, ROBOTS[rng.integers(len(ROBOTS))])
+    return _arm(place, list(ROBOTS)[rng.integers(len(ROBOTS))])
 
 
 def _number(rng: Rng, place: Path) -> list[str]:
@@ -100,7 +108,7 @@ def _bytes(rng: Rng, place: Path) -> list[str]:
 
 
 def _motion(rng: Rng, place: Path) -> list[str]:
-    return _arm(place, motion=MOTIONS[rng.integers(len(MOTIONS))])
+    return _arm(place, motion=list(MOTIONS)[rng.integers(len(MOTIONS))])
 
 
 def _mesh(rng: Rng, place: Path) -> list[str]:

@@ -18,7 +18,6 @@ import pytest
 import aerobat_pin
 from aerobat_pin.flight.plant.memory import DIRECTION_AXES
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.numerics import pinocchio_views
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat
 from aerobat_pin.robot.wing import Wing
@@ -116,16 +115,6 @@ def instant(plant: Plant, seed: int) -> tuple[np.ndarray, ...]:
     q, v = plant.robot.configuration(placement, *joints[0]), plant.robot.velocity(twist, *joints[1])
     air = rng.uniform(-0.05, 0.05, plant.air.state_size)
     return q, v, joints, air, rng.uniform(-0.2, 0.2, (2, len(plant.forces)))
-
-
-def posed(plant: Plant, seed: int) -> tuple[pin.Data, np.ndarray]:
-    """Return data with placements, Jacobians and frames at a random instant, and its `liMi` as the kernels see it."""
-    q, v, *_ = instant(plant, seed)
-    data = plant.model.createData()
-    pin.forwardKinematics(plant.model, data, q, v)
-    pin.computeJointJacobians(plant.model, data, q)
-    pin.updateFramePlacements(plant.model, data)
-    return data, pinocchio_views.placements(data.liMi)
 
 
 def sample_models() -> dict[str, tuple[pin.Model, list[str]]]:

@@ -1,12 +1,24 @@
-"""The mean that the package's integrator makes of its stages."""
+"""Steps of the package's integrator for equations written as a Python function, and the mean it makes of stages."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
-from aerobat_pin.numerics.lie_runge_kutta import add_stage
+from aerobat_pin.numerics.arrays import Array
+from aerobat_pin.numerics.lie_runge_kutta import (
+    HALF_STEPS,
+    Retraction,
+    add_stage,
+    lie_step,
+    next_state,
+    next_tangent,
+)
+
+Output = TypeVar("Output")
+Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
 
 
 def stage_mean(stages: tuple[Any, ...]) -> np.ndarray:
@@ -15,3 +27,35 @@ def stage_mean(stages: tuple[Any, ...]) -> np.ndarray:
     for stage, values in enumerate(stages):
         add_stage(stage, np.ravel(np.asarray(values, float)), mean.reshape(-1))
     return mean
+
+
+def step(
+    rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
+) -> tuple[Array, Array, tuple[Output, ...]]:
+    """Integrate equations given as a Python function over one step.
+
+    Args:
+        rates: function (t, q, y) -> velocity of q in its tangent space, rate of y, and any further output.
+        retract: function (q, tangent) -> q.
+        t: start time [s].
+        q: point on the manifold.
+        y: vector state.
+        dt: time step [s].
+
+    Returns:
+        The point q and the vector y at t + dt, and the further outputs of the four stages.
+    """
+    start, state, slopes = np.array(y, float), np.array(y, float), np.zeros((4, len(y)))
+    velocities: list[Array] = []
+    outputs: list[Output] = []
+
+    def evaluate(stage: int, here: Array) -> tuple[Array, Array]:
+        velocity, slopes[stage], output = rates(t + 0.5 * HALF_STEPS[stage] * dt, here, state.copy())
+        velocities.append(np.array(velocity, float))
+        outputs.append(output)
+        tangent = np.zeros((2, len(velocity)))
+        next_tangent(stage, dt, np.array(velocities), tangent)
+        next_state(stage, dt, slopes, start, state)
+        return tangent[0], tangent[1]
+
+    return lie_step(evaluate, retract, q), state, tuple(outputs)

@@ -20,11 +20,10 @@ from aerobat_pin.flight.plant.memory import Forces
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics.lie_runge_kutta import step
 from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.robot.wing import LINKS
 from support.air_twins import added_mass, air_loads
-from support.stepping import stage_mean
+from support.stepping import stage_mean, step
 
 LOCAL, ALIGNED = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 Vector = np.ndarray
@@ -133,7 +132,7 @@ def plant_rates(
 
 
 def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
-    """Fly by `lie_runge_kutta.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
+    """Fly by `stepping.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
     robot, retract = plant.robot, pin.liegroups.SE3().integrate
     closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
     motion = joint_table(closed)

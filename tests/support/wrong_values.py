@@ -5,17 +5,18 @@ from __future__ import annotations
 import importlib
 import inspect
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial, wraps
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import tomli_w
 
-from aerobat_pin import aerodynamics, control, estimation, experiments, flight, linkage, observers, robot, scenario
+from aerobat_pin import scenario
 from aerobat_pin.errors import AerobatError, ShapeError
 from support import drone
 
@@ -66,7 +67,7 @@ class Call:
         return made
 
 
-def _stepped(plant: flight.Plant) -> Callable[..., Any]:
+def _stepped(plant: Any) -> Callable[..., Any]:
     """Return the first step of a flight that begins anew with every call."""
 
     @wraps(plant.step)
@@ -80,369 +81,224 @@ def _stepped(plant: flight.Plant) -> Callable[..., Any]:
 @cache
 def calls() -> dict[str, Call]:
     """Return a call of every public function and of every method that a user calls."""
-    folder = Path(tempfile.mkdtemp())
+    api, folder = SimpleNamespace(**exported("records", "aerobat", *DOORS)), Path(tempfile.mkdtemp())
     short = ["simulation.duration=0.01", "air.strips=4", "air.warm_up_cycles=0", 'observers.names=["force_level"]']
-    paper = scenario.load_scenario("paper", short)
-    bat = robot.load_aerobat()
+    paper = api.load_scenario("paper", short)
+    bat = api.load_aerobat()
     model, q, v = bat.model, bat.q0, np.zeros(bat.model.nv)
-    done = experiments.run(paper)
+    done = api.run(paper)
     log, estimate = done.log, done.estimates["force_level"]
-    flight.write_csv(log, folder / "log.csv")
+    api.write_csv(log, folder / "log.csv")
     log.save(folder / "log.nc")
-    shown = robot.visual_model_with_bars(bat)
+    shown = api.visual_model_with_bars(bat)
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    line = aerodynamics.LiftingLine(1.0, 0.2, strips=4)
-    air = flight.robot_air(bat.wing, paper.air)
-    plant = flight.Plant(bat, paper)
-    loop = scenario.load_scenario("hover_closed_loop", ["air.strips=4", "crank.frequency=0.0"])
-    looped = robot.believed_robot(loop)
-    sculpture, dynamics = linkage.KineticSculpture(), linkage.SculptureDynamics()
+    line = api.LiftingLine(1.0, 0.2, strips=4)
+    air = api.robot_air(bat.wing, paper.air)
+    plant = api.Plant(bat, paper)
+    loop = api.load_scenario("hover_closed_loop", ["air.strips=4", "crank.frequency=0.0"])
+    looped = api.believed_robot(loop)
+    loop_robot = {"scenario": loop, "robot": looped}
+    sculpture, dynamics = api.KineticSculpture(), api.SculptureDynamics()
     closure = sculpture.solve(np.linspace(0.0, 6.0, 5))
     rng = np.random.default_rng(1)
     noise, edges = rng.standard_normal(4000), np.arange(4001) * 1e-3
-    level = observers.calibrate_level(edges, noise, 0.3)
-    cusum = observers.calibrate_cusum(edges, noise, 0.3, 0.5)
-    action = observers.locate([0.0, 1.0, 1.0, 0.1, 0.0, 0.0], 1e-8 * np.eye(6))
-    frame, tau, point = "left_force_point", np.zeros((1, model.nv)), bat.q0[:7]
-    observer = observers.ForceLevelObserver(model, [frame], 300.0)
-    kalman = observers.KalmanObserver(model, [frame], 300.0, known_error={"air": 0.1})
+    level = api.calibrate_level(edges, noise, 0.3)
+    cusum = api.calibrate_cusum(edges, noise, 0.3, 0.5)
+    action = api.locate([0.0, 1.0, 1.0, 0.1, 0.0, 0.0], 1e-8 * np.eye(6))
+    frame, tau = "left_force_point", np.zeros((1, model.nv))
+    observer = api.ForceLevelObserver(model, [frame], 300.0)
+    kalman = api.KalmanObserver(model, [frame], 300.0, known_error={"air": 0.1})
+    smoother = api.SmootherObserver(model, [frame], 300.0)
     record = {"time": [0.0, 1e-3], "q": np.array([q, q]), "v": np.array([v, v]), "tau": tau, "known": {"air": tau}}
     sample = {"time": 1e-3, "q": q, "v": v, "tau": tau[0], "known": {"air": tau[0]}}
-    made = {"model": model, "applications": [frame], "gain": 300.0, "rows": "all"}
+    zeros = np.zeros((2, 4, 3))
+    stroke, still = api.Stroke(3.0, 0.1), api.Wind()
+    steady, spun, wake = api.ConstantRate(0.1, 1.0), api.SpinUp(0.1, 1.0, 1.0), zeros[:, :, 0]
     blank = {"robot": bat, "scenario": paper, "log": log, "air": paper.air}
-    rates = {
-        "q": q,
-        "v": v,
-        "joints": np.zeros((3, 2)),
-        "air": plant.initial.air,
-        "held": np.zeros((2, 2)),
-        "time": 0.0,
-    }
-    wings = np.zeros((1, 3, 2))
-    stroke = aerodynamics.Stroke(3.0, 0.1)
-    paper_force = paper.unknown_force[0]
     quick = ["unknown_force=[]", "simulation.dt=5e-3", "simulation.duration=0.2", "crank.frequency=20", *short[1:]]
-    free_paper = scenario.load_scenario("paper", quick)
-    free = {"robot": robot.believed_robot(free_paper), "air": free_paper.air, "torque": "measured"}
-    free_flight = estimation.FreeFlight(name="free", log=flight.simulate(free_paper), **free)
-    learnt = estimation.calibrate([free_flight], harmonics=1, parameters=["friction"])
-    (folder / "calibration.nc").write_bytes(estimation.calibration_bytes(learnt))
+    free_paper = api.load_scenario("paper", quick)
+    free = {"robot": api.believed_robot(free_paper), "air": free_paper.air, "torque": "measured"}
+    free_flight = api.FreeFlight(name="free", log=api.simulate(free_paper), **free)
+    learnt = api.calibrate([free_flight], harmonics=1, parameters=["friction"])
+    (folder / "calibration.nc").write_bytes(api.calibration_bytes(learnt))
     joints = {"q": np.outer(noise[:50], np.ones(2)), "v": np.ones((50, 2)), "a": np.ones((50, 2))}
-    friction = observers.fit_friction(**joints, residual_torque=np.ones((50, 2)))
+    friction = api.fit_friction(**joints, residual_torque=np.ones((50, 2)))
+    good: dict[str, Any] = {  # what an argument of this name may be, unless `own` says otherwise
+        **{**blank, "belief": paper, "progress": None, "robots": (bat, bat), "drive": None, "folder": folder},
+        **{"morphology": "aerobat", "changes": {}, "gravity": 9.81, "bars": "light", "wing": bat.wing, "y": [0.1]},
+        **{"model": model, "data": data, "q": q, "v": v, "frame": frame, "label": f"{frame}.Fx", "dt": 1e-3, "seed": 1},
+        **{"placement": q[:7], "twist": np.zeros(6), "theta_s": 0.1, "theta_e": 0.2, "twists": np.zeros((1, 5, 6))},
+        **{"theta_s_dot": 0.1, "theta_e_dot": 0.2, "shoulder_torque": 0.1, "elbow_torque": 0.2, "crank_torque": 0.2},
+        **{"path": folder / "log.csv", "error": AerobatError, "what": "log", "source": "here", "settings": short},
+        **{"kind": "force", "axes": "world", "direction": (0.0, 0.0, 1.0), "map": np.eye(model.nv)},
+        **{"linear_velocity": 0.1, "gyro": 0.1, "joint_rate": 0.1, "noise": api.SensorNoise(0.1, 0.1, 0.1)},
+        **{"applications": [frame], "gain": 300.0, "rows": "all", "slope": 1.0, "observer": observer, "lag": 0.01},
+        **{"sensor_noise": (0.1, 0.1, 0.1), "force_walk": 1.0, "prior": 1.0, "known_error": {"air": 0.1}},
+        **{"mass_error": 0.1, "error_time": 1.0, "misfit": 0.1, "frequency": 1.0, "deviation": 1.0, "step": 10.0},
+        **{"time": edges, "values": noise, "free": noise, "false_alarms": 0.3, "drift": 0.5, "delay": 0.01},
+        **{"wrench": action.wrench, "covariance": 1e-8 * np.eye(6), "lengths": sculpture.lengths},
+        **{"linkage": sculpture, "crank_angle": 0.1, "crank_velocity": 1.0, "crank_acceleration": 1.0},
+        **{"stabilisation": 1.0, "x": dynamics.state(0.1, 1.0), "line": line, "incidence": 0.1, "plunge": 0.1},
+        **{"span": 1.0, "chord": 0.1, "quarter_chord": 0.1, "strips": 4, "lift_slope": 6.0, "air_density": 1.2},
+        **{"airspeed": 0.1, "normal_velocity": 1.0, "flap": 0.1, "added_mass": 1.0, "lift_limit": 1.0, "gust": None},
+        **{"start": 0.1, "rate": 1.0, "duration": 1.0, "velocity": (0.0, 0.0, 1.0), "edges": edges[:3]},
+        **{"measured": log.measured, "truth": log.truth, "picture": shown, "closure": closure, "link": "left_distal"},
+    }
+    own: dict[str, dict[str, Any]] = {
+        "load_scenario": {"source": "paper"},
+        "parse_scenario": {"values": paper.model_dump(exclude_none=True)},
+        "Tie": {"name": "tie"},
+        "tie_joints": {"pairs": {"left_elbow": "right_elbow"}, "name": "elbows"},
+        "locate_series": {"wrenches": rng.standard_normal((50, 6))},
+        "Gust": {"amplitude": (0.0, 0.0, 1.0)},
+        "fly": {"motion": stroke, "time": [0.0, 0.01]},
+        "RobotAir": {"model": "lifting_line"},
+        "RobotInAir": {"air": air},
+        "strips_of": {"loads": np.zeros((9, 4))},
+        "with_settings": {"values": {"a": 1}, "settings": ["a=2"]},
+        "explain_plainly": {"error": {"type": "missing"}, "where": "a", "known": ["a"]},
+        "read_toml": {"kind": "scenario", "source": "paper", "shipped": SHIPPED},
+        "Wing": {"morphology": bat.morphology},
+        **{name: {"q": q[None], "v": v[None]} for name in ("euler_angles", "rotations", "world_velocity")},
+        "external_forces": {"wrenches": [(1, pin.Force.Zero())]},
+        "joint_wrench": {"reference_frame": pin.ReferenceFrame.LOCAL},
+        "closed_state": {"model": api.closed_model()[0]},
+        "Plant": {"drive": steady},
+        "thrusters_of": {"morphology": looped.morphology},
+        **{name: loop_robot for name in ("Controller", "nominal_flight", "loop_margins", "course_rms")},
+        "interval_means": {"forces": plant.forces},
+        "write_csv": {"path": folder / "again.csv"},
+        "load_sweep": {"source": next(iter(api.shipped_sweeps()))},
+        "write": {"experiment": done},
+        "estimate_dataset": {"estimates": done.estimates},
+    }
+    methods: list[tuple[Callable[..., Any], dict[str, Any]]] = [
+        (log.save, {"path": folder / "again.nc"}),
+        (api.FlightLog.load, {"path": folder / "log.nc"}),
+        *((method, {}) for method in (bat.with_changes, bat.configuration, bat.velocity)),
+        (good["noise"].deviations, {}),
+        (observer.reset, {"time": 0.0}),
+        *((_streamed(one, q, v), sample) for one in (observer, kalman)),
+        *((one.run, record) for one in (observer, kalman, smoother)),
+        (estimate.component, {}),
+        (api.bias_of(noise).remove, {}),
+        *((method, {}) for one in (level, cusum) for method in (one.detect, one.statistic, one.latency)),
+        (action.cross, {"outline": [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]}),
+        (action.seen_from, {"placement": pin.SE3.Identity()}),
+        *((method, {}) for method in (sculpture.solve, sculpture.sensitivity, closure.crank_torque)),
+        *((method, {}) for method in (closure.joint_torques, dynamics.state, dynamics.f_k, dynamics.g_k, dynamics.gap)),
+        *((method, {}) for method in (still.field, still.drift, steady.__call__, spun.__call__)),
+        (stroke.__call__, {"time": 0.1}),
+        (line.step_response, {"time": [0.0, 0.1]}),
+        *((method, {}) for method in (line.frequency_response, line.state_space, line.steady_circulation)),
+        *((method, {}) for method in (line.steady_coefficients, air.airspeed)),
+        (plant.in_air.link_twists, {"q": q[None], "v": v[None]}),
+        (plant.in_air.flapping_twists, {"motion": zeros[:1, :3, :2]}),
+        (plant.in_air.warmed_up, {"motion": np.zeros((3, 3, 2))}),
+        (paper.unknown_force[0].interval_means, {"edges": edges[:2], "rng": np.random.default_rng(1)}),
+        *((method, {}) for method in (bat.wing.attach, bat.wing.chord, bat.wing.leading_edge, bat.wing.outline)),
+        *((method, {"time": edges[:3]}) for method in (plant.closure, plant.wind)),
+        (plant.start, {"held": np.zeros((2, 2, 3)), "start": None, "endless": False}),
+        (_stepped(plant), {"command": np.zeros(6), "crank_rate": None}),
+        (plant.rates, {"joints": np.zeros((3, 2)), "air": plant.initial.air, "held": np.zeros((2, 2)), "time": 0.0}),
+        (plant.fly, {"count": 2, "held": np.zeros((2, 2, 2)), "start": None}),
+        (api.Wake(edges[:2], zeros, wake, still).mean_trailing, {"start": 0.0, "end": 1.0}),
+    ]
     found: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
-        "run": (experiments.run, {"scenario": paper, "progress": None, "robots": (bat, bat)}),
-        "run_recorded": (experiments.run_recorded, {"log": log, "belief": paper, "progress": None}),
-        "simulate": (flight.simulate, {"scenario": paper, "progress": None, "drive": None, "robot": bat}),
-        "FlightLog": (flight.FlightLog, {"measured": log.measured, "truth": log.truth}),
-        "FlightLog.save": (log.save, {"path": folder / "again.nc"}),
-        "FlightLog.load": (flight.FlightLog.load, {"path": folder / "log.nc"}),
-        "load_aerobat": (robot.load_aerobat, {"morphology": "aerobat", "changes": {}, "gravity": 9.81}),
-        "load_morphology": (robot.load_morphology, {"morphology": "aerobat", "changes": {}}),
-        "Aerobat.with_changes": (bat.with_changes, {"changes": {}}),
-        "Aerobat.configuration": (bat.configuration, {"placement": point, "theta_s": 0.1, "theta_e": 0.2}),
-        "Aerobat.velocity": (bat.velocity, {"twist": np.zeros(6), "theta_s_dot": 0.1, "theta_e_dot": 0.2}),
-        "load_scenario": (scenario.load_scenario, {"source": "paper", "settings": short}),
-        "parse_scenario": (scenario.parse_scenario, {"values": paper.model_dump(exclude_none=True), "source": "here"}),
-        "scenario_toml": (scenario.scenario_toml, {"scenario": paper}),
-        "Application": (
-            observers.Application,
-            {"frame": frame, "kind": "force", "axes": "world", "direction": (0.0, 0.0, 1.0)},
-        ),
-        "SensorNoise": (observers.SensorNoise, {"linear_velocity": 0.1, "gyro": 0.1, "joint_rate": 0.1}),
-        "SensorNoise.deviations": (observers.SensorNoise(0.1, 0.1, 0.1).deviations, {"model": model}),
-        "Tie": (observers.Tie, {"name": "tie", "map": np.eye(model.nv)}),
-        "tie_joints": (
-            observers.tie_joints,
-            {"model": model, "pairs": {"left_elbow": "right_elbow"}, "name": "elbows"},
-        ),
-        **{f"{kind.__name__}": (kind, made) for kind in (*observers.OBSERVERS.values(),)},
-        "KalmanObserver ": (
-            observers.KalmanObserver,
-            {
-                **made,
-                "sensor_noise": (0.1, 0.1, 0.1),
-                "force_walk": 1.0,
-                "prior": 1.0,
-                "known_error": {"air": 0.1},
-                "mass_error": 0.1,
-                "error_time": 1.0,
-                "misfit": 0.1,
-                "frequency": 5.0,
-            },
-        ),
-        "SuperTwistingObserver ": (observers.SuperTwistingObserver, {**made, "slope": 1.0}),
-        "Observer.reset": (observer.reset, {"q": q, "v": v, "time": 0.0}),
-        "Observer.update": (_streamed(observer, q, v), sample),
-        "KalmanObserver.update": (_streamed(kalman, q, v), sample),
-        "Observer.run": (observer.run, record),
-        "KalmanObserver.run": (kalman.run, record),
-        "SmootherObserver.run": (observers.SmootherObserver(model, [frame], 300.0).run, record),
-        "Estimate.component": (estimate.component, {"label": f"{frame}.Fx"}),
-        "Bias.remove": (observers.bias_of(noise).remove, {"values": noise}),
-        "bias_of": (observers.bias_of, {"free": noise}),
-        "calibrate_level": (
-            observers.calibrate_level,
-            {"time": edges, "free": noise, "false_alarms": 0.3, "delay": 0.01},
-        ),
-        "calibrate_cusum": (
-            observers.calibrate_cusum,
-            {"time": edges, "free": noise, "false_alarms": 0.3, "drift": 0.5, "delay": 0.01},
-        ),
-        **{
-            f"{type(one).__name__}.{name}": (getattr(one, name), {"time": edges, "values": noise})
-            for one in (level, cusum)
-            for name in ("detect", "statistic")
-        },
-        "LevelDetector.latency": (level.latency, {"step": 10.0}),
-        "CusumDetector.latency": (cusum.latency, {"step": 10.0}),
-        "predict": (
-            observers.predict,
-            {"observer": observer, "q": q, "dt": 1e-3, "noise": observers.SensorNoise(0.1, 0.1, 0.1)},
-        ),
-        "gain_for_lag": (observers.gain_for_lag, {"observer": observer, "dt": 1e-3, "lag": 0.01}),
-        "gain_for_deviation": (
-            observers.gain_for_deviation,
-            {
-                "observer": observer,
-                "q": q,
-                "dt": 1e-3,
-                "noise": observers.SensorNoise(0.1, 0.1, 0.1),
-                "label": f"{frame}.Fx",
-                "deviation": 1.0,
-            },
-        ),
-        "locate": (observers.locate, {"wrench": action.wrench, "covariance": 1e-8 * np.eye(6)}),
-        "locate_series": (
-            observers.locate_series,
-            {"wrenches": rng.standard_normal((50, 6)), "covariance": 1e-8 * np.eye(6)},
-        ),
-        "LineOfAction.cross": (action.cross, {"outline": [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]}),
-        "LineOfAction.seen_from": (action.seen_from, {"placement": pin.SE3.Identity()}),
-        "KineticSculpture": (linkage.KineticSculpture, {"lengths": sculpture.lengths}),
-        "KineticSculpture.solve": (
-            sculpture.solve,
-            {"crank_angle": 0.1, "crank_velocity": 1.0, "crank_acceleration": 1.0},
-        ),
-        "KineticSculpture.sensitivity": (sculpture.sensitivity, {"crank_angle": 0.1}),
-        "SculptureDynamics": (linkage.SculptureDynamics, {"lengths": sculpture.lengths, "stabilisation": 1.0}),
-        "SculptureDynamics.state": (dynamics.state, {"crank_angle": 0.1, "crank_velocity": 1.0}),
-        **{
-            f"SculptureDynamics.{name}": (getattr(dynamics, name), {"x": dynamics.state(0.1, 1.0)})
-            for name in ("f_k", "g_k", "gap")
-        },
-        "Closure.crank_torque": (closure.crank_torque, {"shoulder_torque": 0.1, "elbow_torque": 0.2}),
-        "Closure.joint_torques": (closure.joint_torques, {"crank_torque": 0.2}),
-        "Gust": (aerodynamics.Gust, {"amplitude": (0.0, 0.0, 1.0), "start": 0.1, "duration": 1.0}),
-        "Wind": (aerodynamics.Wind, {"velocity": (0.0, 0.0, 1.0), "gust": None}),
-        "Wind.field": (aerodynamics.Wind().field, {"time": edges}),
-        "Wind.drift": (aerodynamics.Wind().drift, {"time": edges}),
-        "Stroke": (aerodynamics.Stroke, dict.fromkeys(["airspeed", "incidence", "frequency", "plunge", "flap"], 0.1)),
-        "Stroke.__call__": (stroke.__call__, {"time": 0.1}),
-        "fly": (aerodynamics.fly, {"line": line, "motion": stroke, "time": [0.0, 0.01], "added_mass": 1.0}),
-        "LiftingLine": (
-            aerodynamics.LiftingLine,
-            {
-                "span": 1.0,
-                "chord": 0.1,
-                "quarter_chord": 0.1,
-                "strips": 4,
-                "lift_slope": 6.0,
-                "air_density": 1.2,
-            },
-        ),
-        "LiftingLine.frequency_response": (
-            line.frequency_response,
-            {"frequency": 1.0, "airspeed": 1.0, "normal_velocity": 1.0},
-        ),
-        "LiftingLine.step_response": (
-            line.step_response,
-            {"time": [0.0, 0.1], "airspeed": 1.0, "normal_velocity": 1.0},
-        ),
-        "LiftingLine.state_space": (line.state_space, {"airspeed": 1.0}),
-        "LiftingLine.steady_circulation": (line.steady_circulation, {"normal_velocity": 1.0}),
-        "LiftingLine.steady_coefficients": (line.steady_coefficients, {"incidence": 0.1}),
-        "RobotAir": (
-            aerodynamics.RobotAir,
-            {
-                "wing": bat.wing,
-                "strips": 4,
-                "air_density": 1.2,
-                "model": "lifting_line",
-                "lift_limit": 1.0,
-                "added_mass": 1.0,
-            },
-        ),
-        "RobotAir.airspeed": (air.airspeed, {"twists": np.zeros((1, 5, 6))}),
-        "RobotInAir": (aerodynamics.RobotInAir, {"robot": bat, "air": air}),
-        "RobotInAir.link_twists": (plant.in_air.link_twists, {"q": q[None], "v": v[None]}),
-        "RobotInAir.flapping_twists": (
-            plant.in_air.flapping_twists,
-            {"placement": point, "twist": np.zeros(6), "motion": wings},
-        ),
-        "RobotInAir.warmed_up": (
-            plant.in_air.warmed_up,
-            {"placement": point, "twist": np.zeros(6), "motion": np.zeros((3, 3, 2)), "dt": 1e-3},
-        ),
-        "strips_of": (aerodynamics.strips_of, {"loads": np.zeros((9, 4))}),
-        "TextTable": (
-            scenario.TextTable,
-            {"path": folder / "log.csv", "what": "log", "error": AerobatError},
-        ),
-        "RecordedForce.interval_means": (
-            paper_force.interval_means,
-            {"edges": np.array([0.0, 0.1]), "rng": np.random.default_rng(1)},
-        ),
-        "assign": (partial(scenario.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
-        "with_settings": (scenario.with_settings, {"values": {"a": 1}, "settings": ["a=2"]}),
-        "explain_plainly": (
-            scenario.explain_plainly,
-            {"error": {"type": "missing"}, "where": "a", "known": ["a"]},
-        ),
-        "read_toml": (
-            scenario.read_toml,
-            {"kind": "scenario", "source": "paper", "shipped": SHIPPED, "error": AerobatError},
-        ),
-        "shipped_names": (scenario.shipped_names, {"folder": folder}),
-        "Wing": (robot.Wing, {"morphology": bat.morphology}),
-        "Wing.attach": (bat.wing.attach, {"y": [0.1]}),
-        "Wing.chord": (bat.wing.chord, {"y": [0.1]}),
-        "Wing.leading_edge": (bat.wing.leading_edge, {"y": [0.1]}),
-        "Wing.outline": (bat.wing.outline, {"link": "left_distal"}),
-        "load_robot": (robot.load_robot, {"scenario": paper}),
-        "believed_robot": (robot.believed_robot, {"scenario": paper}),
-        "euler_angles": (robot.euler_angles, {"q": q[None]}),
-        "rotations": (robot.rotations, {"q": q[None]}),
-        "world_velocity": (robot.world_velocity, {"q": q[None], "v": v[None]}),
-        "external_forces": (robot.external_forces, {"model": model, "wrenches": [(1, pin.Force.Zero())]}),
-        "joint_table": (robot.joint_table, {"closure": closure}),
-        "joint_wrench": (
-            robot.joint_wrench,
-            {
-                "model": model,
-                "data": data,
-                "frame": frame,
-                "wrench": np.zeros(6),
-                "reference_frame": pin.ReferenceFrame.LOCAL,
-            },
-        ),
-        "closed_model": (robot.closed_model, {"morphology": "aerobat", "bars": "light", "gravity": 9.81}),
-        "closed_state": (
-            robot.closed_state,
-            {"model": robot.closed_model()[0], "linkage": sculpture, "crank_angle": 0.1, "crank_velocity": 1.0},
-        ),
-        "place_bars": (robot.place_bars, {"robot": bat, "picture": shown, "crank_angle": 0.1}),
-        "visual_model_with_bars": (robot.visual_model_with_bars, {"robot": bat}),
-        "tree_of": (robot.tree_of, {"model": model}),
-        "ConstantRate": (flight.ConstantRate, {"start": 0.1, "rate": 1.0}),
-        "ConstantRate.__call__": (flight.ConstantRate(0.1, 1.0).__call__, {"time": edges}),
-        "SpinUp": (flight.SpinUp, {"start": 0.1, "rate": 1.0, "duration": 1.0}),
-        "SpinUp.__call__": (flight.SpinUp(0.1, 1.0, 1.0).__call__, {"time": edges}),
-        "Plant": (flight.Plant, {"robot": bat, "scenario": paper, "drive": flight.ConstantRate(0.1, 1.0)}),
-        "Plant.closure": (plant.closure, {"time": edges[:3]}),
-        "Plant.wind": (plant.wind, {"time": edges[:3]}),
-        "thrusters_of": (flight.thrusters_of, {"morphology": looped.morphology}),
-        "AirStream": (estimation.AirStream, {"robot": bat, "air": paper.air, "dt": 1e-3}),
-        "Controller": (control.Controller, {"scenario": loop, "robot": looped}),
-        "nominal_flight": (control.nominal_flight, {"scenario": loop, "robot": looped}),
-        "loop_margins": (control.loop_margins, {"scenario": loop}),
-        "course_rms": (control.course_rms, {"scenario": loop, "log": log}),
-        "Plant.start": (plant.start, {"held": np.zeros((2, 2, 3)), "dt": 1e-3, "start": None, "endless": False}),
-        "Plant.step": (_stepped(plant), {"command": np.zeros(6), "crank_rate": None}),
-        "Plant.rates": (plant.rates, rates),
-        "Plant.fly": (plant.fly, {"count": 2, "dt": 1e-3, "held": np.zeros((2, 2, 2)), "progress": None}),
-        "Wake.mean_trailing": (
-            flight.Wake(edges[:2], np.zeros((2, 4, 3)), np.zeros((2, 4)), aerodynamics.Wind()).mean_trailing,
-            {"start": 0.0, "end": 1.0},
-        ),
-        "find_trim": (flight.find_trim, {"scenario": paper}),
-        "interval_means": (flight.interval_means, {"forces": plant.forces, "edges": edges[:3], "seed": 1}),
-        "read_csv": (flight.read_csv, {"path": folder / "log.csv"}),
-        "write_csv": (flight.write_csv, {"log": log, "path": folder / "again.csv"}),
-        "robot_air": (flight.robot_air, {"wing": bat.wing, "air": paper.air}),
-        "wind_of": (flight.wind_of, {"air": paper.air}),
-        "wake_of": (flight.wake_of, {"log": log, "robot": bat, "air": paper.air}),
+        "assign": (partial(api.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
         "belief_about": (
-            estimation.belief_about,
+            api.belief_about,
             {"log": log, "name": "log", "morphology": "aerobat", "names": ["momentum"], "settings": []},
         ),
-        "FreeFlight": (estimation.FreeFlight, {"name": "free", "log": log, **free}),
+        "FreeFlight": (api.FreeFlight, {"name": "free", "log": log, **free}),
         "calibrate": (
-            estimation.calibrate,
+            api.calibrate,
             {"flights": [free_flight], "harmonics": 1, "vary": ["speed"], "parameters": [], "progress": None},
         ),
-        "calibration_bytes": (estimation.calibration_bytes, {"calibration": learnt}),
-        "read_calibration": (estimation.read_calibration, {"path": folder / "calibration.nc"}),
+        "calibration_bytes": (api.calibration_bytes, {"calibration": learnt}),
+        "read_calibration": (api.read_calibration, {"path": folder / "calibration.nc"}),
         "JointFriction": (
-            observers.JointFriction,
+            api.JointFriction,
             {name: np.zeros(2) for name in ("coulomb", "viscous", "inertia", "offset")} | {"rate": 0.02},
         ),
         "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
-        "fit_friction": (observers.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
-        "check_names": (estimation.check_names, {"names": ["momentum"]}),
-        "describe_belief": (estimation.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
-        "estimate_log": (estimation.estimate_log, {"log": log, "robot": bat, "belief": paper, "progress": None}),
-        "flight_summary": (estimation.flight_summary, {"log": log, "mass": 0.04}),
+        "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
+        "check_names": (api.check_names, {"names": ["momentum"]}),
+        "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
+        "estimate_log": (api.estimate_log, {"log": log, "robot": bat, "belief": paper, "progress": None}),
+        "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
         "known_inputs": (
-            estimation.known_inputs,
+            api.known_inputs,
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
-        "motion": (estimation.motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "point_label": (estimation.point_label, {"frame": frame}),
-        "r_squared": (estimation.r_squared, {"estimate": noise, "truth": noise}),
-        "read_log": (estimation.read_log, {"path": folder / "log.csv"}),
-        "self_check": (estimation.self_check, {"robot": bat, "belief": paper}),
-        "true_events": (estimation.true_events, {"log": log}),
-        "true_force": (estimation.true_force, {"log": log, "frame": frame}),
-        "estimate_dataset": (experiments.estimate_dataset, {"estimates": done.estimates}),
-        "flight_note": (experiments.flight_note, {"scenario": paper, "robot": bat, "log": log}),
-        "recorded_note": (experiments.recorded_note, {"log": log, "robot": bat}),
-        "load_sweep": (experiments.load_sweep, {"source": next(iter(experiments.shipped_sweeps()))}),
-        "write": (experiments.write, {"experiment": done, "folder": folder}),
-        **_recordings(folder, model, log, done),
+        "motion": (api.motion, {"log": log, "robot": bat, "air": blank["air"]}),
+        "observer_scores": (api.observer_scores, {"estimate": estimate, "log": log}),
+        "point_label": (api.point_label, {"frame": frame}),
+        "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
+        "read_log": (api.read_log, {"path": folder / "log.csv"}),
+        "self_check": (api.self_check, {"robot": bat, "belief": paper}),
+        "true_events": (api.true_events, {"log": log}),
+        "true_force": (api.true_force, {"log": log, "frame": frame}),
+        **_recordings(api, folder, model, log, done),
     }
-    return {name: Call(*pair) for name, pair in found.items()}
+    calls = {name: Call(*pair) for name, pair in found.items()}
+    for name, function in public_callables().items():
+        if name not in calls and name not in EXCLUDED:
+            calls[name] = _call(function, good, own.get(name, {}))
+    for method, mine in methods:
+        made = _call(method, good, mine)
+        name = method.__qualname__
+        calls[name if name not in calls else f"{name} of {len(calls)}"] = made
+    return calls
+
+
+def _call(function: Callable[..., Any], good: dict[str, Any], own: dict[str, Any]) -> Call:
+    """Return the call of a function with its own arguments, and with a good value for every other that has one."""
+    names = inspect.signature(function).parameters
+    return Call(function, {name: own.get(name, good.get(name)) for name in names if name in own or name in good})
 
 
 def _recordings(
-    folder: Path, model: pin.Model, log: Any, done: Any
+    api: Any, folder: Path, model: pin.Model, log: Any, done: Any
 ) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Return calls of what reads recordings of any robot: a second of a quadrotor."""
     drone.flight(1.5).to_csv(folder / "drone.csv", index=False)
     values: dict[str, Any] = {key: part for key, part in drone.MAP.items() if key not in ("known", "check")}
-    read = estimation.parse_map(values, "here")
+    read = api.parse_map(values, "here")
     (folder / "map.toml").write_text(tomli_w.dumps(values))
-    found = estimation.estimate_recording(folder / "drone.csv", read, folder)
-    data = experiments.estimate_dataset(done.estimates)
-    fitted = estimation.parse_map(drone.MAP, "here")
-    learnt = estimation.calibrate_recording(folder / "drone.csv", fitted, folder)
-    (folder / "drone.nc").write_bytes(estimation.map_calibration_bytes(learnt))
+    found = api.estimate_recording(folder / "drone.csv", read, folder)
+    data = api.estimate_dataset(done.estimates)
+    fitted = api.parse_map(drone.MAP, "here")
+    learnt = api.calibrate_recording(folder / "drone.csv", fitted, folder)
+    (folder / "drone.nc").write_bytes(api.map_calibration_bytes(learnt))
     return {
         "calibrate_recording": (
-            estimation.calibrate_recording,
+            api.calibrate_recording,
             {"log": folder / "drone.csv", "chosen": fitted, "folder": folder, "identify": [], "trust": False},
         ),
-        "map_calibration_bytes": (estimation.map_calibration_bytes, {"calibration": learnt}),
-        "read_map_calibration": (estimation.read_map_calibration, {"path": folder / "drone.nc"}),
-        "parse_map": (estimation.parse_map, {"values": values, "source": "here"}),
-        "load_map": (estimation.load_map, {"path": folder / "map.toml"}),
+        "map_calibration_bytes": (api.map_calibration_bytes, {"calibration": learnt}),
+        "read_map_calibration": (api.read_map_calibration, {"path": folder / "drone.nc"}),
+        "parse_map": (api.parse_map, {"values": values, "source": "here"}),
+        "load_map": (api.load_map, {"path": folder / "map.toml"}),
         "with_options": (
-            estimation.with_options,
+            api.with_options,
             {"chosen": read, "urdf": None, "points": ["body"], "observers": ["momentum"]},
         ),
         "estimate_recording": (
-            estimation.estimate_recording,
+            api.estimate_recording,
             {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False}
             | {"calibration": None},
         ),
-        "suggested_map": (estimation.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
+        "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
         "OnlineEstimator": (
-            estimation.OnlineEstimator,
+            api.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None},
         ),
-        "write_mcap": (estimation.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
+        "write_recorded": (api.write_recorded, {"found": found, "folder": folder}),
+        "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
-            estimation.write_flight_mcap,
+            api.write_flight_mcap,
             {"model": model, "log": log, "estimates": data, "path": folder / "bat.mcap"},
         ),
     }
@@ -467,7 +323,8 @@ Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDet
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
-LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent"""  # made by other functions
+LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
+Contact CalibrationParts"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
 SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
@@ -478,7 +335,8 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run contradictions joint_series
 moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction ClosedLoop
 LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys
-changes_text differing_keys keys_text described log_with_motion shipped_description"""
+changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score lines_of warnings_about
+described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
@@ -520,10 +378,13 @@ def api_case(rng: np.random.Generator) -> tuple[str, str]:
     return f"{name}({argument}={kind})", fault(name, argument, kind)
 
 
-def public_callables() -> Iterator[str]:
-    """Yield the names of functions and classes that the doors export."""
-    for door in DOORS:
-        module = importlib.import_module(f"aerobat_pin.{door}")
-        for name in module.__all__:
-            if inspect.isfunction(getattr(module, name)) or inspect.isclass(getattr(module, name)):
-                yield name
+def exported(*rooms: str) -> dict[str, Any]:
+    """Return what the doors of these rooms export, by name."""
+    modules = [importlib.import_module(f"aerobat_pin.{room}") for room in rooms]
+    return {name: getattr(module, name) for module in modules for name in module.__all__}
+
+
+def public_callables() -> dict[str, Callable[..., Any]]:
+    """Return the functions and classes that the doors export, by name."""
+    found = exported(*DOORS)
+    return {name: one for name, one in found.items() if inspect.isfunction(one) or inspect.isclass(one)}

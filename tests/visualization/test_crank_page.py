@@ -1,19 +1,26 @@
-"""`aerobat crank`: the page closes the linkage as Python does; mouse, keys and touch use it, on a telephone too."""
+"""`aerobat crank`: the page closes the linkage as Python does; mouse, keys and touch use it, on a telephone too.
+
+`open_robot`: meshcat shows the robot large and whole, and Python turns the crank in it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from support.browser import PATIENCE, needs_browser, opened
-from support.commands import aerobat, call
+from support.browser import PATIENCE, frames, needs_browser, opened, pixels
+from support.commands import aerobat
 
 from aerobat_description.morphology import Morphology
 from aerobat_description.position_closure import ClosureError, close_linkage
-from aerobat_pin.visualization.crank_by_hand import crank_page
+from aerobat_pin.errors import ArgumentError
+from aerobat_pin.robot import load_aerobat
+from aerobat_pin.visualization import crank_page, open_robot
 
 BARS = {
     "L1": "J1 J2",
@@ -160,14 +167,45 @@ def test_every_robot_has_its_page(name: str) -> None:
     assert len(page) < 1.3e6
 
 
-def test_mistakes_cost_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A robot that is not there, and a page that is."""
-    file = tmp_path / "a.html"
-    assert call(monkeypatch, "crank", "aerobot", "--output", str(file)) == 2
-    assert "no morphology named 'aerobot'" in capsys.readouterr().err
-    file.write_text("mine")
-    assert call(monkeypatch, "crank", "--output", str(file)) == 2
-    assert "--force" in capsys.readouterr().err
-    assert file.read_text() == "mine"
+ROBOT = "viewer.scene_tree.find(['meshcat', 'aerobat']).object"
+PART = "viewer.scene_tree.find(['meshcat', 'aerobat', 'visuals', '{}']).object"
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["aerobat", "aerobat_guard"])
+def test_the_camera_frames_the_robot_and_the_crank_turns_it(name: str, browser: Any) -> None:
+    """At least a third of the width of a page of 1000 pixels, nothing cut off; parts move to the closure's places."""
+    robot = load_aerobat(name)
+    view = open_robot(robot, browser=False)
+    with opened(browser, view.url, "http://127.0.0.1", "ws://127.0.0.1", "blob:") as page:
+        page.wait_for_function("typeof viewer !== 'undefined'")
+        for part in robot.visual_model.geometryObjects:
+            page.wait_for_function(f"{PART.format(part.name)}.children.length")
+        page.wait_for_function("viewer.camera.position.length() < 1.5")  # sent last; meshcat's own is 3.2 m away
+        pictures = []
+        for visible in ("true", "false"):
+            page.evaluate(f"{ROBOT}.visible = {visible}; viewer.set_dirty()")
+            frames(page)
+            pictures.append(pixels(page))
+        drawn = np.abs(pictures[0] - pictures[1]).max(axis=2) > 0.05
+        columns, rows = (np.flatnonzero(drawn.any(axis=axis)) for axis in (0, 1))
+        assert np.ptp(columns) > 330
+        assert columns[0] > 0
+        assert columns[-1] < drawn.shape[1] - 1
+        assert rows[0] > 0
+        assert rows[-1] < drawn.shape[0] - 1
+        view.turn(0.7)
+        place = [robot.morphology.wing.offset_x, *robot.linkage.solve(0.7).pins["J9"]]
+        page.wait_for_function(
+            f"(place) => place.every((x, k) => Math.abs({PART.format('left_L6')}.matrix.elements[12 + k] - x) < 1e-6)",
+            arg=place,
+        )
+    view.close()
+    with pytest.raises(URLError):
+        urlopen(view.url)
+
+
+def test_what_is_no_robot_is_refused() -> None:
+    """Before a server starts."""
+    with pytest.raises(ArgumentError, match="robot"):
+        open_robot("aerobat")  # type: ignore[arg-type]

@@ -161,7 +161,7 @@ def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> N
 
 
 def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, paper_folder: Path) -> None:
-    """No address to fetch, seven embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
+    """No address to fetch, eight embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
     page = (paper_folder / "report.html").read_text()
     assert not re.search(r'(?:src|href)="(?!data:|#|replay\.html")', page)
     assert "url(" not in page

@@ -23,29 +23,22 @@ import numpy as np
 import psutil
 import pytest
 from matplotlib.image import imread
+from support.bad_inputs import AllAnswers
 from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.errors import BrowserError, FrameNotFoundError, LogError
+from aerobat_pin.errors import BrowserError, LogError
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.visualization.replay.motion_csv import replay_table
+from aerobat_pin.visualization.replay.any_robot import replay_table
 from aerobat_pin.visualization.replay.serve import serve
 from aerobat_pin.visualization.replay.snapshots import snapshots
 
 ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin xyz="0 0 0.5"/><geometry>
 <box size="0.1 0.1 1"/></geometry></visual></link><joint name="hinge" type="revolute"><parent link="base"/>
 <child link="bar"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
-
-
-class AllAnswers(urllib.request.HTTPErrorProcessor):
-    """Returns every answer, whatever its status."""
-
-    def http_response(self, request: object, response: Any) -> Any:
-        """Return the answer."""
-        return response
 
 
 @contextmanager
@@ -142,7 +135,7 @@ def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connection
 
 def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
     """Neither the command nor what it calls."""
-    modules = "motion_csv, page, recording, flight_replay, scene, serve, snapshots"
+    modules = "any_robot, page, recording, flight_replay, scene, serve, snapshots"
     code = f"""
 import os
 import aerobat_pin.cli
@@ -306,34 +299,3 @@ def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pyte
         assert replay_table(motion, deep / "arm.urdf").visual_model.ngeoms == 1
         shutil.rmtree(place / "bird")
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
-
-
-@pytest.mark.parametrize(
-    ("header", "rows", "error", "message"),
-    [
-        ("t,hinge", [[0, 0], [1, 0]], LogError, "no column named time"),
-        ("time,a,b", [[0, 0, 0], [1, 0, 0]], LogError, "2 columns of configuration; arm.urdf takes 1, or 8 .* hinge"),
-        ("time,hinge,bar.Fx", [[0, 0, 0], [1, 0, 0]], LogError, "three columns bar.Fx"),
-        ("time,a,b,c,d,e,f,g,h", [[t, *[0] * 8] for t in (0, 1)], LogError, "no unit quaternion"),
-        ("time,hinge,x.Fx,x.Fy,x.Fz", [[0] * 5, [1] * 5], FrameNotFoundError, "bar"),
-        ("time,hinge", [[0, 0], [1, np.nan]], LogError, "line 3: hinge is not finite"),
-        ("time,hinge", [[0, 0]], LogError, "two rows or more"),
-    ],
-)
-def test_a_table_that_does_not_fit_is_refused(
-    header: str, rows: Any, error: type[Exception], message: str, tmp_path: Path
-) -> None:
-    """With what was expected."""
-    (tmp_path / "arm.urdf").write_text(ARM)
-    with pytest.raises(error, match=message):
-        replay_table(table(tmp_path, header, rows), tmp_path / "arm.urdf")
-
-
-def test_a_robot_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    """No such file, or no URDF."""
-    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
-    with pytest.raises(LogError, match="no such file"):
-        replay_table(motion, tmp_path / "no.urdf")
-    (tmp_path / "bad.urdf").write_text("<robot")
-    with pytest.raises(LogError, match="cannot be read as XML"):
-        replay_table(motion, tmp_path / "bad.urdf")

@@ -10,8 +10,8 @@ import pytest
 from support.browser import needs_browser, opened
 
 from aerobat_pin.robot import load_aerobat
+from aerobat_pin.visualization.comparison import side_by_side
 from aerobat_pin.visualization.replay.recording import Recording
-from aerobat_pin.visualization.replay.side_by_side import side_by_side
 
 READY = "window.panes && panes.every((pane) => !pane.viewer.animator.playing)"
 

@@ -11,7 +11,7 @@ from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
 from aerobat_pin.aerobat.calibration.flight_state import flight_state
 from aerobat_pin.aerobat.calibration.free_flight import FreeFlight
 from aerobat_pin.aerobat.calibration.learnt_range import LearntRange
-from aerobat_pin.aerobat.flight_record import raw_channels
+from aerobat_pin.aerobat.flight_record import flight_channels
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.scenario import RawSection
 
@@ -41,7 +41,10 @@ def calibrate_mount(flights: Sequence[FreeFlight], parameters: Sequence[str] | N
         )
     first = flights[0]
     settings = first.raw or RawSection()
-    records = [raw_record(one.log.time, raw_channels(one.log), one.robot, one.torque, settings) for one in flights]
+    records = [
+        raw_record(one.log.time, flight_channels(one.log, one.robot), one.robot, one.torque, settings)
+        for one in flights
+    ]
     mount, found = find_mount(records, first.robot, first.air, tuple(first.frames), settings)
     stated = records[0].channels["accelerometer"]
     away = 1e3 * float(np.linalg.norm(mount.place - stated.place))

@@ -9,8 +9,8 @@ from typing import Any
 from aerobat_pin.estimation import TRUTH_SCORES, Score
 from aerobat_pin.experiments import FlightSummary
 
-METADATA = {item.name: item.metadata for item in fields(Score)}
-SCORES = {name: (METADATA[name]["unit"], METADATA[name]["meaning"]) for name in TRUTH_SCORES}
+UNIT_AND_MEANING = {item.name: item.metadata for item in fields(Score)}
+SCORES = {name: (UNIT_AND_MEANING[name]["unit"], UNIT_AND_MEANING[name]["meaning"]) for name in TRUTH_SCORES}
 JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}
 CONTROL_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
 COURSE_UNITS = {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.errors import SweepError
-from aerobat_pin.experiments.sweep.columns import RESERVED_NAMES
+from aerobat_pin.experiments.sweep.outcomes import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
 from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario

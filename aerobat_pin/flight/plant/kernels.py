@@ -6,7 +6,7 @@ import numpy as np
 
 from aerobat_pin.aerodynamics import add_mass, air_loads, place_links
 from aerobat_pin.flight.attitude_hold import hold_wrench
-from aerobat_pin.flight.crank.motor import CRANK_SIZE, add_crank, crank_rates
+from aerobat_pin.flight.crank import CRANK_SIZE, add_crank, crank_rates
 from aerobat_pin.flight.plant.memory import PlantMemory, UnknownForces, plant_in
 from aerobat_pin.linkage import joints_at
 from aerobat_pin.numerics import (

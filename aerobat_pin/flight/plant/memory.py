@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerodynamics import LINK_COUNT, RobotMemory, robot_in
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.crank.motor import RateControlledMotor
+from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.numerics import Array, Integers, array_at, frame_id, layout_of, merged, next_size, rewind
 from aerobat_pin.robot import LINKS

@@ -8,7 +8,7 @@ torque u_m (see `prescribed_joints`):
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
 H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns
-the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank.motor`), and theta'' follows.
+the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank`), and theta'' follows.
 
 The kernel `advance_stage` is one stage of the integrator: it evaluates these equations, adds the forces to their means
 over the step, and prepares the next stage.
@@ -23,19 +23,17 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat import robot_air, wind_of
-from aerobat_pin.aerodynamics import RobotInAir, fill
+from aerobat_pin.aerodynamics import RobotInAir
 from aerobat_pin.errors import CrankError, SimulationError
 from aerobat_pin.flight.attitude_hold import hold_about
-from aerobat_pin.flight.crank.drives import CrankDrive, checked_motion
-from aerobat_pin.flight.crank.from_scenario import crank_drive
-from aerobat_pin.flight.crank.motor import RateControlledMotor
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.memory import Forces, plant_in, unknown_forces
 from aerobat_pin.flight.plant.stepping import SteppedFlight
 from aerobat_pin.flight.plant.tables import Flown, State
 from aerobat_pin.flight.point_forces import interval_means, point_forces
 from aerobat_pin.linkage import Closure, joint_series
-from aerobat_pin.numerics import Array, fields_of, guarded, new_memory, number, shaped
+from aerobat_pin.numerics import Array, fields_of, fill, guarded, new_memory, number, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 

@@ -10,11 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.flight.crank.motor import RateControlledMotor
-from aerobat_pin.flight.plant.divergence import HOPELESS, checked_flight
+from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.memory import Forces, split_forces
-from aerobat_pin.flight.plant.tables import FlightTables, Flown, Flyer, State
+from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, Flown, Flyer, State, checked_flight
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import Array, checked, lie_step, shaped
 from aerobat_pin.robot import BASE_SIZE

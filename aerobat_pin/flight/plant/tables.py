@@ -1,4 +1,7 @@
-"""The tables of a flight: what the integrator reads and writes at every step, and the flight that they make."""
+"""The tables of a flight, which the integrator reads and writes at every step, and the flight that they make.
+
+A flight has diverged where it passes one of `LIMITS`.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,25 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import STRIP_ROWS, RobotAir
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotAir, StripLoads
+from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.crank.drives import CrankDrive
-from aerobat_pin.flight.crank.motor import RateControlledMotor
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.plant.memory import Forces, split_forces
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
+
+# Beyond these limits a flight has diverged.
+LIMITS = {
+    "velocity": (1e3, "m/s"),
+    "angular velocity": (1e4, "rad/s"),
+    "aerodynamic state": (1e3, "m or m2/s"),
+    "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
+}
+HOPELESS = max(limit for limit, _ in LIMITS.values())  # no number of a state within the limits is larger
 
 
 class Flyer(Protocol):
@@ -138,3 +150,38 @@ class FlightTables:
             forces=split_forces(self.plant.fields.forces, self.means[whole] / self.parts),
             loads=self.loads[whole],
         )
+
+
+def checked_flight(tables: FlightTables, samples: int) -> Flown:
+    """Return the first samples of a flight, of which there are `samples`.
+
+    Raises:
+        SimulationError: the flight diverged; its attribute `kept` is the flight before that.
+    """
+    air = BASE_SIZE + tables.plant.air.state_size
+    states, loads = tables.states[:samples, :air], tables.loads[: samples - 1]
+    sizes = [np.abs(part).max(axis=1, initial=0.0) for part in np.split(states, [3, 6], axis=1)]
+    strips = StripLoads(*loads.swapaxes(0, 1))  # unlike `strips_of`, takes what is not finite
+    sizes.append(np.append(strips.airspeed.max(axis=1, initial=0.0), 0.0))
+    inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
+    outside = ~np.all(inside, axis=0)
+    kept = int(np.argmax(outside)) if outside.any() else samples
+    flown = tables.flown(kept)
+    if kept < samples:
+        name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
+        value, when, last = dict(zip(LIMITS, sizes, strict=True))[name][kept], kept * tables.dt, max(kept - 1, 0)
+        told = _divergence(when, name, value, tables.placement[last], tables.states[last])
+        title = f"scenario {tables.plant.scenario.name}: {told}"
+        raise SimulationError(title, when, flown if kept > 1 else None)
+    return flown
+
+
+def _divergence(time: float, name: str, value: float, placement: Array, state: Array) -> str:
+    """Say when a flight diverged, which limit it passed, and the placement and state one step before."""
+    limit, unit = LIMITS[name]
+    x, v, w = (", ".join(f"{number:.3g}" for number in row[:3]) for row in (placement, state, state[3:]))
+    return (
+        f"the flight diverged at t = {time:.4f} s: {name} {value:.3g} {unit} is beyond the limit of {limit:g} {unit}; "
+        f"before, the body was at {x} m, with {v} m/s and {w} rad/s in its axes; try a smaller simulation.dt, fewer "
+        "air.strips, or gentler forces and speeds"
+    )

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers.analysis.bias import bias_of
+from aerobat_pin.observers.analysis.noise_and_lag import bias_of
 
 FEWEST = 100  # smallest number of excursions in a free run that is long enough
 TAIL = 0.1  # share of the excursions, those with the largest maxima, to which the tail is fitted

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers.analysis.bias import correlation_length
 from aerobat_pin.observers.analysis.line_of_action import FAINTEST, ROUNDING, checked_covariance
+from aerobat_pin.observers.analysis.noise_and_lag import correlation_length
 
 LARGEST_MISFIT = 2.0  # accepted misfit: the given covariance is seldom known better than by this factor
 

@@ -14,15 +14,13 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_memory, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
-from aerobat_pin.observers.joints import has_free_base
 from aerobat_pin.observers.kalman import kernels
-from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, ROOT_MEAN
+from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMATION, ROOT_MEAN
 from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
-from aerobat_pin.observers.kalman.process_noise import LEAST_INFORMATION
+from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
-from aerobat_pin.observers.kalman.subtrees import inertias_at, kinship_of
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import BASE_ROWS, Rows, moving_weight
+from aerobat_pin.observers.rows import BASE_ROWS, Rows, has_free_base, moving_weight
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
 WORLD = pin.Convention.WORLD

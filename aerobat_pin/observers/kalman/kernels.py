@@ -28,15 +28,16 @@ from aerobat_pin.observers.kalman.learning import (
     MEMORY_TIME,
     MISFIT_LAG,
     MISFIT_TIME,
+    add_unknown_torques,
     drop_unseen,
     leak_of_noise,
     learn_misfit,
     learn_noise,
     misfit_variance,
+    set_walk_by_gain,
 )
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
 from aerobat_pin.observers.kalman.noisy_sample import write_noisy_sample
-from aerobat_pin.observers.kalman.process_noise import add_unknown_torques, set_walk_by_gain
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (

@@ -61,8 +61,8 @@ class Filter(NamedTuple):
     x: Annotated[Array, "nv + nz"]  # estimate of the state
     P: Annotated[Array, "nv + nz, nv + nz"]  # covariance of the estimate
     samples: Annotated[Array, "2, 3 + c + 2 * nv, nv"]  # the two latest, see `noisy_sample`
-    inertias: Annotated[Integers, "1"]  # address of the subtrees' inertias, see `subtrees.inertias_at`
-    tree: Annotated[Integers, "nv, nv + 1"]  # see `subtrees.kinship_of`
+    inertias: Annotated[Integers, "1"]  # address of the subtrees' inertias, see `noisy_sample.inertias_at`
+    tree: Annotated[Integers, "nv, nv + 1"]  # see `noisy_sample.kinship_of`
     gravity: Annotated[Array, "6"]  # acceleration of gravity (6,), linear and angular, world axes
     twist: Annotated[Array, "6"]  # scratch, like all fields below but `blurred`
     subtree: Annotated[Array, "6"]

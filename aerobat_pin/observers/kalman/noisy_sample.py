@@ -1,4 +1,4 @@
-"""Compiled kernels that write a sample of the Kalman filter, and what the noise of its velocity does.
+"""A sample of the Kalman filter: what `crba` leaves of the robot, kernels that read it, and what noise of v does to it.
 
 A sample is what every observer keeps, then M and D^T, with D = d(C^T v)/dv. It follows, like C^T v itself, from what
 `crba` leaves in world axes about the world's origin: J_k, column k of the Jacobian, fixed in the link of its joint i,
@@ -21,11 +21,59 @@ each of its ends. Both belong together:
 
 from __future__ import annotations
 
-from aerobat_pin.numerics import Array, add_product, array_at, inner
+import ctypes
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.numerics import DOUBLE, Array, Integers, add_product, array_at, inner
 from aerobat_pin.observers.kalman.memory import Filter
-from aerobat_pin.observers.kalman.subtrees import ABOVE, BELOW, INERTIA_SIZE
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.residual import dynamics_of, write_momentum_and_jacobian
+
+INERTIA_SIZE = 10  # number of doubles: mass, lever, moments of inertia xx, xy, yy, xz, yz, zz
+ABOVE, BELOW = 1, 2  # of a velocity: it moves the joint of another one; the other one moves it, and not the reverse
+
+
+def kinship_of(model: pin.Model) -> Integers:
+    """Return a table (nv, nv + 1): the joint of each velocity, then how each other velocity stands to it.
+
+    That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
+    """
+    nv, joint = int(model.nv), np.zeros(int(model.nv), np.intp)
+    for one in model.joints.tolist()[1:]:
+        joint[one.idx_v : one.idx_v + one.nv] = one.id
+    supports = [set(support.tolist()) for support in model.supports.tolist()]
+    table = np.zeros((nv, nv + 1), np.intp)
+    table[:, 0] = joint
+    for k in range(nv):
+        for other in range(nv):
+            if joint[other] in supports[joint[k]]:
+                table[k, 1 + other] = ABOVE
+            elif joint[k] in supports[joint[other]]:
+                table[k, 1 + other] = BELOW
+    return table
+
+
+def inertias_at(model: pin.Model, data: pin.Data) -> int:
+    """Return the address of what `crba` in the world's convention leaves in `data`: the inertias of the subtrees.
+
+    They are `INERTIA_SIZE` numbers for each joint, in world axes about the world's origin.
+
+    Raises:
+        RuntimeError: they do not lie in memory as this version expects.
+    """
+    pin.crba(
+        model, data, pin.integrate(model, pin.neutral(model), np.linspace(0.1, 0.4, model.nv)), pin.Convention.WORLD
+    )
+    first, count = int(data.oYcrb[0].lever.ctypes.data) - DOUBLE, int(model.njoints)
+    seen = np.reshape((ctypes.c_double * (count * INERTIA_SIZE)).from_address(first), (count, INERTIA_SIZE))
+    for joint in range(1, count):
+        one = data.oYcrb[joint]
+        moments = one.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        if not np.array_equal(seen[joint], [one.mass, *one.lever, *moments]):
+            raise RuntimeError("Pinocchio's inertias do not lie in memory as this version expects")
+    return first
 
 
 @inner

@@ -12,12 +12,12 @@ from aerobat_pin.records import LogChannel, Record
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
 
-UNITS = {"base.position": "m", "base.velocity": "m/s", "joints.position": "rad, m", "joints.effort": "N m, N"}
+DRAWN = {"base.position": "m", "base.velocity": "m/s", "joints.position": "rad, m", "joints.effort": "N m, N"}
 
 
 def draw_motion(record: Record) -> Figure:
     """Draw position and velocity of the base, angles and efforts of the joints, whatever the record has."""
-    keys = [key for key in UNITS if key in record.channels] or list(record.channels)[:3]
+    keys = [key for key in DRAWN if key in record.channels] or list(record.channels)[:3]
     figure = Figure(figsize=(8.0, 1.9 * len(keys) + 0.8), layout="constrained")
     figure.suptitle("The motion and efforts as they were recorded, SI units")
     for axis, key in zip(np.ravel(figure.subplots(len(keys), 1, sharex=True, squeeze=False)), keys, strict=True):
@@ -33,7 +33,7 @@ def draw_motion(record: Record) -> Figure:
         for k, name in enumerate(names[:8]):
             colour = (*style.AXIS_COLOURS, style.ORANGE)[k % 4]
             axis.plot(time, values[:, k], style.LINE_STYLES[k // 4], color=colour, label=name)
-        axis.set_ylabel(f"{key}\n[{UNITS.get(key, 'SI')}]")
+        axis.set_ylabel(f"{key}\n[{DRAWN.get(key, 'SI')}]")
         axis.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
         for first, last in record.parts:
             axis.axvspan(first * record.dt, last * record.dt, color=style.FAINT, alpha=0.25, zorder=0)

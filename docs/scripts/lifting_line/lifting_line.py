@@ -39,7 +39,7 @@ or one strip at rest, is no exception. The last two parts before the limits put 
 
 [examples/04_lifting_line.py](../examples/04_lifting_line.py) does all of it. The closed forms below are in
 `tests/support/references.py`, the tests in `tests/aerodynamics/`: `test_lifting_line_ladder.py`, `test_flapping_wing.py`,
-`test_pitching_section.py`, `test_finite_wing.py`, `test_lattice_cases.py`, `test_pieces.py`.
+`test_section_law.py`, `test_lifting_line.py`, `test_lattice_cases.py`, `test_robot_air_flow.py`.
 
 ## What it is held to
 
@@ -74,7 +74,7 @@ names no k holds for every reduced frequency.
 
 WHY_SIXTEEN = """A strip that lies across a joint is shared between the links under it, by length: its velocity is the mean of its pieces'
 velocities, weighted by the shares, and each link carries its share of the force and of the added mass
-([`pieces.py`](../aerobat_pin/aerodynamics/pieces.py)). So the robot's error falls with the number of strips, however the
+([`divide`](../aerobat_pin/aerodynamics/robot_air.py)). So the robot's error falls with the number of strips, however the
 joints fall among them. With each strip on the link under its station alone it was +4.8 % with 16 strips, +5.4 with 20 and
 -1.3 with 32.
 

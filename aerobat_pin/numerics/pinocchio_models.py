@@ -1,0 +1,68 @@
+"""Pinocchio's models: parsers that print their reasons to standard error and can leave parts out; frames by name."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import pinocchio as pin
+
+from aerobat_pin.errors import ArgumentError, FrameNotFoundError, LogError
+
+Loaded = TypeVar("Loaded")
+LONGEST_REASON = 300  # characters
+
+
+def read_robot(path: Path, read: Callable[[], Loaded]) -> Loaded:
+    """Call a function of Pinocchio that reads a robot's file.
+
+    Args:
+        path: the file, for the message.
+        read: the function.
+
+    Raises:
+        LogError: with the parser's reasons, if it fails or leaves something out.
+    """
+    with tempfile.TemporaryFile() as said:
+        stderr = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            loaded, reason = read(), ""
+        except (ValueError, RuntimeError) as error:
+            reason = " ".join(str(error).rpartition("message: ")[2].partition("\nHint")[0].split()) or "no reason given"
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        said.seek(0)
+        lines = said.read().decode(errors="replace").splitlines()
+    errors = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+    if errors or reason:
+        raise LogError(f"robot {path}: Pinocchio cannot read it: {'; '.join(errors) or reason[:LONGEST_REASON]}")
+    return loaded
+
+
+def frame_id(model: pin.Model, name: str) -> int:
+    """Return the index of a frame.
+
+    A link and the joint that carries it often share a name; any of them will do where they are at the same place.
+
+    Raises:
+        FrameNotFoundError: there is no such frame; the message lists those that exist.
+        ArgumentError: frames of that name are at different places.
+    """
+    if not model.existFrame(name):
+        raise FrameNotFoundError(name, [frame.name for frame in model.frames if frame.name != "universe"])
+    try:
+        return int(model.getFrameId(name))
+    except ValueError:
+        first, *others = (number for number, frame in enumerate(model.frames) if frame.name == name)
+    one = model.frames[first]
+    for other in (model.frames[number] for number in others):
+        if other.parentJoint != one.parentJoint or not other.placement.isApprox(one.placement):
+            raise ArgumentError(
+                f"frame '{name}': {1 + len(others)} frames have this name, at different places; rename one of them"
+            )
+    return first

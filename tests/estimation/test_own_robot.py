@@ -1,0 +1,61 @@
+"""A robot with a force of its own, as a user would write it: the drone of the example, and what it gets for that."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from aerobat_pin.estimation import check_record, estimate
+from aerobat_pin.records import Record
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "13_a_force_of_your_own.py"
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    """The example as a module."""
+    found = importlib.util.spec_from_file_location("a_force_of_your_own", EXAMPLE)
+    assert found is not None
+    assert found.loader is not None
+    module = sys.modules[found.name] = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def flights(example: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> tuple[Record, Record]:
+    """The flight of a plain drone, and of one that knows its drag."""
+    first, second = example.records(tmp_path_factory.mktemp("drone"))
+    return first, second
+
+
+def test_what_the_robot_knows_is_no_unknown_force(example: ModuleType, flights: tuple[Record, Record]) -> None:
+    """By the closed form: m a = thrust + weight + drag + push, whose samples the table holds exactly."""
+    plain, dragged = (estimate(record).estimates["force_level"].force[:, 0] for record in flights)
+    table = example.flight()
+    speed = table[["vx", "vy"]].to_numpy() * table[["r1", "r2"]].sum(axis=1).to_numpy()[:, None]
+    drag = -example.DRAG * 0.5 * (speed[1:] + speed[:-1])
+    assert np.max(np.abs(dragged[100:580])) < 2e-3
+    np.testing.assert_allclose(dragged[640:780].mean(axis=0), example.PUSH, atol=2e-3)
+    assert np.max(np.abs((plain - dragged)[100:, :2] - drag[100:])) < 0.2 * np.max(np.abs(drag))  # behind the filter
+
+
+def test_a_known_force_is_found_again_in_the_flight(flights: tuple[Record, Record]) -> None:
+    """At the body, along every axis."""
+    checks = check_record(flights[1])
+    assert [check.axis for check in checks] == ["x", "y", "z"]
+    assert all(check.ok for check in checks), "\n".join(map(str, checks))
+
+
+def test_parameters_of_the_robot_change_what_it_knows(example: ModuleType, flights: tuple[Record, Record]) -> None:
+    """Twice the drag is twice the force."""
+    record = flights[1]
+    block = record.block(*record.parts[0])
+    one = record.robot.known(block)["rotor drag"]
+    assert list(record.robot.parameters) == ["drag"]
+    np.testing.assert_allclose(record.robot.changed({"drag": 1.0}).known(block)["rotor drag"], 2.0 * one)
