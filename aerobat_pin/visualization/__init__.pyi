@@ -4,11 +4,7 @@ from .figures.estimation import draw_estimation as draw_estimation
 from .figures.linkage import draw_linkage as draw_linkage
 from .figures.linkage import linkage_animation as linkage_animation
 from .figures.linkage import range_table as range_table
-<<<<<<< HEAD
-=======
-from .recording_pages import write_recording_pages as write_recording_pages
 from .replay.any_robot import replay_table as replay_table
->>>>>>> main
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight
 from .replay.flight_replay import replay_log as replay_log

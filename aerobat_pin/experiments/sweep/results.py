@@ -12,13 +12,8 @@ import xarray as xr
 
 from aerobat_pin.errors import SweepError
 from aerobat_pin.estimation import FORCE_AXES, ObserverScores
-<<<<<<< HEAD
 from aerobat_pin.experiments.package_versions import versions
-from aerobat_pin.experiments.sweep.columns import FLIGHT_UNITS, JUDGED, LISTS, SCORES
-=======
-from aerobat_pin.experiments.experiment import versions
 from aerobat_pin.experiments.sweep.outcomes import FLIGHT_UNITS, JUDGED, LISTS, SCORES
->>>>>>> main
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.experiments.sweep.sweep_file import DRAW
 from aerobat_pin.records import netcdf_bytes
