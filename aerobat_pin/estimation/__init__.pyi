@@ -19,6 +19,7 @@ from .observer_scores import ObserverScores as ObserverScores
 from .online import OnlineEstimator as OnlineEstimator
 from .online import OnlineSample as OnlineSample
 from .result import Result as Result
+from .result import versions as versions
 from .run_observers import blocks_of as blocks_of
 from .run_observers import observers_of as observers_of
 from .scores import FORCE_AXES as FORCE_AXES

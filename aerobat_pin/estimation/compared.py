@@ -1,4 +1,4 @@
-"""An estimate beside a reference, interval by interval, and its scores: the same for a truth and for a sensor."""
+"""An estimate beside a reference, interval by interval, and its scores; the force sensor of a map as a reference."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.inverse_dynamics import frame_axes, sensor_force, sensor_point
+from aerobat_pin.estimation.run_observers import blocks_of, settled
 from aerobat_pin.estimation.scores import Moments, Score, lag
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import EXTENT, Reference, Series
+from aerobat_pin.records import EXTENT, Record, Reference, Series, Spool
 
 MOST_LAGGED = 30_000  # intervals of which the lag is found
+WRENCH_AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 FORGOTTEN = 7.0  # periods of the filter after which e^-30 of a value is left: e^(-4.4 f t)
 
 
@@ -46,7 +51,7 @@ class Compared:
                 end = min(begin + EXTENT, last)
                 low, high = max(first, begin - margin), min(last, end + margin)
                 own = estimate.between(low, high).components[:, columns]
-                found.append(low_passed(own, reference.filter, dt)[begin - low : end - low])
+                found.append(zero_phase(own, reference.filter, dt)[begin - low : end - low])
         return cls(reference, estimate.start, found, dt)
 
     def pieces(self) -> Iterator[tuple[Array, ...]]:
@@ -106,10 +111,52 @@ class Compared:
         return int(np.argmax(self.sample(MOST_LAGGED)[1].std(axis=0)))
 
 
-def low_passed(values: Array, frequency: float | None, dt: float) -> Array:
+def zero_phase(values: Array, frequency: float | None, dt: float) -> Array:
     """Return series (m, k) behind a zero-phase Butterworth low-pass of second order [Hz]; unchanged without one."""
     if frequency is None or 2.0 * frequency * dt >= 1.0 or len(values) < 20:
         return values
     from scipy.signal import butter, filtfilt  # slow to import
 
     return np.asarray(filtfilt(*butter(2, 2.0 * frequency * dt), values, axis=0))
+
+
+def sensor_references(record: Record) -> tuple[Reference, ...]:
+    """Return the sensor of a map as the only reference; empty if the map names none.
+
+    Raises:
+        MapError: the sensor is at no point of the map, or less than three intervals are left to compare.
+    """
+    section = record.map.check.wrench
+    if section is None or "check.wrench" not in record.channels:
+        return ()
+    point, spool = sensor_point(record), Spool()
+    known = 6 if point in record.map.robot.wrenches else 3
+    count = min(known, record.channels["check.wrench"].values.shape[1])
+    values, stretches, left = Series(spool, count), [], 0
+    friction = record.map.joints.friction
+
+    def scored(start: Array) -> NDArray[np.bool_]:
+        when, counts = start - record.start, settled(record, start)
+        if section.part is not None:
+            counts &= (when >= section.part[0]) & (when <= section.part[1])
+        return counts
+
+    def used(start: Array) -> NDArray[np.bool_]:
+        if friction is None or friction.to != "check.wrench" or friction.fit is None:
+            return np.zeros(len(start), bool)
+        when = start - record.start
+        return np.asarray((when >= friction.fit[0]) & (when < friction.fit[1]))
+
+    margin = 0 if section.filter is None else int(np.ceil(FORGOTTEN / section.filter * record.rate))
+    for first, last in record.parts:
+        stretches.append((len(values), len(values) + last - first))
+        for begin, end in blocks_of(first, last):
+            low, high = max(first, begin - margin), min(last, end + margin)
+            time, inside = record.times(low, high), slice(begin - low, end - low)
+            axes = frame_axes(record, record.block(low, high), point) if section.axes == "frame" else None
+            values.append(zero_phase(sensor_force(record, time, axes), section.filter, record.dt)[inside, :count])
+            left += int(scored(time[:-1][inside]).sum())
+    if left < 3:
+        raise MapError("map: check.wrench.part: less than three intervals are left to compare")
+    labels = WRENCH_AXES[:count]
+    return (Reference(point, "sensor", labels, values, None, section.filter, tuple(stretches), scored, used),)

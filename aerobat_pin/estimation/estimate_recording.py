@@ -10,12 +10,12 @@ from aerobat_pin.estimation.checks.balance import effort_findings
 from aerobat_pin.estimation.checks.kinematics import motion_findings
 from aerobat_pin.estimation.checks.result import result_findings
 from aerobat_pin.estimation.checks.stamps import stamp_findings
+from aerobat_pin.estimation.compared import sensor_references
 from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.map_calibration import MapCalibration
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import observers_of, run_observers
-from aerobat_pin.estimation.sensor_reference import sensor_references
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Map, Record, open_record

@@ -18,13 +18,12 @@ from aerobat_pin.estimation.checks.balance import effort_findings
 from aerobat_pin.estimation.checks.kinematics import motion_findings
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.compared import Compared, sensor_references
 from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import observers_of, rms_in, run_observers
-from aerobat_pin.estimation.sensor_reference import sensor_references
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, factor_of, open_record

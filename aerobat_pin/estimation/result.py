@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from html import escape
+from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,28 @@ from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import LogFinding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores
-from aerobat_pin.estimation.score_tables import score_table, size_table, text_table
+from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, Reference, TrueEvent
 
+VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
 VERSION = 2  # of `metrics.json`
 MOST_EVENTS = 6  # that the table shows of each observer
 MARKS = {"good": "ok", "note": "  ", "warning": "warning:", "refused": "warning:"}
 WORSE_THAN_NOTHING = "R2 below 0 is worse than no estimate, as the mean of the true force would be closer"
+
+
+ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
+TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
+SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation")
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that can change the results: package -> version."""
+    return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,12 +136,8 @@ class Result:
             lines += [f"{name} cannot see: {pattern}" for pattern in found.unseen]
         return lines
 
-    def metrics(self, versions: Mapping[str, str]) -> dict[str, Any]:
-        """Return the content of `metrics.json`.
-
-        Args:
-            versions: package -> version, of those that can change the numbers.
-        """
+    def metrics(self) -> dict[str, Any]:
+        """Return the content of `metrics.json`."""
         return {
             "version": VERSION,
             "scenario": self.name,
@@ -140,7 +149,7 @@ class Result:
             "rate": 1.0 / self.dt,
             "used_s": float(sum(end - begin for begin, end in self.parts)),
             "parts": [list(part) for part in self.parts],
-            "versions": dict(versions),
+            "versions": versions(),
             "inputs": dict(self.inputs),
             "notes": list(self.notes),
             "warnings": self.warnings,
@@ -161,16 +170,16 @@ class Result:
     @property
     def header(self) -> tuple[str, ...]:
         """Names of the columns of `rows`."""
-        return score_table(self.observers)[0]
+        return _score_table(self.observers)[0]
 
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows of the table of scores; none without a reference."""
-        yield from score_table(self.observers)[1]
+        yield from _score_table(self.observers)[1]
 
     @property
     def sizes(self) -> list[tuple[str, ...]]:
         """The table of sizes, with its header: a row for each component."""
-        return size_table(self.stored)
+        return _size_table(self.stored)
 
     @property
     def hints(self) -> list[str]:
@@ -191,10 +200,10 @@ class Result:
         lines = [self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings]
         lines += [f"fit: {fit}" for fit in self.fits]
-        header, rows = score_table(self.observers)
-        lines += text_table([header, *rows]) if rows else []
+        header, rows = _score_table(self.observers)
+        lines += _text_table([header, *rows]) if rows else []
         if len(rows) < sum(len(found.components) for found in self.observers.values()):
-            lines += text_table(self.sizes)
+            lines += _text_table(self.sizes)
         for name, found in self.observers.items():
             lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
             if found.innovation is not None:
@@ -215,7 +224,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Return title and table as HTML, for notebooks."""
-        header, rows = score_table(self.observers)
+        header, rows = _score_table(self.observers)
         cells = [header, *rows] if rows else self.sizes
         table = ("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
         return f"<p>{escape(self.title)}</p><table>{''.join(table)}</table>"
@@ -223,3 +232,69 @@ class Result:
 
 def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def _score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
+    """Return the table of scores; columns that have no meaning for these references are left out."""
+    rows = []
+    for name, found in observers.items():
+        sizes = {_short(size.name): size for size in found.components}
+        for point, axes in found.points.items():
+            for axis, score in axes.items():
+                own = sizes[f"{point}.{axis}"]
+                cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, own.unit)}
+                rows.append({**cells, "deviation": own.certainty})
+    header = tuple(dict.fromkeys(key for row in rows for key in row))
+    header = (*(key for key in header if key != "deviation"), "deviation")
+    return header, [tuple(row.get(key, "-") for key in header) for row in rows]
+
+
+def _score_cells(score: Score, unit: str) -> dict[str, str]:
+    """Return the cells of a score, without those that have no meaning."""
+
+    def r2(value: float | None) -> str:
+        return "no signal" if value is None else f"{value:.5f}"
+
+    def size(value: float) -> str:
+        return f"{1e3 * value:.2f} m{unit}"
+
+    cells = {"R2": r2(score.r2)}
+    if score.factor is None and score.offset is None:
+        cells["R2 noise-free"] = r2(score.r2_noise_free)
+    cells["error rms"] = size(score.rmse)
+    if score.rmse_outside_fit is not None:
+        cells |= {"R2 unfitted": r2(score.r2_outside_fit), "unfitted rms": size(score.rmse_outside_fit)}
+    if score.offset is not None:
+        cells["factor"] = "-" if score.factor is None else f"{score.factor:.4f}"
+        cells["offset"] = size(score.offset)
+    return {**cells, "lag": "-" if score.lag_s is None else f"{1e3 * score.lag_s:.2f} ms"}
+
+
+def _size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
+    """Return the header, and a row for each component."""
+    rows: list[tuple[str, ...]] = [SIZE_HEADER]
+    for name, estimate in stored.items():
+        least, most = estimate.extremes
+        sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
+        for size, mean, low, high in sizes:
+            numbers = (f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
+            rows.append((name, size.name, *numbers, size.certainty))
+    return rows
+
+
+def _text_table(cells: Sequence[tuple[str, ...]]) -> list[str]:
+    """Return a table, its header first, as lines of text with columns as wide as they need to be."""
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [
+        " ".join(
+            cell.ljust(width) if name in TEXT_COLUMNS else cell.rjust(width + 1)
+            for name, cell, width in zip(cells[0], row, widths, strict=True)
+        )
+        for row in cells
+    ]
+
+
+def _short(component: str) -> str:
+    """Return the label of a component with the short name of its point: `left.Fx`."""
+    frame, _, axis = component.rpartition(".")
+    return f"{point_label(frame)}.{axis}"

@@ -6,7 +6,6 @@ from .flight_summary import FlightSummary as FlightSummary
 from .flight_summary import flight_summary as flight_summary
 from .notes import flight_note as flight_note
 from .notes import recorded_note as recorded_note
-from .package_versions import versions as versions
 from .result_tables import estimate_dataset as estimate_dataset
 from .result_tables import read_run as read_run
 from .self_check import self_check as self_check
@@ -17,4 +16,5 @@ from .write_mcap import write_flight_mcap as write_flight_mcap
 from .write_mcap import write_mcap as write_mcap
 from .write_results import RESULTS as RESULTS
 from .write_results import map_toml as map_toml
+from .write_results import read_map as read_map
 from .write_results import write as write

@@ -23,7 +23,6 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import FindingVerdict, LogFinding, Result, StoredEstimate
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.experiments.notes import flight_note, recorded_note
-from aerobat_pin.experiments.package_versions import versions
 from aerobat_pin.flight import log_with_motion, simulate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
@@ -68,7 +67,7 @@ class Experiment:
     @cached_property
     def metrics(self) -> dict[str, Any]:
         """The scores as plain values, as written to `metrics.json`."""
-        return self.scores.metrics(versions())
+        return self.scores.metrics()
 
     def __repr__(self) -> str:
         robot = f"{self.robot.model.name}, {1e3 * self.robot.mass:.1f} g"

@@ -15,13 +15,13 @@ import xarray as xr
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import calibration_bytes
+from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.experiments.package_versions import versions
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
-from aerobat_pin.records import netcdf_bytes, seal_netcdf
+from aerobat_pin.records import Map, netcdf_bytes, seal_netcdf
 from aerobat_pin.scenario import RecordedForce, Scenario, described, scenario_toml
 
 FIGURES = (
@@ -67,14 +67,20 @@ def write(made: Experiment | Result, folder: Path) -> None:
     if not (folder / "flight.nc").exists():
         write_table(result, folder / "estimate.csv")
     write_netcdf(_datasets(result), len(next(iter(result.stored.values()))), folder / "estimate.nc")
-    write_metrics(result.metrics(versions()), folder)
+    write_metrics(result.metrics(), folder)
 
 
 def map_toml(result: Result) -> str:
     """Return the map of a record as TOML."""
-    assert result.record is not None
-    values = result.record.map.model_dump(exclude_none=True, exclude_defaults=True, by_alias=True, mode="json")
+    values = read_map(result).model_dump(exclude_none=True, exclude_defaults=True, by_alias=True, mode="json")
     return tomli_w.dumps(values)
+
+
+def read_map(result: Result) -> Map:
+    """Return the map by which a record was read. Raises LogError if it was read by none."""
+    if result.record is None:
+        raise LogError(f"{result.name}: a record that a map has read was expected")
+    return result.record.map
 
 
 def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:

@@ -13,8 +13,8 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Result
-from aerobat_pin.experiments import Experiment, Progress, map_toml, versions
+from aerobat_pin.estimation import Result, versions
+from aerobat_pin.experiments import Experiment, Progress, map_toml, read_map
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import TrueEvent
 from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description
@@ -114,7 +114,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
         shipped="" if scenario is None else shipped_description(scenario.name),
         repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
         shape="" if scenario is None else _shape(scenario),
-        gains=_names_and_gains(result) if scenario is None else _scenario_gains(scenario),
+        gains=_names_and_gains(made),
         heads={name: estimate.head for name, estimate in result.stored.items()},
         words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
         versions=versions(),
@@ -130,14 +130,10 @@ def _shape(scenario: Scenario) -> str:
     return f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
 
 
-def _names_and_gains(result: Result) -> str:
-    """Return the names of a result's observers and their gain."""
-    return "; ".join(f"{name} (gain {estimate.head.gain.flat[0]:g} 1/s)" for name, estimate in result.stored.items())
-
-
-def _scenario_gains(scenario: Scenario) -> str:
-    """Return the names of a scenario's observers, each with its gain if it has one."""
-    section, texts = scenario.observers, []
+def _names_and_gains(made: Experiment | Result) -> str:
+    """Return the names of the observers, each with its gain if it has one."""
+    section = made.scenario.observers if isinstance(made, Experiment) else read_map(made).observer
+    texts = []
     for name in section.names:
         with_gain = name not in ("kalman", "smoother") or section.settings(name).get("force_walk") == "gain"
         texts.append(f"{name} (gain {section.gain:g} 1/s)" if with_gain else name)
