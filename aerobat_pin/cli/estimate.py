@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import files_in, print_files, progress_bar
+from aerobat_pin.cli.console import write_results
 from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
 
@@ -52,9 +52,9 @@ def estimate_command(
 
     Of Aerobat's own tables without a map: --set takes keys of robot, air and observers, and flight.gravity.
     """
-    from aerobat_pin import experiments
     from aerobat_pin.aerobat import belief_about, describe_belief, read_calibration, read_log
-    from aerobat_pin.errors import LogError, output_folder
+    from aerobat_pin.errors import LogError
+    from aerobat_pin.experiments import run_recorded
 
     if out is not None and out.suffix == ".mcap":
         out, out_mcap = None, out
@@ -92,17 +92,7 @@ def estimate_command(
         return
     learnt = None if calibration is None else read_calibration(calibration)
     target = out or Path("runs") / f"{name}-estimate"
-    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
-        estimated = experiments.run_recorded(flight, belief, show, learnt)
-        experiments.write(estimated, folder)
-        from aerobat_pin.visualization import write_figures_and_pages
-
-        write_figures_and_pages(estimated, folder, show)
-        files = files_in(folder)
-    for name, source in estimated.scores.inputs.items():
-        typer.echo(f"{name:<14} {source}")
-    typer.echo(f"\n{estimated.scores}")
-    print_files(target, files)
+    write_results(lambda show: run_recorded(flight, belief, show, learnt), target, force=force)
 
 
 def _passes_self_check(belief: Scenario) -> bool:

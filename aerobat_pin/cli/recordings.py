@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from aerobat_pin.cli.console import files_in, print_files, progress_bar
+from aerobat_pin.cli.console import write_results
 
 if TYPE_CHECKING:
     from aerobat_pin.records import Map
@@ -48,26 +48,19 @@ def estimate_by_map(
     trust: bool,
 ) -> None:
     """Estimate, print what was found, and write the results."""
-    from aerobat_pin import experiments
-    from aerobat_pin.errors import check_file, output_folder
+    from aerobat_pin.errors import check_file
     from aerobat_pin.estimation import estimate_recording, read_map_calibration
     from aerobat_pin.experiments import write_mcap
 
     if mcap is not None:
         check_file(mcap, force=force)
     learnt = None if calibration is None else read_map_calibration(calibration)
-    with output_folder(target, force=force, replaces=experiments.RESULTS) as work, progress_bar() as show:
-        report = None if show is None else lambda share: show("estimating", share)
-        found = estimate_recording(log, chosen, folder, report, trust, learnt)
-        experiments.write(found, work)
-        from aerobat_pin.visualization import write_figures_and_pages
-
-        write_figures_and_pages(found, work)
-        if mcap is not None:
-            write_mcap(found, mcap)
-        files = files_in(work)
-    typer.echo(str(found))
-    print_files(target, files)
+    write_results(
+        lambda show: estimate_recording(log, chosen, folder, lambda share: show("estimating", share), trust, learnt),
+        target,
+        force=force,
+        also=None if mcap is None else lambda found: write_mcap(found, mcap),
+    )
     if mcap is not None:
         typer.echo(f"  {mcap}")
 

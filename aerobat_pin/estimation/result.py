@@ -198,6 +198,8 @@ class Result:
     def __repr__(self) -> str:
         """Return title, findings, tables and judgements as text."""
         lines = [self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
+        sources = (f"{name} {source}" for name, source in self.inputs.items())
+        lines += [f"inputs: {', '.join(sources)}"]
         lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings]
         lines += [f"fit: {fit}" for fit in self.fits]
         header, rows = _score_table(self.observers)
