@@ -49,12 +49,12 @@ def estimate_by_map(
 ) -> None:
     """Estimate, print what was found, and write the results."""
     from aerobat_pin.errors import check_file
-    from aerobat_pin.estimation import estimate_recording, read_map_calibration
+    from aerobat_pin.estimation import estimate_recording, read_calibration
     from aerobat_pin.experiments import write_mcap
 
     if mcap is not None:
         check_file(mcap, force=force)
-    learnt = None if calibration is None else read_map_calibration(calibration)
+    learnt = None if calibration is None else read_calibration(calibration)
     write_results(
         lambda show: estimate_recording(log, chosen, folder, lambda share: show("estimating", share), trust, learnt),
         target,
@@ -63,18 +63,3 @@ def estimate_by_map(
     )
     if mcap is not None:
         typer.echo(f"  {mcap}")
-
-
-def calibrate_by_map(logs: list[Path], map_file: Path, identify: list[str], out: Path) -> None:
-    """Learn from a recording without unknown forces, print what was found, and write the file."""
-    from aerobat_pin.errors import MapError, write_files
-    from aerobat_pin.estimation import calibrate_recording, map_calibration_bytes
-
-    if len(logs) != 1:
-        raise MapError(f"calibrate: {len(logs)} recordings: with --map one was expected")
-    chosen, folder = chosen_map(map_file, None, None, [])
-    found = calibrate_recording(logs[0], chosen, folder, [name for name in identify if name != "none"])
-    for line in found.notes:
-        typer.echo(line)
-    write_files({out: map_calibration_bytes(found)})
-    typer.echo(f"written to {out}")

@@ -1,8 +1,11 @@
-from .calibration_parts import KIND as KIND
-from .calibration_parts import CalibrationParts as CalibrationParts
-from .calibration_parts import lines_of as lines_of
-from .calibration_parts import parts_bytes as parts_bytes
-from .calibration_parts import read_parts as read_parts
+from .calibration.calibration import TORQUE as TORQUE
+from .calibration.calibration import Belief as Belief
+from .calibration.calibration import Calibration as Calibration
+from .calibration.calibration import CalibrationWatch as CalibrationWatch
+from .calibration.calibration import belief_of as belief_of
+from .calibration.calibration_file import calibration_bytes as calibration_bytes
+from .calibration.calibration_file import read_calibration as read_calibration
+from .calibration.learn import calibrate as calibrate
 from .compared import Compared as Compared
 from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
@@ -11,10 +14,6 @@ from .findings import LogFinding as LogFinding
 from .inputs import KnownInputs as KnownInputs
 from .inputs import inputs_of as inputs_of
 from .known_forces import KnownForces as KnownForces
-from .map_calibration import MapCalibration as MapCalibration
-from .map_calibration import calibrate_recording as calibrate_recording
-from .map_calibration_file import map_calibration_bytes as map_calibration_bytes
-from .map_calibration_file import read_map_calibration as read_map_calibration
 from .observer_scores import ObserverScores as ObserverScores
 from .online import OnlineEstimator as OnlineEstimator
 from .online import OnlineSample as OnlineSample

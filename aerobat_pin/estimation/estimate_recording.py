@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.checks.balance import effort_findings
 from aerobat_pin.estimation.checks.kinematics import motion_findings
 from aerobat_pin.estimation.checks.result import result_findings
@@ -13,7 +14,6 @@ from aerobat_pin.estimation.checks.stamps import stamp_findings
 from aerobat_pin.estimation.compared import sensor_references
 from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.estimation.map_calibration import MapCalibration
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import observers_of, run_observers
 from aerobat_pin.numerics import guarded
@@ -27,7 +27,7 @@ ShareDone = Callable[[float], None]
 def estimate(
     record: Record,
     observers: Sequence[str | Observer] = (),
-    calibration: MapCalibration | None = None,
+    calibration: Calibration | None = None,
     *,
     trust: bool = False,
     progress: ShareDone | None = None,
@@ -57,6 +57,8 @@ def estimate(
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
     findings += effort_findings(record, forces)
     references = sensor_references(record)
+    watch = None if calibration is None else CalibrationWatch(calibration)
+    stored = run_observers(record, forces, given or made, progress, watch)
     robot, parts = record.robot, "one part" if len(record.parts) == 1 else f"{len(record.parts)} parts"
     used = f"{record.duration:.4g} s in {parts} at {record.rate:.4g} Hz"
     result = Result(
@@ -65,8 +67,9 @@ def estimate(
         robot=robot.title,
         mass=robot.mass,
         dt=record.dt,
-        stored=run_observers(record, forces, given or made, progress),
+        stored=stored,
         references=references,
+        calibration=None if watch is None else watch.use(),
         notes=(*record.notes, *notes),
         inputs={key: "measured" for key in record.channels if not key.startswith("check.")},
         record=record,
@@ -86,7 +89,7 @@ def estimate_recording(
     folder: Path,
     progress: ShareDone | None = None,
     trust: bool = False,
-    calibration: MapCalibration | None = None,
+    calibration: Calibration | None = None,
 ) -> Result:
     """Open a recording by its map, and estimate."""
     return estimate(open_record(log, chosen, folder), (), calibration, trust=trust, progress=progress)

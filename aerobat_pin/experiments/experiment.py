@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.aerobat import (
-    Calibration,
     FlightLog,
     check_names,
     contradictions,
@@ -20,7 +19,7 @@ from aerobat_pin.aerobat import (
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import FindingVerdict, LogFinding, Result, StoredEstimate
+from aerobat_pin.estimation import Calibration, FindingVerdict, LogFinding, Result, StoredEstimate
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_summary
 from aerobat_pin.experiments.notes import flight_note, recorded_note
 from aerobat_pin.flight import log_with_motion, simulate

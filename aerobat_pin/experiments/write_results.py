@@ -14,9 +14,8 @@ import tomli_w
 import xarray as xr
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat import calibration_bytes
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Result
+from aerobat_pin.estimation import Result, calibration_bytes
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
 from aerobat_pin.numerics import guarded

@@ -22,13 +22,12 @@ from support.pages import ROOT
 sys.path.insert(0, str(ROOT / "examples" / "recordings"))
 import hopper
 import tiago
-from aerobat_pin.visualization.figures.recording import draw_recording
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import MapCalibration, Result, calibrate_recording, estimate_recording
-from aerobat_pin.records import load_map, parse_map
-from aerobat_pin.visualization import save_figure
+from aerobat_pin.estimation import Calibration, Result, calibrate, estimate_recording
+from aerobat_pin.records import load_map, open_record, parse_map
+from aerobat_pin.visualization import draw_all, save_figure
 
 PAGE, FIGURES, MAPS = (
     ROOT / "docs" / "real_recordings.md",
@@ -53,7 +52,7 @@ def read(
     log: Path,
     name: str,
     friction: dict[str, Any] | None = None,
-    calibration: MapCalibration | None = None,
+    calibration: Calibration | None = None,
     **robot: Any,
 ) -> Result:
     """Estimate a log by a map of examples/recordings, with friction fitted or given, or changed keys of its robot."""
@@ -74,7 +73,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
     hopper.convert(folder / "mim_estimation", table)
     hopper.convert(folder / "mim_estimation", hop, "config/demos_and_tests/hopper_data")
     fitted = read(table, "hopper_friction")
-    learnt = calibrate_recording(table, load_map(MAPS / "hopper_friction.toml"), MAPS)
+    learnt = calibrate([open_record(table, load_map(MAPS / "hopper_friction.toml"), MAPS)])
     whole = {"fit": [0.0, 3.0], "to": "check.wrench", "scale": True}
     all_of_it = read(hop, "hopper_hop", friction=whole)
     first, second = "2019-07-04_16-25-06, 23 s", "hopper_data, 3 s"
@@ -88,7 +87,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
         (f"{second}, hip at its height", "fitted on all of it: nothing tests the fit", all_of_it),
     ]
     for name, words, found in rows:
-        side = found.compared["force_level"].scores(found.record.dt)
+        [side] = found.observers["force_level"].points.values()
         cells = []
         for axis in ("Fx", "Fz"):
             score = side[axis]
@@ -99,10 +98,9 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
             )
             cells.append(f"{r2:.3f}, {error:.2f} N")
         lines.append(f"| {name} | {words} | {' | '.join(cells)} | {side['Fz'].offset:+.2f} N |")
-    for figure in ("forces", "sensor"):
-        save_figure(draw_recording(fitted)[figure], FIGURES / f"hopper_{figure}")
-        (FIGURES / f"hopper_{figure}.pdf").unlink()
-    start, found, sensor = next(iter(plain.compared["force_level"].pieces()))
+    save_figure(draw_all(fitted)["estimation"], FIGURES / "hopper_forces")
+    (FIGURES / "hopper_forces.pdf").unlink()
+    start, found, sensor, _ = next(plain.compared["force_level"][0].pieces())
     phases = []
     for name, begin, end in (
         ("before it", 0.1, 1.3),
@@ -252,8 +250,6 @@ sensor on the first 11.7 s. What was found:
 {fits}
 
 ![Estimated and measured force of the hopper](figures/recordings/hopper_forces.png)
-
-![The liveliest stretch, and one against the other](figures/recordings/hopper_sensor.png)
 
 What remains unexplained: Fy, which two joints with parallel axes cannot show at all (the report says so), and the loops of Fz
 against the sensor, above.

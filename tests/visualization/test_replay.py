@@ -19,7 +19,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.result_tables import estimate_dataset
-from aerobat_pin.flight.wake import wake_of
+from aerobat_pin.flight.shown import wake_of
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.robot.closing_bars import bar_placements
 from aerobat_pin.scenario.scenario import load_scenario
