@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -24,6 +26,7 @@ MOST_COLUMNS = 6
 ESTIMATE_LINES = ("-", ":", "--", "-.")
 ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this factor is drawn behind it
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
+EVERYWHERE = (-np.inf, np.inf)
 ACTUAL = {"truth": "actual", "sensor": "force sensor"}
 
 
@@ -48,7 +51,7 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     style.title_of(figure, f"Unknown force at each {kind}, world axes: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
     enlarged = _enlarged(result, panels, events)
-    step = 2 if known else 1
+    step, free = 2 if known else 1, None if result.record is None else result.record.map.use.free
     for column, frame in enumerate(frames):
         grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
         for row, label in enumerate(panels.labels):
@@ -73,16 +76,16 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
         span = (enlarged.start, enlarged.end)
         _draw_box(grid[chosen][column], span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
         _draw_event_boxes(grid[-1][column], panels.span[1], events)
-        if result.record is not None and result.record.map.use.free is not None:
-            for row in range(rows):
-                grid[step * row][column].axvspan(*result.record.map.use.free, color=style.FAINT, alpha=0.4, zorder=0)
+        for row in range(rows):
+            if free is not None:
+                grid[step * row][column].axvspan(*free, color=style.FAINT, alpha=0.4, zorder=0)
         for spine in grid[-1][column].spines.values():
             spine.set_visible(True)
             spine.set_color(style.ENLARGED_ZONE)
-    shown = dict(zip(*reversed(grid[chosen][0].get_legend_handles_labels()), strict=True))
-    for axis in grid[chosen][1:]:
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
-            shown.setdefault(label, handle)
+    shown: dict[str, Artist] = {}
+    for axis in grid[chosen][::-1]:
+        handles, labels = axis.get_legend_handles_labels()
+        shown = dict(zip(labels, handles, strict=True)) | {k: v for k, v in shown.items() if k not in labels}
     figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=3 if len(frames) > 1 else 2)
     return figure
 
@@ -109,83 +112,68 @@ class _Panels:
         found = [one for one in self.result.references if one.frame == frame and label in one.labels]
         return (found[0], found[0].labels.index(label)) if found else None
 
-    def draw_forces(self, axis: Axes, frame: str, label: str, span: tuple[float, float] = (-np.inf, np.inf)) -> None:
+    def draw_forces(self, axis: Axes, frame: str, label: str, span: tuple[float, float] = EVERYWHERE) -> None:
         """Draw the truth, and the estimates over it; one that is much rougher goes behind, where it hides no truth."""
-        begin, end, smooth = span[0] + self.result.start, span[1] + self.result.start, np.inf
-        first, known = next(iter(self.result.stored.values())), self.reference(frame, label)
+        smooth, known = np.inf, self.reference(frame, label)
         if known is not None:
-            reference, column = known
-
-            def actual(part: Estimate, at: int) -> Array:
-                return reference.values[at : at + len(part.components)][:, [column]]
-
-            time, values = estimate_lines(first, actual, begin, end)
-            smooth = ROUGHER * max(float(np.std(np.diff(values[:, 0]))), 1e-6)
-            axis.plot(
-                time - self.result.start,
-                values[:, 0],
-                color=style.TRUTH,
-                linewidth=2.0,
-                label=ACTUAL[reference.kind],
-                zorder=2.2,
-            )
-        for (name, estimate), colour, line in zip(
-            self.result.stored.items(), style.ESTIMATES, ESTIMATE_LINES, strict=False
-        ):
-            component = f"{frame}.{label}"
-            if component not in estimate.head.identifiability.components:
+            actual = partial(_actual, reference=known[0], k=known[1])
+            time, force = self._lines(next(iter(self.result.stored.values())), actual, span)
+            smooth = ROUGHER * max(float(np.std(np.diff(force))), 1e-6)
+            axis.plot(time, force, color=style.TRUTH, linewidth=2.0, label=ACTUAL[known[0].kind], zorder=2.2)
+        for name, estimate, colour, line in self._estimates():
+            labels = estimate.head.identifiability.components
+            if f"{frame}.{label}" not in labels:
                 continue
-            k = estimate.head.identifiability.components.index(component)
-
-            def found(part: Estimate, _: int, k: int = k) -> Array:
-                sure = part.standard_deviation
-                half = np.zeros(len(part.components)) if sure is None else DEVIATIONS * sure[:, k]
-                force, half = part.components[:, k], np.where(np.isfinite(half), half, np.nan)
-                return np.column_stack([force, force - half, force + half])
-
-            time, values = estimate_lines(estimate, found, begin, end)
-            time, (force, low, high) = time - self.result.start, values.T
+            time, force, low, high = self._lines(estimate, partial(_band, k=labels.index(f"{frame}.{label}")), span)
             rough = float(np.std(np.diff(force))) > smooth
-            axis.plot(
-                time,
-                force,
-                line,
-                color=colour,
-                linewidth=0.8,
-                label=f"estimated: {name}",
-                zorder=2.1 if rough else 2.3,
-            )
+            order = 2.1 if rough else 2.3
+            axis.plot(time, force, line, color=colour, linewidth=0.8, label=f"estimated: {name}", zorder=order)
             if rough:
                 axis.lines[0].set_linewidth(1.2)
             if estimate.head.standard_deviation is not None:
                 words = f"{name}: {DEVIATIONS:g} standard deviations"
                 axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
-            axis.set_ylabel(f"$F_{label[1]}$ [N]" if label[0] == "F" else f"$M_{label[1]}$ [N m]")
+        axis.set_ylabel(f"$F_{label[1]}$ [N]" if label[0] == "F" else f"$M_{label[1]}$ [N m]")
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
-        axis.set_xlim(*self.span)
-        if self.reference(frame, label) is None:
-            axis.set_visible(False)
-            return
-        for (name, sides), colour, line in zip(
-            self.result.compared.items(), style.ESTIMATES, ESTIMATE_LINES, strict=False
-        ):
-            for side in sides:
-                if side.reference.frame == frame and label in side.reference.labels:
-                    time, values = self._error(self.result.stored[name], side, side.reference.labels.index(label))
-                    axis.plot(time, values, line, color=colour, linewidth=0.6)
-        axis.set_ylabel("error [mN]" if label[0] == "F" else "error [mN m]")
+        known = self.reference(frame, label)
+        axis.set(xlim=self.span, visible=known is not None, ylabel=f"error [m{'N' if label[0] == 'F' else 'N m'}]")
+        for name, estimate, colour, line in self._estimates():
+            for side in self.result.compared[name]:
+                if known is not None and side.reference is known[0]:
+                    time, error = self._lines(estimate, partial(_error, side=side, k=known[1]), EVERYWHERE)
+                    axis.plot(time, error, line, color=colour, linewidth=0.6)
 
-    def _error(self, estimate: StoredEstimate, side: Compared, k: int) -> tuple[Array, Array]:
-        def error(part: Estimate, at: int) -> Array:
-            rows = slice(at, at + len(part.components))
-            counts = side.reference.scored(part.time[:-1])
-            difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
-            return np.asarray(np.where(counts, difference, np.nan)[:, None])
+    def _estimates(self) -> Iterator[tuple[str, StoredEstimate, str, str]]:
+        """Yield name, estimate, colour and line of each observer."""
+        stored = self.result.stored
+        yield from zip(stored, stored.values(), style.ESTIMATES, ESTIMATE_LINES, strict=False)
 
-        time, values = estimate_lines(estimate, error)
-        return time - self.result.start, values[:, 0]
+    def _lines(
+        self, estimate: StoredEstimate, values_of: Callable[[Estimate, int], Array], span: tuple[float, float]
+    ) -> tuple[Array, ...]:
+        """Return times from the start (n,) [s] and one series (n,) for each column of `values_of`, within a span."""
+        begin, end = (time + self.result.start for time in span)
+        time, values = estimate_lines(estimate, values_of, begin, end)
+        return time - self.result.start, *values.T
+
+
+def _actual(part: Estimate, at: int, reference: Reference, k: int) -> Array:
+    return np.asarray(reference.values[at : at + len(part.components)][:, [k]])
+
+
+def _band(part: Estimate, _: int, k: int) -> Array:
+    """Return a component (n, 3): the estimate, and the lower and upper end of its band, NaN where this is infinite."""
+    force, sure = part.components[:, k], part.standard_deviation
+    half = np.zeros(len(force)) if sure is None else np.where(np.isfinite(sure[:, k]), DEVIATIONS * sure[:, k], np.nan)
+    return np.column_stack([force, force - half, force + half])
+
+
+def _error(part: Estimate, at: int, side: Compared, k: int) -> Array:
+    rows = slice(at, at + len(part.components))
+    difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
+    return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
 
 
 @dataclass(frozen=True)
