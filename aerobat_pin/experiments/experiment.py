@@ -20,8 +20,7 @@ from aerobat_pin.aerobat import (
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import Calibration, FindingVerdict, LogFinding, Result, StoredEstimate
-from aerobat_pin.experiments.flight_summary import FlightSummary, flight_summary
-from aerobat_pin.experiments.notes import flight_note, recorded_note
+from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import log_with_motion, simulate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate

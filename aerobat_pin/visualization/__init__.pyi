@@ -7,12 +7,12 @@ from .figures.linkage import range_table as range_table
 from .replay.any_robot import replay_table as replay_table
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight
-from .replay.flight_replay import replay_log as replay_log
 from .replay.flight_replay import replay_run as replay_run
 from .replay.open_robot import RobotView as RobotView
 from .replay.open_robot import open_robot as open_robot
 from .replay.recording import Recording as Recording
 from .replay.recording import record as record
+from .replay.result_replay import replay_log as replay_log
 from .replay.result_replay import replay_result as replay_result
 from .replay.serve import serve as serve
 from .replay.snapshots import snapshots as snapshots

@@ -8,9 +8,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import belief_about, read_log
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result
-from aerobat_pin.experiments import Experiment, estimate_dataset
+from aerobat_pin.experiments import Experiment, estimate_dataset, run_recorded
 from aerobat_pin.records import Record
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
@@ -54,6 +55,21 @@ def replay_result(made: Experiment | Result) -> Recording:
             values = one.values[low : low + last - first][at, :3]
             recording.add_forces("force sensor", style.TRUTH, {one.frame: values}, inner=True)
     return recording
+
+
+def replay_log(file: Path, morphology: str | None = None) -> Recording:
+    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
+
+    Args:
+        file: flight log, `.nc` or `.csv`.
+        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
+            the robot noted in the log, or the default robot if the log notes none.
+
+    Raises:
+        AerobatError: the log or the morphology cannot be read.
+    """
+    log = read_log(file)
+    return replay_result(run_recorded(log, belief_about(log, file.stem, morphology, [], [])))
 
 
 def _visible(result: Result, record: Record) -> tuple[pin.Model, pin.GeometryModel]:
