@@ -1,4 +1,5 @@
 """Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake."""
+
 from __future__ import annotations
 
 from pathlib import Path
