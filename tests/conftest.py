@@ -14,11 +14,11 @@ import pytest
 from hypothesis import settings
 from support.browser import started
 
-from aerobat_pin.experiments.experiment import Experiment, run, write
+from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.run_pages import write_figures_and_pages
+from aerobat_pin.visualization.result_pages import write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
     signal.signal(signal.SIGINT, lambda *_: None)  # tests ignore Ctrl-C further on, the programs that they start do not

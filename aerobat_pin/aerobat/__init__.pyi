@@ -25,7 +25,6 @@ from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
 from .robot import AerobatRobot as AerobatRobot
 from .truth import SUM as SUM
-from .truth import TrueEvent as TrueEvent
 from .truth import true_events as true_events
 from .truth import true_force as true_force
 from .truth import truth_of as truth_of

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records import Reference, TrueEvent
 
 SUM = "sum"  # instead of a frame: the sum of the forces at all points
 
@@ -31,19 +30,12 @@ def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
     return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
 
 
-def truth_of(log: FlightLog) -> Callable[[str], tuple[Array, Array]] | None:
-    """Return `true_force` of a log as a function of the frame; None if the log has no truth."""
-    return None if log.truth is None else partial(true_force, log)
-
-
-@dataclass(frozen=True)
-class TrueEvent:
-    """An event of the true forces: its name, frames, start [s] and end [s], which is infinite if it does not end."""
-
-    name: str
-    frames: tuple[str, ...]
-    start: float
-    end: float
+@guarded()
+def truth_of(log: FlightLog, frames: Sequence[str]) -> tuple[Reference, ...]:
+    """Return the true forces at frames as references of estimates; none if the log has no truth."""
+    if log.truth is None:
+        return ()
+    return tuple(Reference(frame, "truth", ("Fx", "Fy", "Fz"), *true_force(log, frame)) for frame in frames)
 
 
 @guarded()

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from aerobat_pin.cli.calibrate import calibrate_command
-from aerobat_pin.cli.console import files_in, print_files, print_version, progress_bar
+from aerobat_pin.cli.console import print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.options import CalibrationFile, Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.runs import compare_command, convert_command, play_command
@@ -67,7 +67,7 @@ def run_command(
         )
         return
     from aerobat_pin import experiments
-    from aerobat_pin.errors import SimulationError, output_folder
+    from aerobat_pin.errors import SimulationError
     from aerobat_pin.estimation import read_calibration
     from aerobat_pin.scenario import load_scenario
 
@@ -80,24 +80,20 @@ def run_command(
     loaded = load_scenario(scenario, changes)
     learnt = None if calibration is None else read_calibration(calibration)
     target = out or Path("runs") / loaded.name
-    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
-        diverged = None
+    diverged: list[SimulationError] = []
+
+    def flown(show: experiments.Progress) -> experiments.Experiment:
         try:
-            experiment = experiments.run(loaded, show, calibration=learnt)
+            return experiments.run(loaded, show, calibration=learnt)
         except SimulationError as error:
             if not isinstance(error.kept, experiments.Experiment):
                 raise
-            experiment, diverged = error.kept, error
-        experiments.write(experiment, folder)
-        if not no_report:
-            from aerobat_pin.visualization import write_figures_and_pages
+            diverged.append(error)
+            return error.kept
 
-            write_figures_and_pages(experiment, folder, show)
-        files = files_in(folder)
-    typer.echo(f"\n{experiment.scores}")
-    print_files(target, files)
-    if diverged is not None:
-        raise diverged
+    write_results(flown, target, force=force, pages=not no_report)
+    if diverged:
+        raise diverged[0]
 
 
 app.command("compare")(compare_command)

@@ -8,10 +8,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from aerobat_pin.errors import cleaned
+from aerobat_pin.errors import cleaned, output_folder
+
+if TYPE_CHECKING:
+    from aerobat_pin.estimation import Result
+    from aerobat_pin.experiments import Experiment, Progress
 
 LINE_EVERY = 10.0  # [s] between lines about the same work, without a terminal
 QUIET = 2.0  # [s]: a command that is faster says nothing about its stages
@@ -84,9 +89,36 @@ def files_in(folder: Path) -> list[Path]:
     return sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
 
 
-def print_files(target: Path, files: list[Path]) -> None:
-    """Print what was written, a folder in it as one name, and last which page or file to open first."""
-    names = dict.fromkeys(f"{file.parts[0]}/" if len(file.parts) > 1 else str(file) for file in files)
+def write_results(
+    estimated: Callable[[Progress], Experiment | Result],
+    target: Path,
+    *,
+    force: bool,
+    pages: bool = True,
+    also: Callable[[Any], None] | None = None,
+) -> None:
+    """Estimate, write the results into a folder, whole or not at all, and print the scores and what was written.
+
+    Args:
+        estimated: function that estimates, given one that shows its progress.
+        target: the folder.
+        force: take a folder that is not empty.
+        pages: draw figures, report and replay.
+        also: writes what belongs elsewhere.
+    """
+    from aerobat_pin import experiments
+
+    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
+        made = estimated(show)
+        experiments.write(made, folder)
+        if pages:
+            from aerobat_pin.visualization import write_figures_and_pages
+
+            write_figures_and_pages(made, folder, show)
+        if also is not None:
+            also(made)
+        names = dict.fromkeys(f"{path.name}/" if path.is_dir() else path.name for path in sorted(folder.iterdir()))
+    typer.echo(f"\n{made.scores if isinstance(made, experiments.Experiment) else made}")
     typer.echo(f"\nresults in {target}/: {', '.join(names)}")
     for page in [name for name in FIRST_OPENED if name in names] or ["metrics.json"]:
         typer.echo(f"open {target / page}")

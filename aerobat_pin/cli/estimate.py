@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import files_in, print_files, progress_bar
+from aerobat_pin.cli.console import write_results
 from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
 
 if TYPE_CHECKING:
-    from aerobat_pin.experiments import Scores
     from aerobat_pin.scenario import Scenario
 
 
@@ -53,10 +52,10 @@ def estimate_command(
 
     Of Aerobat's own tables without a map: --set takes keys of robot, air and observers, and flight.gravity.
     """
-    from aerobat_pin import experiments
     from aerobat_pin.aerobat import belief_about, describe_belief, read_log
-    from aerobat_pin.errors import LogError, output_folder
+    from aerobat_pin.errors import LogError
     from aerobat_pin.estimation import read_calibration
+    from aerobat_pin.experiments import run_recorded
 
     if out is not None and out.suffix == ".mcap":
         out, out_mcap = None, out
@@ -94,16 +93,7 @@ def estimate_command(
         return
     learnt = None if calibration is None else read_calibration(calibration)
     target = out or Path("runs") / f"{name}-estimate"
-    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
-        estimated = experiments.run_recorded(flight, belief, show, learnt)
-        experiments.write(estimated, folder)
-        from aerobat_pin.visualization import write_figures_and_pages
-
-        write_figures_and_pages(estimated, folder, show)
-        files = files_in(folder)
-    _print_inputs(estimated.scores)
-    typer.echo(f"\n{estimated.scores}")
-    print_files(target, files)
+    write_results(lambda show: run_recorded(flight, belief, show, learnt), target, force=force)
 
 
 def _passes_self_check(belief: Scenario) -> bool:
@@ -117,13 +107,3 @@ def _passes_self_check(belief: Scenario) -> bool:
     passed = all(check.ok for check in checks)
     typer.echo("self-check: sign, frame and unit are right" if passed else "self-check: FAILED")
     return passed
-
-
-def _print_inputs(scores: Scores) -> None:
-    """Print the source of each input of the observers, and size and deviation of each estimated component."""
-    for name, source in scores.inputs.items():
-        typer.echo(f"{name:<14} {source}")
-    for name, found in scores.observers.items():
-        for component in found.components:
-            size = f"rms {1e3 * component.rms:9.2f} m{component.unit}"
-            typer.echo(f"{name:<14} {component.name:<24} {size}, deviation {component.certainty}")

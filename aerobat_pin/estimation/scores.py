@@ -1,30 +1,17 @@
-"""Score estimates against the true forces: R2, error and lag for each axis, and what each observer says of itself."""
+"""How well an estimate agrees with a reference: R2, error and lag of each axis, from sums that need no whole series."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from aerobat_pin.estimation.trust import (
-    POINT_SUFFIX,
-    ComponentSize,
-    FoundEvent,
-    InnovationScore,
-    component_sizes,
-    found_events,
-    innovation_score,
-    warnings_about,
-)
-from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers import Estimate, Redundancy
 
 FORCE_AXES = ("Fx", "Fy", "Fz")
+POINT_SUFFIX = "_force_point"
 NO_SIGNAL = 1.0e-3  # [N]: if the true force has a smaller standard deviation, R2 is meaningless
-TrueForce = Callable[[str], tuple[Array, Array]]
+TRUTH_SCORES = ("r2", "r2_noise_free", "rmse", "lag_s")  # of a truth
 LONGEST_LAG = 0.05  # [s]: the longest lag that the search can find
 
 
@@ -33,141 +20,90 @@ def _quantity(unit: str, meaning: str) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class AxisScore:
+class Score:
     """Scores of one axis of one force; the metadata of each field names its unit.
 
-    R2 and lag are None if the true force hardly varies (see `NO_SIGNAL`); the lag also if none is found.
+    R2 and lag are None if the reference hardly varies (see `NO_SIGNAL`); the lag also if none is found. What is about
+    noise belongs to a truth, what is about a fit, a factor or an offset to a sensor; elsewhere it is None.
     """
 
     r2: float | None = field(metadata=_quantity("1", "R2 against the true force with its noise"))
     r2_noise_free: float | None = field(metadata=_quantity("1", "R2 against the noise-free part of the true force"))
     rmse: float = field(metadata=_quantity("N", "root mean square error against the true force with its noise"))
     lag_s: float | None = field(metadata=_quantity("s", "delay of the noise-free truth that fits the estimate best"))
+    r2_outside_fit: float | None = field(
+        default=None, metadata=_quantity("1", "R2 on what no fit to the reference used; None without such a fit")
+    )
+    rmse_outside_fit: float | None = field(default=None, metadata=_quantity("N", "root mean square error there"))
+    factor: float | None = field(
+        default=None, metadata=_quantity("1", "sensor per estimate, least squares about the means")
+    )
+    offset: float | None = field(default=None, metadata=_quantity("N", "mean of the estimate minus that of the sensor"))
 
-    def texts(self) -> tuple[str, str, str, str]:
-        """Return the scores as text, in the order of the table's columns."""
-        r2, noise_free = ("no signal" if score is None else f"{score:.5f}" for score in (self.r2, self.r2_noise_free))
-        return r2, noise_free, f"{1e3 * self.rmse:.2f} mN", "-" if self.lag_s is None else f"{1e3 * self.lag_s:.2f} ms"
-
-
-@dataclass(frozen=True)
-class ObserverScores:
-    """Scores of one observer: an entry of `observers` in `metrics.json`.
-
-    Attributes:
-        points: point -> axis (`Fx`, `Fy`, `Fz`) -> scores; empty if the log does not contain the true forces.
-        components: root mean square of each estimated component.
-        gain: gain K [1/s]: a number, a list with one number for each filtered quantity, or a matrix as nested lists.
-        rank: rank of the linear equations for the unknown components.
-        condition: condition number of the same equations; None if it is infinite.
-        null_direction: combination of components that cannot be estimated because it has no effect on the equations;
-            of several, the one with the smallest singular value. Its shape is (n, 3) if the components are n forces in
-            world axes, else (c,). None at full rank.
-        unseen: a line of text about each combination of components that cannot be estimated.
-        redundancy: what no force explains, and what this says about the belief.
-        deviation: point -> root mean square of the standard deviation of its three forces, None where it is infinite;
-            None if the observer states none.
-        innovation: how well a filter predicts the samples; None for other observers.
-        warnings: a line of text about each property of this observer that spoils the estimate.
-        notes: a line of text about each thing that the observer chose or found beside the forces.
-        events: contacts that were found; None where they were not sought, as without a calibration.
-    """
-
-    points: Mapping[str, Mapping[str, AxisScore]]
-    components: tuple[ComponentSize, ...]
-    gain: float | list[Any]
-    rank: int
-    condition: float | None
-    null_direction: list[Any] | None
-    unseen: list[str]
-    redundancy: Redundancy
-    deviation: Mapping[str, list[float | None]] | None
-    innovation: InnovationScore | None
-    warnings: list[str]
-    notes: list[str]
-    events: list[FoundEvent] | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
-        rest = asdict(self)
-        rest |= {"components": list(rest["components"]), "redundancy": self.redundancy.to_json()}
-        return {**rest.pop("points"), **rest}
-
-    @classmethod
-    def from_json(cls, entry: Mapping[str, Any]) -> ObserverScores:
-        """Read an entry of `metrics.json`."""
-        rest = {item.name: entry[item.name] for item in fields(cls) if item.name != "points"}
-        points = {
-            name: {axis: AxisScore(**score) for axis, score in axes.items()}
-            for name, axes in entry.items()
-            if name not in rest
-        }
-        made = {
-            "components": tuple(ComponentSize(**size) for size in rest["components"]),
-            "redundancy": Redundancy.from_json(rest["redundancy"]),
-            "events": None if rest["events"] is None else [FoundEvent(**event) for event in rest["events"]],
-            "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
-        }
-        return cls(points, **{**rest, **made})
+    def to_json(self) -> dict[str, float | None]:
+        """Return all fields, of a score against a truth those alone that a truth has."""
+        values: dict[str, float | None] = asdict(self)
+        return values if self.offset is not None else {name: values[name] for name in TRUTH_SCORES}
 
 
-@guarded()
-def observer_scores(
-    estimate: Estimate, truth: TrueForce | None = None, use: CalibrationUse | None = None
-) -> ObserverScores:
-    """Score an estimate; R2, error and lag are included only if the true forces are known.
+class Moments:
+    """Means and squares about the means of pairs of series (n, k), merged piece by piece.
+
+    Source: Chan, Golub and LeVeque, Algorithms for computing the sample variance (1983), eq. 2.1. Of a single piece
+    they are numpy's own.
 
     Args:
-        estimate: the estimate.
-        truth: frame -> true force and its noise-free part, (m, 3) each, world axes [N]; None if nobody knows them.
-        use: how a calibration was used, with the contacts that were found.
+        width: number of components k.
     """
-    found = estimate.identifiability
-    points = {}
-    if truth is not None:
-        dt = float(np.median(np.diff(estimate.time)))
-        for i, frame in enumerate(estimate.frames):
-            actual, noise_free = truth(frame)
-            points[point_label(frame)] = {
-                axis: axis_score(estimate.force[:, i, k], actual[:, k], noise_free[:, k], dt)
-                for k, axis in enumerate(FORCE_AXES)
-            }
-    components = component_sizes(estimate)
-    by_point = None
-    if estimate.standard_deviation is not None and estimate.are_world_forces:
-        sure = [size.deviation for size in components]
-        by_point = {point_label(frame): sure[3 * i : 3 * i + 3] for i, frame in enumerate(estimate.frames)}
-    return ObserverScores(
-        points=points,
-        components=components,
-        gain=estimate.gain.tolist(),
-        rank=found.rank,
-        condition=found.condition if np.isfinite(found.condition) else None,
-        null_direction=None if found.null_direction is None else found.null_direction.tolist(),
-        unseen=found.describe(),
-        redundancy=estimate.redundancy,
-        deviation=by_point,
-        innovation=innovation_score(estimate),
-        warnings=warnings_about(estimate),
-        events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
-        notes=list(estimate.notes),
-    )
+
+    def __init__(self, width: int) -> None:
+        self.count = 0
+        self._mean = np.zeros((2, width))
+        self._found, self._truth, self._along, self._error = np.zeros((4, width))
+
+    def add(self, found: Array, truth: Array) -> None:
+        """Add rows (n, k) of both series."""
+        if not len(found):
+            return
+        rows = np.array([found.T, truth.T])
+        mean = rows.mean(axis=2)
+        one, other = rows - mean[..., None]
+        step, whole = mean - self._mean, self.count + len(found)
+        share = self.count * len(found) / whole
+        self._found += np.sum(one**2, axis=1) + share * step[0] ** 2
+        self._truth += np.sum(other**2, axis=1) + share * step[1] ** 2
+        self._along += np.sum(one * other, axis=1) + share * step[0] * step[1]
+        self._error += np.sum((rows[0] - rows[1]) ** 2, axis=1)
+        self._mean += len(found) / whole * step
+        self.count = whole
+
+    @property
+    def r2(self) -> list[float | None]:
+        """R2 of each component; None where the truth hardly varies."""
+        dull = np.sqrt(self._truth / max(self.count, 1)) < NO_SIGNAL
+        pairs = zip(dull, self._error, self._truth, strict=True)
+        return [None if still else float(1.0 - error / power) for still, error, power in pairs]
+
+    @property
+    def rmse(self) -> list[float]:
+        """Root mean square of the difference."""
+        return [float(size) for size in np.sqrt(self._error / max(self.count, 1))]
+
+    @property
+    def offset(self) -> list[float]:
+        """Mean of the estimate minus that of the truth."""
+        return [float(size) for size in self._mean[0] - self._mean[1]]
+
+    @property
+    def factor(self) -> list[float | None]:
+        """Truth per estimate, least squares about the means."""
+        return [float(a / p) if p > 0.0 else None for a, p in zip(self._along, self._found, strict=True)]
 
 
 @guarded()
 def point_label(frame: str) -> str:
     """Return the short name of a force point: `left` for `left_force_point`."""
     return frame.removesuffix(POINT_SUFFIX)
-
-
-def axis_score(estimate: Array, truth: Array, noise_free: Array, dt: float) -> AxisScore:
-    """Score one axis of a force, from interval means (m,) [N] over intervals of length dt [s]."""
-    return AxisScore(
-        r2=r_squared(estimate, truth),
-        r2_noise_free=r_squared(estimate, noise_free),
-        rmse=float(np.sqrt(np.mean((estimate - truth) ** 2))),
-        lag_s=lag(estimate, noise_free, dt),
-    )
 
 
 @guarded(estimate=("m",), truth=("m",))

@@ -36,6 +36,13 @@ class StoredEstimate:
         self._innovations: list[InnovationScore | None] = []
         self.head: Estimate
 
+    @classmethod
+    def of(cls, estimate: Estimate) -> StoredEstimate:
+        """Return an estimate of a whole record."""
+        stored = cls(Spool())
+        stored.append(estimate)
+        return stored
+
     def append(self, block: Estimate) -> None:
         """Append the intervals of a block, which begins where the last one ended or after a hole."""
         found = {"components": block.components, "residual": block.residual, "unexplained": block.unexplained}
@@ -72,6 +79,11 @@ class StoredEstimate:
     def __len__(self) -> int:
         """Return the number of intervals."""
         return len(self.start)
+
+    @property
+    def end(self) -> float:
+        """End of the last interval [s]."""
+        return float(self._end[-1])
 
     def index(self, time: float) -> int:
         """Return the index of the first interval that does not start before a time [s]."""
@@ -138,17 +150,6 @@ class StoredEstimate:
             sure = [float(size) if np.isfinite(size) else None for size in own]
         unseen = np.isinf(found.deviation).tolist()
         return tuple(map(ComponentSize, found.components, self.rms.tolist(), self.head.units, sure, unseen))
-
-    def __str__(self) -> str:
-        """Show the observer, the record, and the mean and range of each component."""
-        head, (least, most) = self.head, self.extremes
-        lines = [
-            f"Estimate of '{head.observer}': {len(self)} intervals from {self.start[0]:.12g} s to "
-            f"{self._end[-1]:.12g} s, rows '{head.rows}', rank {head.identifiability.rank} of {len(head.units)}"
-        ]
-        for row in zip(head.identifiability.components, self.mean, least, most, head.units, strict=True):
-            lines.append("  {:<24} mean {:>9.4g}, {:>9.4g} to {:>9.4g} {}".format(*row))
-        return "\n".join([*lines, f"  {self.redundancy.describe()}"])
 
     def _average(self, values: list[float]) -> float:
         return float(np.average(values, weights=self._counts))

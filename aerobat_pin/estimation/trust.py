@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb, sqrt
 
 import numpy as np
 
-from aerobat_pin.estimation.use import Contact
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, MomentumObserver
 
-POINT_SUFFIX = "_force_point"
 DIFFERENCE = 6  # order of the differences in which a force that changes slowly leaves nothing, and noise everything
 GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
 LARGEST_NOISE = 0.5  # share of a component's rms above which its noise is named
@@ -46,22 +43,6 @@ class ComponentSize:
 
 
 @dataclass(frozen=True)
-class FoundEvent:
-    """A contact as `estimation/inputs.py:Contact`, with the largest force estimated during it [N]."""
-
-    point: str
-    onset: float
-    alarm: float
-    end: float | None
-    size: float
-
-    def __str__(self) -> str:
-        """Return the event in words."""
-        until = "to the end" if self.end is None else f"to {self.end:.3f} s"
-        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} mN"
-
-
-@dataclass(frozen=True)
 class InnovationScore:
     """Mean normalised innovation squared `nis` of a filter (1 if it errs as it says), and their `whiteness` (0)."""
 
@@ -69,35 +50,10 @@ class InnovationScore:
     whiteness: float
 
 
-def component_sizes(estimate: Estimate) -> tuple[ComponentSize, ...]:
-    """Return size and deviation of each estimated component."""
-    found, count = estimate.identifiability, len(estimate.units)
-    sizes = np.sqrt(np.mean(estimate.components**2, axis=0)).tolist()
-    sure: list[float | None] = [None] * count
-    if estimate.standard_deviation is not None:
-        own = np.sqrt(np.mean(estimate.standard_deviation**2, axis=0))
-        sure = [float(size) if np.isfinite(size) else None for size in own]
-    return tuple(map(ComponentSize, found.components, sizes, estimate.units, sure, np.isinf(found.deviation).tolist()))
-
-
 def innovation_score(estimate: Estimate) -> InnovationScore | None:
     """Return the summary of a filter's innovations; None for other observers."""
     found = estimate.innovation
     return None if found is None else InnovationScore(found.mean, found.whiteness)
-
-
-def found_events(estimate: Estimate, contacts: Sequence[Contact]) -> list[FoundEvent]:
-    """Return contacts with the largest force that an observer estimates there during each."""
-    found = []
-    for contact in contacts:
-        if contact.frame in estimate.frames and estimate.are_world_forces:
-            end = np.inf if contact.end is None else contact.end
-            during = (estimate.time[:-1] < end) & (estimate.time[1:] > contact.onset)
-            force = estimate.force[during, estimate.frames.index(contact.frame)]
-            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
-            point = contact.frame.removesuffix(POINT_SUFFIX)
-            found.append(FoundEvent(point, contact.onset, contact.alarm, contact.end, size))
-    return found
 
 
 def sample_noise(components: Array) -> Array:

@@ -24,6 +24,22 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class FoundEvent:
+    """A `Contact` with the largest force estimated during it [N]."""
+
+    point: str
+    onset: float
+    alarm: float
+    end: float | None
+    size: float
+
+    def __str__(self) -> str:
+        """Return the event in words."""
+        until = "to the end" if self.end is None else f"to {self.end:.3f} s"
+        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} mN"
+
+
+@dataclass(frozen=True)
 class CalibrationUse:
     """How a calibration was used.
 

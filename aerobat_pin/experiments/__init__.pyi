@@ -1,17 +1,11 @@
-from .experiment import RESULTS as RESULTS
 from .experiment import Experiment as Experiment
 from .experiment import Progress as Progress
 from .experiment import run as run
 from .experiment import run_recorded as run_recorded
-from .experiment import write as write
 from .flight_summary import FlightSummary as FlightSummary
+from .flight_summary import flight_note as flight_note
 from .flight_summary import flight_summary as flight_summary
-from .metrics import TABLE_HEADER as TABLE_HEADER
-from .metrics import Scores as Scores
-from .notes import flight_note as flight_note
-from .notes import recorded_note as recorded_note
-from .recorded_results import RECORDED_RESULTS as RECORDED_RESULTS
-from .recorded_results import write_recorded as write_recorded
+from .flight_summary import recorded_note as recorded_note
 from .result_tables import estimate_dataset as estimate_dataset
 from .result_tables import read_run as read_run
 from .self_check import self_check as self_check
@@ -20,3 +14,7 @@ from .sweep.run_sweep import run_sweep as run_sweep
 from .sweep.sweep_file import shipped_sweeps as shipped_sweeps
 from .write_mcap import write_flight_mcap as write_flight_mcap
 from .write_mcap import write_mcap as write_mcap
+from .write_results import RESULTS as RESULTS
+from .write_results import map_toml as map_toml
+from .write_results import read_map as read_map
+from .write_results import write as write

@@ -1,92 +1,72 @@
-"""Run one experiment: simulate a scenario or read a recorded flight, estimate the forces, score them, write files."""
+"""Run one experiment: simulate a scenario or take a recorded flight, estimate the forces, and score them."""
 
 from __future__ import annotations
 
-import json
-import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from html import escape
-from importlib import metadata
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
-import pandas as pd
+import numpy as np
 
-from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import (
     AerobatRobot,
     FlightLog,
     check_names,
     estimate_log,
     flight_findings,
+    true_events,
     truth_of,
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import Calibration, calibration_bytes, observer_scores
-from aerobat_pin.experiments.flight_summary import flight_summary
-from aerobat_pin.experiments.metrics import TABLE_HEADER, Scores
-from aerobat_pin.experiments.notes import flight_note, recorded_note
-from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
+from aerobat_pin.estimation import Calibration, Finding, Result, StoredEstimate
+from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import log_with_motion, simulate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
-from aerobat_pin.records import netcdf_bytes
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
-from aerobat_pin.scenario import RecordedForce, Scenario, changed_keys, described, scenario_toml
+from aerobat_pin.scenario import Scenario, changed_keys, changes_text
 
-FIGURES = ("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power", "control")
-RESULTS = (  # all that a run or an estimate writes, as glob patterns
-    "scenario.toml",
-    "belief.toml",
-    "morphology.toml",
-    "unknown_force_*.csv",
-    "flight.nc",
-    "estimate.nc",
-    "estimate.csv",
-    "calibration.nc",
-    "metrics.json",
-    *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")),
-    "report.html",
-    "replay.html",
-)
-VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
+NOISE_ADVICE = "a smaller observers.gain follows the sensors' noise less"
 Progress = Callable[[str, float], None]  # called with the name of the stage and the share of the stage that is done
 
 
 @dataclass(frozen=True, repr=False)
 class Experiment:
-    """The results of one flight, simulated or recorded.
+    """The results of one flight of Aerobat, simulated or recorded.
 
     Attributes:
         scenario: the simulated scenario; for a recorded flight, what is assumed about it (robot, air, observers).
         robot: the robot that flew; for a recorded flight, the assumed robot.
         log: the flight log.
-        estimates: observer -> estimate.
-        scores: how well the estimates match the true forces, and a summary of the flight.
+        scores: forces and how well they match the true ones; `print` shows it as a table.
+        note: a line about the flight.
         drawn: the log that figures and replay show: `log`, or for raw samples one with the true or smoothed motion.
         calibration: what free flights had shown about the belief; None without a calibration.
+        flight: summary of a simulated flight; None for a recorded one.
+        control: how the flight was controlled, as plain values; None if no controller flew it.
     """
 
     scenario: Scenario
     robot: Aerobat
     log: FlightLog
-    estimates: dict[str, Estimate]
-    scores: Scores
+    scores: Result
+    note: str
     drawn: FlightLog
     calibration: Calibration | None = None
+    flight: FlightSummary | None = None
+    control: Mapping[str, Any] | None = None
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """Observer -> estimate."""
+        return self.scores.estimates
 
     @cached_property
     def metrics(self) -> dict[str, Any]:
         """The scores as plain values, as written to `metrics.json`."""
-        return self.scores.to_json()
-
-    @property
-    def is_recorded(self) -> bool:
-        """True if the flight was recorded, False if it was simulated."""
-        return self.scores.flight is None
+        return self.scores.metrics()
 
     def __repr__(self) -> str:
         robot = f"{self.robot.model.name}, {1e3 * self.robot.mass:.1f} g"
@@ -98,8 +78,7 @@ class Experiment:
 
     def _repr_html_(self) -> str:
         """Return the table of scores as HTML, for notebooks."""
-        table = pd.DataFrame(list(self.scores.rows()), columns=list(TABLE_HEADER)).to_html(index=False)
-        return f"<p>{escape(self.scores.title)}</p>{table}"
+        return self.scores._repr_html_()
 
 
 @guarded()
@@ -130,13 +109,21 @@ def run(
 
     def judged(log: FlightLog) -> Experiment:
         made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress, calibration)
-        scores = replace(made.scores, seed=scenario.simulation.seed, flight=flight_summary(log, robot.mass))
-        scores = replace(scores, changed=changed_keys(scenario), noisy=bool(scenario.sensors.sampled))
+        flight, control, seed = flight_summary(log, robot.mass), None, scenario.simulation.seed
         if pilot is not None:
-            flight = replace(flight_summary(log, robot.mass), rms=course_rms(scenario, log))
+            flight = replace(flight, rms=course_rms(scenario, log))
             control = control_summary(scenario, log, pilot).to_json()
-            scores = replace(scores, flight=flight, control=control, notices=tuple(pilot.warnings))
-        return replace(made, robot=robot, scores=scores)
+        changed = changed_keys(scenario)
+        more = {**made.scores.more, "seed": seed, "changed": changed, "log": None, "flight": flight.to_json()}
+        scores = replace(
+            made.scores,
+            title=f"{scenario.name}, seed {seed}: {made.note}; motor torque {scenario.observers.torque}",
+            changes=changes_text(scenario.name, changed),
+            advice=NOISE_ADVICE if scenario.sensors.sampled else "",
+            findings=(*_said_before(pilot), *made.scores.findings),
+            more=more if control is None else {**more, "control": control},
+        )
+        return replace(made, robot=robot, scores=scores, flight=flight, control=control)
 
     try:
         return judged(simulate(scenario, _stage(progress, "flying"), robot=robot, pilot=pilot))
@@ -176,23 +163,30 @@ def _estimated(
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
     inputs, estimates = estimate_log(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    time = next(iter(estimates.values())).time
     robot = AerobatRobot.of(believed, belief.believed_air, belief.observers.torque)
-    findings = flight_findings(log, robot, inputs)
-    scores = Scores(
-        scenario=belief.name,
-        seed=None,
-        versions=versions(),
-        torque=belief.observers.torque,
+    findings = [finding for finding in flight_findings(log, robot, inputs) if finding.warns]
+    scores = Result(
+        name=belief.name,
+        title=f"{belief.name}: {note}; motor torque {belief.observers.torque}",
+        robot=believed.model.name,
+        mass=believed.mass,
+        dt=float(np.median(np.diff(time))),
+        stored={name: StoredEstimate.of(estimate) for name, estimate in estimates.items()},
+        references=truth_of(log, belief.observers.frames),
+        findings=tuple(findings),
         inputs=inputs.source,
-        note=note,
-        observers={
-            name: observer_scores(estimate, truth_of(log), inputs.calibration) for name, estimate in estimates.items()
-        },
         calibration=inputs.calibration,
-        findings=tuple(str(finding) for finding in findings if finding.warns),
+        events=tuple(true_events(log)),
+        more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )
     drawn = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
-    return Experiment(belief, believed, log, estimates, scores, drawn, calibration)
+    return Experiment(belief, believed, log, scores, note, drawn, calibration)
+
+
+def _said_before(pilot: Controller | None) -> list[Finding]:
+    """Return what the controller said before the flight."""
+    return [] if pilot is None else [Finding("before the flight", "warning", line) for line in pilot.warnings]
 
 
 def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
@@ -207,50 +201,3 @@ def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[floa
         progress(f"estimating with {names[at]}", share * len(names) - at)
 
     return show
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that can change the results: package -> version."""
-    return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
-
-
-@guarded()
-def write(experiment: Experiment, folder: Path) -> None:
-    """Write scenario, log, estimates and metrics into an existing folder.
-
-    Files that the scenario names, and the calibration, are copied into the folder, so that the run can be repeated on
-    any machine. For a
-    recorded flight, `belief.toml` takes the place of the scenario, and `estimate.csv` that of the log.
-    """
-    if experiment.is_recorded:
-        write_scenario(experiment.scenario, folder, "belief.toml")
-        (folder / "estimate.csv").write_text(estimate_table(experiment.estimates), encoding="utf-8")
-    else:
-        write_scenario(experiment.scenario, folder)
-        (folder / "flight.nc").write_bytes(netcdf_bytes(experiment.log.measured, experiment.log.truth))
-    (folder / "estimate.nc").write_bytes(netcdf_bytes(estimate_dataset(experiment.estimates)))
-    if experiment.calibration is not None:
-        (folder / "calibration.nc").write_bytes(calibration_bytes(experiment.calibration))
-    write_metrics(experiment.metrics, folder)
-
-
-def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:
-    """Write a scenario, and copy the user's files that it names (morphology, recorded forces) into the same folder."""
-    if scenario.robot.morphology not in MORPHOLOGIES:
-        shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
-        robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})
-        scenario = scenario.model_copy(update={"robot": robot})
-    forces = list(scenario.unknown_force)
-    for i, force in enumerate(forces):
-        if isinstance(force, RecordedForce):
-            shutil.copyfile(force.file, folder / f"unknown_force_{i}.csv")
-            forces[i] = force.model_copy(update={"file": f"unknown_force_{i}.csv"})
-    scenario = scenario.model_copy(update={"unknown_force": tuple(forces)})
-    (folder / name).write_text(scenario_toml(described(scenario)), encoding="utf-8")
-
-
-def write_metrics(metrics: dict[str, Any], folder: Path) -> None:
-    """Write `metrics.json`."""
-    text = json.dumps(metrics, indent=2, allow_nan=False)
-    (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")

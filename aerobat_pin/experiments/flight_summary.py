@@ -1,4 +1,4 @@
-"""Summarise a flight in a few numbers, the entry `flight` of `metrics.json`."""
+"""Summarise a flight in a few numbers, the entry `flight` of `metrics.json`, and in a line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from aerobat_pin.aerobat import KNOWN, FlightLog
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import euler_angles, world_velocity
+from aerobat_pin.robot import Aerobat, euler_angles, world_velocity
+from aerobat_pin.scenario import Scenario
 
 Range = tuple[float, float]
 
@@ -98,3 +99,43 @@ def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
 
 def _range(values: Array) -> Range:
     return float(values.min()), float(values.max())
+
+
+@guarded()
+def flight_note(scenario: Scenario, robot: Aerobat, log: FlightLog) -> str:
+    """Return a line about a flight: is the attitude held, which sensors have errors, did it diverge.
+
+    It also names the points of forces that no observer seeks.
+
+    For instance, `attitude held, 79 % thruster-borne` means that the attitude hold (an ideal controller, a wrench on
+    the body) is active, and that its constant lift is 79 % of the weight. The metrics contain its mean lift in flight,
+    `thrusters_lift_over_weight`. `closed loop: PD + integral + feedforward` names what acts of a controller's law.
+    """
+    weight = robot.mass * scenario.flight.gravity
+    note = "free flight, nothing held"
+    if scenario.control is not None:
+        parts = [name for name in ("integral", "feedforward") if getattr(scenario.control, name)]
+        note = f"closed loop: PD{''.join(f' + {part}' for part in parts)}"
+    elif scenario.hold is not None:
+        note = "attitude held"
+        if weight > 0.0:
+            note += f", {100.0 * scenario.hold.lift / weight:.0f} % thruster-borne"
+    unseen = sorted({force.frame for force in scenario.unknown_force} - set(scenario.observers.frames))
+    sensors = scenario.sensors.sampled
+    note += f"; imperfect sensors: {', '.join(sensors)}" if sensors else ""
+    note += f"; forces act at {', '.join(unseen)} where no observer looks" if unseen else ""
+    return note + _divergence_note(log)
+
+
+@guarded()
+def recorded_note(log: FlightLog, robot: Aerobat) -> str:
+    """Return a line with the duration of a recorded flight and the robot that is assumed to have flown."""
+    duration = log.time[-1] - log.time[0]
+    return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}" + (
+        _divergence_note(log)
+    )
+
+
+def _divergence_note(log: FlightLog) -> str:
+    time = log.measured.attrs.get("diverged_at")
+    return "" if time is None else f"; DIVERGED at {float(time):.4g} s, shown until then"

@@ -11,14 +11,14 @@ import xarray as xr
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import RecordingEstimate, blocks_of
+from aerobat_pin.estimation import Result, blocks_of
 from aerobat_pin.experiments.mcap_file import Telling, joint_rows, write_telling
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 
 
 @guarded()
-def write_mcap(found: RecordingEstimate, path: Path) -> None:
+def write_mcap(found: Result, path: Path) -> None:
     """Write forces, joints, pose and arrows of an estimated recording. Raises OutputError if it cannot be written."""
     largest = 0.0
     for estimate in found.stored.values():
@@ -28,9 +28,10 @@ def write_mcap(found: RecordingEstimate, path: Path) -> None:
     write_telling(_tellings(found, largest), path)
 
 
-def _tellings(found: RecordingEstimate, largest: float) -> Iterator[Telling]:
+def _tellings(found: Result, largest: float) -> Iterator[Telling]:
     """Yield the stretches of an estimated recording, short enough for memory."""
     record = found.record
+    assert record is not None
     for part in record.parts:
         for first, last in blocks_of(*part):
             block = record.block(first, last)
@@ -40,10 +41,10 @@ def _tellings(found: RecordingEstimate, largest: float) -> Iterator[Telling]:
                 own = estimate.between(low, low + last - first)
                 for frame, columns in _force_columns(own).items():
                     forces[f"/force/{name}/{frame}"] = (frame, own.components[:, columns])
-            for side in list(found.compared.values())[:1]:
-                low = side.start.index(block.time[0] - 1e-9)
-                forces[f"/truth/{side.point}"] = (side.point, side.sensor[low : low + last - first])
-            tau = found.forces.torque(block) if "joints.effort" in record.channels else None
+            low = next(iter(found.stored.values())).index(block.time[0])
+            for one in found.references:
+                forces[f"/truth/{one.frame}"] = (one.frame, one.values[low : low + last - first])
+            tau = found.forces.torque(block) if found.forces and "joints.effort" in record.channels else None
             model = record.robot.model
             yield Telling(model, block.time, block.q, block.v, tau, forces, joint_rows(model), largest)
 

@@ -34,6 +34,8 @@ from .record import Record as Record
 from .record import as_attitude as as_attitude
 from .record import body_turn as body_turn
 from .record import world_turn as world_turn
+from .reference import Reference as Reference
+from .reference import TrueEvent as TrueEvent
 from .resample import holes as holes
 from .resample import line_means as line_means
 from .resample import neighbour_rates as neighbour_rates

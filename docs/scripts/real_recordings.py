@@ -25,10 +25,9 @@ import tiago
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Calibration, RecordingEstimate, calibrate, estimate_recording
+from aerobat_pin.estimation import Calibration, Result, calibrate, estimate_recording
 from aerobat_pin.records import load_map, open_record, parse_map
-from aerobat_pin.visualization import save_figure
-from aerobat_pin.visualization.figures.recording import draw_recording
+from aerobat_pin.visualization import draw_all, save_figure
 
 PAGE, FIGURES, MAPS = (
     ROOT / "docs" / "real_recordings.md",
@@ -55,7 +54,7 @@ def read(
     friction: dict[str, Any] | None = None,
     calibration: Calibration | None = None,
     **robot: Any,
-) -> RecordingEstimate:
+) -> Result:
     """Estimate a log by a map of examples/recordings, with friction fitted or given, or changed keys of its robot."""
     values = tomllib.loads((MAPS / f"{name}.toml").read_text())
     values["robot"] |= robot
@@ -88,7 +87,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
         (f"{second}, hip at its height", "fitted on all of it: nothing tests the fit", all_of_it),
     ]
     for name, words, found in rows:
-        side = found.compared["force_level"].scores(found.record.dt)
+        [side] = found.observers["force_level"].points.values()
         cells = []
         for axis in ("Fx", "Fz"):
             score = side[axis]
@@ -99,10 +98,9 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
             )
             cells.append(f"{r2:.3f}, {error:.2f} N")
         lines.append(f"| {name} | {words} | {' | '.join(cells)} | {side['Fz'].offset:+.2f} N |")
-    for figure in ("forces", "sensor"):
-        save_figure(draw_recording(fitted)[figure], FIGURES / f"hopper_{figure}")
-        (FIGURES / f"hopper_{figure}.pdf").unlink()
-    start, found, sensor = next(iter(plain.compared["force_level"].pieces()))
+    save_figure(draw_all(fitted)["estimation"], FIGURES / "hopper_forces")
+    (FIGURES / "hopper_forces.pdf").unlink()
+    start, found, sensor, _ = next(plain.compared["force_level"][0].pieces())
     phases = []
     for name, begin, end in (
         ("before it", 0.1, 1.3),
@@ -252,8 +250,6 @@ sensor on the first 11.7 s. What was found:
 {fits}
 
 ![Estimated and measured force of the hopper](figures/recordings/hopper_forces.png)
-
-![The liveliest stretch, and one against the other](figures/recordings/hopper_sensor.png)
 
 What remains unexplained: Fy, which two joints with parallel axes cannot show at all (the report says so), and the loops of Fz
 against the sensor, above.

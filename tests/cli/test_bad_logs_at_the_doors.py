@@ -14,7 +14,7 @@ import xarray as xr
 from support.bad_logs import KINDS, write_kind
 from support.commands import call
 
-from aerobat_pin.experiments.experiment import Experiment, run, write
+from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 
 

@@ -14,7 +14,8 @@ from support.commands import call, interrupted
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.cli import app as cli
-from aerobat_pin.experiments.experiment import run, write_metrics
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.write_results import write_metrics
 from aerobat_pin.scenario.scenario import load_scenario
 
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
@@ -153,7 +154,7 @@ def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_r
 
 def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """What was written before the failure goes away with it, and the folder is as it was."""
-    from aerobat_pin.experiments import experiment
+    from aerobat_pin.experiments import write_results
 
     out = tmp_path / "run"
     assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 0
@@ -162,7 +163,7 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("disk on fire")
 
-    monkeypatch.setattr(experiment, "estimate_dataset", fail)
+    monkeypatch.setattr(write_results, "estimate_dataset", fail)
     monkeypatch.setattr(sys, "argv", ["aerobat", "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT])
     with pytest.raises(RuntimeError):
         cli.main()

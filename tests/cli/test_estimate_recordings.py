@@ -37,14 +37,14 @@ def test_a_map_gives_every_file(
     words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "out", "--out-mcap", "forces.mcap"]
     assert call(monkeypatch, *words, "--points", "FL_FOOT,FR_FOOT,RL_FOOT,RR_FOOT") == 0
     said = capsys.readouterr().out
-    assert re.search(r"force_level against the sensor, FL_FOOT\.Fz: R2 1\.000", said)
+    assert re.search(r"force_level FL_FOOT Fz +1\.0000", said)
     metrics = json.loads((folder / "out" / "metrics.json").read_text())
     assert metrics["observers"]["force_level"]["FL_FOOT"]["Fz"]["r2"] > 0.999
     assert metrics["warnings"] == []
     with h5py.File(folder / "out" / "estimate.nc") as file:
         assert file["force_W"].shape == (1, 1500, 4, 3)
     assert len(pd.read_csv(folder / "out" / "estimate.csv")) == 1500
-    for name in ("report.html", "replay.html", "map.toml", "figures/forces.png", "figures/sensor.pdf"):
+    for name in ("report.html", "replay.html", "map.toml", "figures/estimation.png", "figures/motion.pdf"):
         assert (folder / "out" / name).stat().st_size > 200
     assert "http://" not in (folder / "out" / "report.html").read_text()
     with highlevel.AnyReader([folder / "forces.mcap"]) as reader:

@@ -15,14 +15,14 @@ from aerobat_pin.aerobat import AerobatRobot, flight_findings
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.control import Controller
+from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
-from aerobat_pin.experiments.experiment import write as write_results
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.robot.load import believed_robot, load_robot
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
-from aerobat_pin.visualization.run_pages import report_html
+from aerobat_pin.visualization.result_pages import report_html
 
 
 @pytest.fixture(scope="module")

@@ -60,7 +60,7 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("believed: aerobat_guard with changes, 92.1 g, from --morphology\n")
     assert "cannot be seen at all: equal and opposite along the line" in done.stdout
-    for line in ("q              reconstructed", "aerodynamic    reconstructed", "thrusters      measured"):
+    for line in ("q reconstructed", "aerodynamic reconstructed", "thrusters measured"):
         assert line in done.stdout
     with (folder / "found" / "estimate.csv").open() as file:
         rows = list(csv.reader(file))

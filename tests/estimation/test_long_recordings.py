@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from aerobat_pin.estimation import RecordingEstimate, estimate_recording
-from aerobat_pin.experiments import write_recorded
+from aerobat_pin.estimation import Result, estimate_recording
+from aerobat_pin.experiments import write
 from aerobat_pin.records import parse_map
 from aerobat_pin.records.spool import Series, Spool, series_of
 
@@ -46,7 +46,8 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
     for module in ("stored_estimate", "run_observers"):
         monkeypatch.setattr(f"{place}{module}.ROWS_READ", 500)
-    monkeypatch.setattr(f"{place}sensor_scores.MOST_LAGGED", 500)
+    monkeypatch.setattr(f"{place}compared.MOST_LAGGED", 500)
+    monkeypatch.setattr(f"{place}compared.EXTENT", 200)
 
 
 def swinging(rows: int, folder: Path) -> Path:
@@ -68,7 +69,7 @@ def swinging(rows: int, folder: Path) -> Path:
     return file
 
 
-def estimated(log: Path) -> RecordingEstimate:
+def estimated(log: Path) -> Result:
     return estimate_recording(log, parse_map(MAP, "of the test"), log.parent)
 
 
@@ -102,7 +103,7 @@ def test_pieces_give_what_the_whole_gives(tmp_path: Path, request: pytest.Fixtur
     one, other = (found.estimates["force_level"] for found in (whole, pieces))
     np.testing.assert_array_equal(one.time, other.time)
     np.testing.assert_allclose(one.components, other.components, atol=1e-5)
-    scores, others = (found.compared["force_level"].scores(found.record.dt) for found in (whole, pieces))
+    scores, others = (found.observers["force_level"].points["body"] for found in (whole, pieces))
     for label, score in scores.items():
         assert score.rmse < 0.05
         assert others[label].rmse == pytest.approx(score.rmse, rel=1e-3)
@@ -110,7 +111,7 @@ def test_pieces_give_what_the_whole_gives(tmp_path: Path, request: pytest.Fixtur
     assert [str(finding) for finding in whole.findings][:6] == [str(finding) for finding in pieces.findings][:6]
     for name, found in (("whole", whole), ("pieces", pieces)):
         (tmp_path / name).mkdir()
-        write_recorded(found, tmp_path / name)
+        write(found, tmp_path / name)
     with (
         xr.open_dataset(tmp_path / "whole" / "estimate.nc") as first,
         xr.open_dataset(tmp_path / "pieces" / "estimate.nc") as second,

@@ -145,7 +145,7 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
     plain = estimate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
     values["joints"]["friction"] = {"fit": [0, 4], "to": "check.wrench", "scale": True}
     fitted = estimate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
-    before, after = (one.compared["force_level"].scores(one.record.dt) for one in (plain, fitted))
+    before, after = (one.observers["force_level"].points["contact"] for one in (plain, fitted))
     assert before["Fz"].r2 is not None
     assert after["Fz"].r2_outside_fit is not None
     assert before["Fz"].r2 < 0.97
@@ -184,7 +184,7 @@ def test_a_rail_that_moves_though_the_map_holds_it(tmp_path: Path) -> None:
     joints |= {"names": ["hip", "knee"], "held": {"rail": 0.0}}
     joints["position"]["columns"] = ["q_hip", "q_knee"]
     held = estimate_recording(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path)
-    right, wrong = (one.compared["force_level"].scores(one.record.dt)["Fx"].rmse_outside_fit for one in (moving, held))
+    right, wrong = (one.observers["force_level"].points["contact"]["Fx"].rmse_outside_fit for one in (moving, held))
     assert right is not None
     assert wrong is not None
     assert right < 0.15
@@ -238,5 +238,5 @@ def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
     truth["known"] = {"push": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "frame": "contact", "axes": "world"}}
     truth["check"] = {"wrench": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1, "point": "base_link"}}
     other = estimate_recording(tmp_path / "bench.csv", parse_map(truth, "of the test"), tmp_path)
-    for score in other.compared["force_level"].scores(other.record.dt).values():
+    for score in other.observers["force_level"].points["base_link"].values():
         assert score.r2 is None or score.r2 > 0.99

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
-from aerobat_pin.estimation import OnlineEstimator, OnlineSample, RecordingEstimate, estimate_recording
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate_recording
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.records import describe_map, parse_map
 from aerobat_pin.records.columns import increasing
@@ -25,7 +25,7 @@ from aerobat_pin.records.resample import line_means, turn_rates
 Edit = Callable[[dict[str, Any]], None]
 
 
-def estimated(log: Path, values: dict[str, Any]) -> RecordingEstimate:
+def estimated(log: Path, values: dict[str, Any]) -> Result:
     """Return the estimate of a log whose robot lies beside it."""
     return estimate_recording(log, parse_map(values, "of the test"), log.parent)
 
@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def foot_errors(found: RecordingEstimate, begin: float) -> np.ndarray:
+def foot_errors(found: Result, begin: float) -> np.ndarray:
     """Return the rms error (12,) [N] of the feet, but for the filter's first time constants."""
     walked, estimate = walk(), found.estimates["force_level"]
     middle = 0.5 * (estimate.time[1:] + estimate.time[:-1]) - begin
@@ -52,7 +52,7 @@ def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
     found = estimated(folder / "walk.csv", table_map(folder / "quadruped.urdf"))
     assert np.max(foot_errors(found, 0.0)) < 0.03
     assert found.warnings == []
-    score = found.compared["force_level"].scores(found.record.dt)["Fz"]
+    score = found.observers["force_level"].points["FL_FOOT"]["Fz"]
     assert score.r2 is not None
     assert score.r2 > 0.9999
     assert score.factor == pytest.approx(1.0, abs=1e-3)

@@ -14,7 +14,7 @@ import pytest
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import RecordingEstimate, estimate_recording
+from aerobat_pin.estimation import Result, estimate_recording
 from aerobat_pin.records import parse_map, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
@@ -84,7 +84,7 @@ def within(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def wrongly_stamped(folder: Path, rows: slice, seconds: float) -> RecordingEstimate:
+def wrongly_stamped(folder: Path, rows: slice, seconds: float) -> Result:
     """Return the estimate of a walk of which some stamps are wrong."""
     (folder / "quadruped.urdf").write_text(urdf())
     frame = table(walk(1.4))

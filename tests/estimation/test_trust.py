@@ -11,7 +11,7 @@ from aerobat_pin.estimation import ObserverScores
 from aerobat_pin.estimation.trust import sample_noise, warnings_about
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.run_pages import report_html
+from aerobat_pin.visualization.result_pages import report_html
 
 NAMES = 'observers.names=["momentum", "force_level", "kalman"]'
 SHORT = ("simulation.duration=0.2", "air.warm_up_cycles=1", NAMES)

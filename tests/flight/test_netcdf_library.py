@@ -14,7 +14,7 @@ import xarray as xr
 from support.tools import need
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.experiments.recorded_results import write_netcdf
+from aerobat_pin.experiments.write_results import write_netcdf
 from aerobat_pin.records import netcdf_bytes, read_netcdf
 
 SEAL_SIZE = 12  # bytes at the end of a file

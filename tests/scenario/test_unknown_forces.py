@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.experiments.experiment import run, write
+from aerobat_pin.experiments import run, write
 from aerobat_pin.flight.point_forces import PointForce, interval_means
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario

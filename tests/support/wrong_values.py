@@ -313,8 +313,8 @@ SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
-AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
-Redundancy JointFriction OnlineSample RecordingEstimate StoredEstimate Compared LogChannel StoredVariable
+FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
+Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
 Contact"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection

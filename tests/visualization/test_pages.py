@@ -14,16 +14,16 @@ from matplotlib.image import imread
 from support.browser import needs_browser, opened
 
 from aerobat_pin.aerobat.truth import true_force
-from aerobat_pin.experiments.experiment import Experiment, run, write
+from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.paper import draw_states
-from aerobat_pin.visualization.run_pages import draw_all, report_html, write_figures_and_pages
+from aerobat_pin.visualization.result_pages import draw_all, report_html, write_figures_and_pages
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:
-    """The paper's five, and what the air does; none of them blank, the PDF a vector file."""
-    names = {"position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power"}
+    """The paper's five, what the air does, and what no force explains; none of them blank, the PDF a vector file."""
+    names = {"position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power", "unexplained"}
     assert {path.stem for path in (paper_folder / "figures").iterdir()} == names
     for name in names:
         pixels = imread(paper_folder / "figures" / f"{name}.png")
@@ -53,7 +53,7 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment) -> None:
 def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
     """The title of the figure follows the frames at which the observers look."""
     guard = run(load_scenario("guard", ["simulation.duration=0.1"]))
-    figure = draw_estimation(guard.log, guard.estimates)
+    figure = draw_estimation(guard.scores)
     assert "Unknown force at each point" in figure.get_suptitle()
     assert figure.axes[0].get_title() == "thruster_1"
 
@@ -88,7 +88,7 @@ def test_the_close_up_looks_where_something_happens(
 
 def test_the_panels_of_the_forces_can_be_compared(paper: Experiment) -> None:
     """Left and right on one scale, all errors on another; the errors are those of the estimates [mN]."""
-    axes = draw_estimation(paper.log, paper.estimates).axes
+    axes = draw_estimation(paper.scores).axes
     for row in (0, 2, 4):
         assert axes[2 * row].get_ylim() == axes[2 * row + 1].get_ylim()
     assert len({axes[2 * row + column].get_ylim() for row in (1, 3, 5) for column in (0, 1)}) == 1
@@ -161,11 +161,11 @@ def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> N
 
 
 def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, paper_folder: Path) -> None:
-    """No address to fetch, seven embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
+    """No address to fetch, eight embedded pictures, a row per observer, wing and axis; inputs, versions, scenario."""
     page = (paper_folder / "report.html").read_text()
     assert not re.search(r'(?:src|href)="(?!data:|#|replay\.html")', page)
     assert "url(" not in page
-    assert page.count("data:image/png;base64,") == 7
+    assert page.count("data:image/png;base64,") == 8
     assert page.count("mN</td>") == 12 + 8  # errors of two observers, wings and three axes; four sizes of each belief
     assert "79 % thruster-borne" in page
     for name, source in paper.metrics["inputs"].items():
@@ -202,7 +202,7 @@ def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, brow
     """From disk, offline, readable by day and by night; the linkage turns."""
     with opened(browser, (paper_folder / "report.html").as_uri()) as page:
         page.emulate_media(color_scheme=scheme)
-        assert page.locator("figure img").count() == 7
+        assert page.locator("figure img").count() == 8
         assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 500)")
         look = "getComputedStyle(document.body)"
         ink, ground = (page.evaluate(f"{look}.{name}") for name in ("color", "backgroundColor"))

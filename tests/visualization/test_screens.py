@@ -12,7 +12,7 @@ from support.browser import frames, needs_browser, opened, pixels, ready, resize
 
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.run_pages import report_html
+from aerobat_pin.visualization.result_pages import report_html
 
 SIZES = ((1440, 900), (844, 390), (390, 844))
 FINGER = 44  # [px]

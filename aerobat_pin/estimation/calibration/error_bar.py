@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aerobat_pin.estimation.calibration.map_fits import fits_to_sensor, held_out_stretch
+from aerobat_pin.estimation.compared import Compared, sensor_references
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import observers_of, rms_in, run_observers
-from aerobat_pin.estimation.sensor_scores import compared
 
 
 def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[str, tuple[float, float]]:
@@ -33,11 +33,11 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     record = known.record
     estimate = next(iter(run_observers(record, known, observers_of(record)[0][:1]).values()))
     if fits_to_sensor(record.map):
-        side = compared(record, estimate)
-        assert side is not None  # the fit had the sensor
+        [sensor] = sensor_references(record)  # the fit had it
+        side = Compared.of(estimate, sensor, record.dt)
         return {
-            f"{side.point}.{label}": score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit
-            for label, score in side.scores(record.dt).items()
+            f"{sensor.frame}.{label}": score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit
+            for label, score in (side.scores() if side is not None else {}).items()
         }
     rms = rms_in(record, estimate, held_out_stretch(record))
     return {} if rms is None else dict(zip(estimate.head.identifiability.components, rms.tolist(), strict=True))

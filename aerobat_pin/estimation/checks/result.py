@@ -10,10 +10,11 @@ import pinocchio as pin
 from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
 from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
 from aerobat_pin.estimation.checks.record import MOST_SAMPLES, checked_part
+from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
+from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
-from aerobat_pin.estimation.sensor_scores import Compared
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
@@ -25,15 +26,16 @@ STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may sta
 MANY = 20_000  # intervals of which the power is taken
 
 
-def result_findings(
-    record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
-) -> Iterator[Finding]:
+def result_findings(result: Result) -> Iterator[Finding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
+    record, forces, estimates = result.record, result.forces, result.stored
+    assert record is not None
+    assert forces is not None
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
-    for side in list(sides.values())[:1]:
-        yield from _sensor_findings(record, side)
     estimate = next(iter(estimates.values()))
+    for side in next(iter(result.compared.values())):
+        yield from _sensor_findings(record, side)
     sums, count = np.zeros(len(estimate.head.units)), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
@@ -78,7 +80,7 @@ def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
         good, why = False, ": check.wrench.sign"
     elif abs(correlation) < CONFUSED:
         good, why = False, ": other axes, another point"
-    name = f"{side.point}.{side.labels[k]}"
+    name = f"{side.reference.frame}.{side.reference.labels[k]}"
     text = f"the sensor's {name} is {factor:.3g} times the estimate, correlation {correlation:.2f}{why}"
     yield Finding("sensor against estimate", "good" if good else "warning", text, factor, "1")
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import OutputError, claimed, cleaned, replace_results, write_files
-from aerobat_pin.experiments.experiment import versions
+from aerobat_pin.estimation import versions
 from aerobat_pin.experiments.sweep.outcomes import content_of, finished_runs, plain_json
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.scenario import Scenario, scenario_toml

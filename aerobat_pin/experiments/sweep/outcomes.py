@@ -20,13 +20,14 @@ from pydantic import TypeAdapter
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import AerobatError, OutputError
-from aerobat_pin.estimation import AxisScore, ObserverScores
+from aerobat_pin.estimation import TRUTH_SCORES, ObserverScores, Score
 from aerobat_pin.experiments import FlightSummary
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.robot import Aerobat, load_aerobat
 from aerobat_pin.scenario import RobotSection, Scenario
 
-SCORES = {item.name: (item.metadata["unit"], item.metadata["meaning"]) for item in fields(AxisScore)}
+SCORE_FIELDS = {item.name: item.metadata for item in fields(Score)}
+SCORES = {name: (SCORE_FIELDS[name]["unit"], SCORE_FIELDS[name]["meaning"]) for name in TRUTH_SCORES}
 JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}
 CONTROL_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
 COURSE_UNITS = {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}

@@ -17,7 +17,7 @@ from typing import Any
 import xarray as xr
 
 from aerobat_pin.errors import WorkersLostError
-from aerobat_pin.experiments.experiment import versions
+from aerobat_pin.estimation import versions
 from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
 from aerobat_pin.experiments.sweep.plan import Sweep

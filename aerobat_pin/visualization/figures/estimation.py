@@ -2,184 +2,253 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from aerobat_pin.aerobat import FlightLog, TrueEvent, true_events, true_force
-from aerobat_pin.estimation import point_label
+from aerobat_pin.estimation import Compared, Result, StoredEstimate, point_label
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
+from aerobat_pin.records import Reference, TrueEvent
 from aerobat_pin.robot import FORCE_POINTS
 from aerobat_pin.visualization import style
+from aerobat_pin.visualization.figures.lines import estimate_lines
 
-Estimates = Mapping[str, Estimate]
 SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row
+ENLARGED_SHARE = 0.03  # of the record that it shows, if that is longer
+MOST_COLUMNS = 6
 ESTIMATE_LINES = ("-", ":", "--", "-.")
 ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this factor is drawn behind it
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
+EVERYWHERE = (-np.inf, np.inf)
+ACTUAL = {"truth": "actual", "sensor": "force sensor"}
 
 
-def draw_estimation(log: FlightLog, estimates: Estimates, events: Sequence[TrueEvent] = ()) -> Figure:
-    """Draw actual and estimated unknown forces, one column for each frame.
+def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
+    """Draw estimated and actual unknown forces, one column for each point.
 
-    Below each force is its error, on one scale for all of them, if the truth is known. The last row enlarges a part of
-    one axis; boxes mark this part and the events. Panels of a row share their axes.
+    Below each force is its error, on one scale for all of them, if there is a reference. The last row enlarges a part
+    of one component; boxes mark this part and the events; a stretch that a map calls free of contact is grey. Panels
+    of a row share their axes.
 
     Args:
-        log: the flight log.
-        estimates: observer -> estimate, all of the same frames.
+        result: the estimates, with their references and events.
         events: events beside those of the true force, such as a gust.
     """
-    frames = next(iter(estimates.values())).frames
-    events = sorted([*true_events(log), *events], key=lambda event: event.start)
-    known = log.truth is not None
-    heights = [*((1.0, 0.45) if known else (1.0,)) * 3, 1.15]
-    figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), 10.2 if known else 7.4), layout="constrained")
+    panels = _Panels.of(result)
+    frames, rows, known = panels.frames, len(panels.labels), bool(result.references)
+    events = sorted([*result.events, *events], key=lambda event: event.start)
+    heights = [*((1.0, 0.45) if known else (1.0,)) * rows, 1.15]
+    height = 0.45 + sum(heights) * (1.77 if known else 1.67)
+    figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
     style.title_of(figure, f"Unknown force at each {kind}, world axes: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
-    middle = 0.5 * (log.time[1:] + log.time[:-1])
-    enlarged = _enlarged(log, estimates, events)
-    step = 2 if known else 1
+    enlarged = _enlarged(result, panels, events)
+    step, free = 2 if known else 1, None if result.record is None else result.record.map.use.free
     for column, frame in enumerate(frames):
         grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
-        for row, name in enumerate("xyz"):
+        for row, label in enumerate(panels.labels):
             axis = grid[step * row][column]
-            _force_lines(axis, middle, log, estimates, column, frame, row)
-            axis.set_ylabel(f"$F_{name}$ [N]")
-            axis.set_xlim(log.time[0], log.time[-1])
+            panels.draw_forces(axis, frame, label)
+            axis.set_xlim(*panels.span)
             if known:
-                _error_lines(grid[step * row + 1][column], middle, log, estimates, column, frame, row)
+                panels.draw_errors(grid[step * row + 1][column], frame, label)
         close = grid[-1][column]
-        _force_lines(close, middle, log, estimates, column, frame, enlarged.row)
+        panels.draw_forces(close, frame, enlarged.label, (enlarged.start, enlarged.end))
         close.set(xlim=(enlarged.start, enlarged.end), xlabel="time [s]")
-        close.set_ylabel(f"$F_{'xyz'[enlarged.row]}$ [N], enlarged")
-    for row in range(3):
+        close.set_ylabel(f"{close.get_ylabel()}, enlarged")
+    for row in range(rows):
         style.share_limits(grid[step * row])
     if known:
-        style.share_limits(axis for row in range(3) for axis in grid[2 * row + 1])
-    _fit_close_ups(grid[-1], middle, enlarged)
+        style.share_limits(axis for row in range(rows) for axis in grid[2 * row + 1])
+    _fit_close_ups(grid[-1])
+    chosen = step * panels.labels.index(enlarged.label)
     for column in range(len(frames)):
-        for row in range(3):
-            _draw_event_boxes(grid[step * row][column], log, events)
+        for row in range(rows):
+            _draw_event_boxes(grid[step * row][column], panels.span[1], events)
         span = (enlarged.start, enlarged.end)
-        what = f"{enlarged.what}, enlarged in the last row"
-        _draw_box(grid[step * enlarged.row][column], span, style.ENLARGED_ZONE, what)
-        _draw_event_boxes(grid[-1][column], log, events)
+        _draw_box(grid[chosen][column], span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
+        _draw_event_boxes(grid[-1][column], panels.span[1], events)
+        for row in range(rows):
+            if free is not None:
+                grid[step * row][column].axvspan(*free, color=style.FAINT, alpha=0.4, zorder=0)
         for spine in grid[-1][column].spines.values():
             spine.set_visible(True)
             spine.set_color(style.ENLARGED_ZONE)
-    handles, labels = grid[step * enlarged.row][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3 if len(frames) > 1 else 2)
+    shown: dict[str, Artist] = {}
+    for axis in grid[chosen][::-1]:
+        handles, labels = axis.get_legend_handles_labels()
+        shown = dict(zip(labels, handles, strict=True)) | {k: v for k, v in shown.items() if k not in labels}
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=3 if len(frames) > 1 else 2)
     return figure
 
 
 @dataclass(frozen=True)
+class _Panels:
+    """What the panels show: points, labels of components, and begin and end [s] of the record."""
+
+    result: Result
+    frames: tuple[str, ...]
+    labels: tuple[str, ...]
+    span: tuple[float, float]
+
+    @classmethod
+    def of(cls, result: Result) -> _Panels:
+        first = next(iter(result.stored.values()))
+        places = [label.rpartition(".") for label in first.head.identifiability.components]
+        frames = tuple(dict.fromkeys(frame for frame, _, _ in places))[:MOST_COLUMNS]
+        labels = tuple(dict.fromkeys(label for frame, _, label in places if frame in frames))
+        return cls(result, frames, labels, (first.start[0] - result.start, first.end - result.start))
+
+    def reference(self, frame: str, label: str) -> tuple[Reference, int] | None:
+        """Return the reference of a component and its column there; None without one."""
+        found = [one for one in self.result.references if one.frame == frame and label in one.labels]
+        return (found[0], found[0].labels.index(label)) if found else None
+
+    def draw_forces(self, axis: Axes, frame: str, label: str, span: tuple[float, float] = EVERYWHERE) -> None:
+        """Draw the truth, and the estimates over it; one that is much rougher goes behind, where it hides no truth."""
+        smooth, known = np.inf, self.reference(frame, label)
+        if known is not None:
+            actual = partial(_actual, reference=known[0], k=known[1])
+            time, force = self._lines(next(iter(self.result.stored.values())), actual, span)
+            smooth = ROUGHER * max(float(np.std(np.diff(force))), 1e-6)
+            axis.plot(time, force, color=style.TRUTH, linewidth=2.0, label=ACTUAL[known[0].kind], zorder=2.2)
+        for name, estimate, colour, line in self._estimates():
+            labels = estimate.head.identifiability.components
+            if f"{frame}.{label}" not in labels:
+                continue
+            time, force, low, high = self._lines(estimate, partial(_band, k=labels.index(f"{frame}.{label}")), span)
+            rough = float(np.std(np.diff(force))) > smooth
+            order = 2.1 if rough else 2.3
+            axis.plot(time, force, line, color=colour, linewidth=0.8, label=f"estimated: {name}", zorder=order)
+            if rough:
+                axis.lines[0].set_linewidth(1.2)
+            if estimate.head.standard_deviation is not None:
+                words = f"{name}: {DEVIATIONS:g} standard deviations"
+                axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
+        axis.set_ylabel(f"$F_{label[1]}$ [N]" if label[0] == "F" else f"$M_{label[1]}$ [N m]")
+
+    def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
+        """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
+        known = self.reference(frame, label)
+        axis.set(xlim=self.span, visible=known is not None, ylabel=f"error [m{'N' if label[0] == 'F' else 'N m'}]")
+        for name, estimate, colour, line in self._estimates():
+            for side in self.result.compared[name]:
+                if known is not None and side.reference is known[0]:
+                    time, error = self._lines(estimate, partial(_error, side=side, k=known[1]), EVERYWHERE)
+                    axis.plot(time, error, line, color=colour, linewidth=0.6)
+
+    def _estimates(self) -> Iterator[tuple[str, StoredEstimate, str, str]]:
+        """Yield name, estimate, colour and line of each observer."""
+        stored = self.result.stored
+        yield from zip(stored, stored.values(), style.ESTIMATES, ESTIMATE_LINES, strict=False)
+
+    def _lines(
+        self, estimate: StoredEstimate, values_of: Callable[[Estimate, int], Array], span: tuple[float, float]
+    ) -> tuple[Array, ...]:
+        """Return times from the start (n,) [s] and one series (n,) for each column of `values_of`, within a span."""
+        begin, end = (time + self.result.start for time in span)
+        time, values = estimate_lines(estimate, values_of, begin, end)
+        return time - self.result.start, *values.T
+
+
+def _actual(part: Estimate, at: int, reference: Reference, k: int) -> Array:
+    return np.asarray(reference.values[at : at + len(part.components)][:, [k]])
+
+
+def _band(part: Estimate, _: int, k: int) -> Array:
+    """Return a component (n, 3): the estimate, and the lower and upper end of its band, NaN where this is infinite."""
+    force, sure = part.components[:, k], part.standard_deviation
+    half = np.zeros(len(force)) if sure is None else np.where(np.isfinite(sure[:, k]), DEVIATIONS * sure[:, k], np.nan)
+    return np.column_stack([force, force - half, force + half])
+
+
+def _error(part: Estimate, at: int, side: Compared, k: int) -> Array:
+    rows = slice(at, at + len(part.components))
+    difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
+    return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
+
+
+@dataclass(frozen=True)
 class _Enlarged:
-    """The part of the flight that the last row enlarges: start and end [s], axis of the force (0 to 2), and label."""
+    """The part of the record that the last row enlarges: start and end [s], component, and what it is."""
 
     start: float
     end: float
-    row: int
+    label: str
     what: str
 
 
-def _enlarged(log: FlightLog, estimates: Estimates, events: Sequence[TrueEvent]) -> _Enlarged:
-    """Choose the part of the flight to enlarge: the first event, of a step its onset.
+def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _Enlarged:
+    """Choose the part of the record to enlarge: the first event, of a step its onset.
 
-    If there is no event within the flight, it is the part with the fastest change of the first estimate.
+    If there is no event within the record, it is the part with the fastest change of the first estimate.
     """
-    time = log.time
+    first, end_of_all = next(iter(result.stored.values())), panels.span[1]
     for event in events:
-        if event.start >= time[-1]:
+        if event.start >= end_of_all:
             continue
-        lasts = event.end <= time[-1] and event.name != "step"
+        lasts = event.end <= end_of_all and event.name != "step"
         end = event.end if lasts else event.start
         margin = max(0.25 * (end - event.start), 0.5 * (SHORTEST_ENLARGED - (end - event.start)))
-        start, end = _samples_around(time, event.start - margin, end + margin)
-        inside = (time[:-1] >= start) & (time[1:] <= end)
-        force = next(iter(estimates.values())).force[:, 0] if not event.frames else true_force(log, event.frames[0])[1]
-        size = np.ptp(force[inside], axis=0) if event.name == "step" else np.abs(force[inside]).max(axis=0)
-        return _Enlarged(start, end, int(np.argmax(size)), str(event.name))
-    middle, row = _fastest_change(time, next(iter(estimates.values())).force)
-    half = 0.5 * SHORTEST_ENLARGED
-    return _Enlarged(*_samples_around(time, middle - half, middle + half), row, "fastest change")
+        start, end = _samples_around(first, event.start - margin, end + margin)
+        rows = slice(first.index(start), first.index(end))
+        known = panels.reference(event.frames[0], "Fx") if event.frames else None
+        clean = None if known is None else known[0].noise_free
+        force = first.between(rows.start, rows.stop).components[:, :3] if clean is None else clean[rows]
+        size = np.ptp(force, axis=0) if event.name == "step" else np.abs(force).max(axis=0)
+        return _Enlarged(start, end, ("Fx", "Fy", "Fz")[int(np.argmax(size))], event.name)
+    length = max(SHORTEST_ENLARGED, ENLARGED_SHARE * (panels.span[1] - panels.span[0]))
+    begin = first.start[0] + length  # until then filters rise
+    time, force = estimate_lines(first, lambda part, _: part.components, begin if begin < first.start[-1] else -np.inf)
+    middle, column = _fastest_change(time, force, length)
+    label = first.head.identifiability.components[column].rpartition(".")[2]
+    start, end = _samples_around(first, middle - 0.5 * length, middle + 0.5 * length)
+    return _Enlarged(start - result.start, end - result.start, label, "fastest change")
 
 
-def _fastest_change(time: Array, force: Array) -> tuple[float, int]:
-    """Return when (time [s], axis) the means of a force (m, points, 3) before and after differ most."""
-    width = max(int(0.25 * SHORTEST_ENLARGED * len(force) / (time[-1] - time[0])), 1)
-    sums = np.concatenate([np.zeros((1, *force.shape[1:])), np.cumsum(force, axis=0)])
+def _fastest_change(time: Array, force: Array, length: float) -> tuple[float, int]:
+    """Return when (time [s], column) the means of components (m, c) over half a length before and after differ most."""
+    width = max(int(0.25 * length * len(force) / (time[-1] - time[0])), 1) if len(time) > 1 else 1
+    sums = np.concatenate([np.zeros((1, force.shape[1])), np.cumsum(force, axis=0)])
     if len(sums) <= 2 * width:
-        return float(time[len(time) // 2]), 1
-    change = np.abs(sums[2 * width :] - 2.0 * sums[width:-width] + sums[: -2 * width]).max(axis=1)
-    first, row = np.unravel_index(int(np.argmax(change)), change.shape)
-    return float(time[first + width]), int(row)
+        return float(time[len(time) // 2]), min(1, force.shape[1] - 1)
+    change = np.abs(sums[2 * width :] - 2.0 * sums[width:-width] + sums[: -2 * width])
+    at, column = np.unravel_index(int(np.argmax(change)), change.shape)
+    return float(time[at + width]), int(column)
 
 
-def _samples_around(time: Array, start: float, end: float) -> tuple[float, float]:
-    """Return the times [s] of the last sample before a stretch of time and of the first after it, within the log."""
-    first = max(int(np.searchsorted(time, start + 1e-9, side="right")) - 1, 0)
-    last = min(int(np.searchsorted(time, end - 1e-9)), len(time) - 1)
-    return float(time[min(first, last - 1)]), float(time[last])
+def _samples_around(estimate: StoredEstimate, start: float, end: float) -> tuple[float, float]:
+    """Return the times [s] of the last sample before a stretch of time and of the first after it, within the record."""
+    last = estimate.start.index(end - 1e-9)
+    first = max(min(estimate.start.index(start + 1e-9, "right") - 1, last - 1), 0)
+    return float(estimate.start[first]), estimate.end if last >= len(estimate) else float(estimate.start[last])
 
 
-def _force_lines(
-    axis: Axes, time: Array, log: FlightLog, estimates: Estimates, column: int, frame: str, row: int
-) -> None:
-    """Draw the truth, and the estimates over it; one that is much rougher goes behind, where it hides no truth."""
-    smooth = np.inf
-    if log.truth is not None:
-        truth = true_force(log, frame)[0][:, row]
-        smooth = ROUGHER * max(float(np.std(np.diff(truth))), 1e-6)
-        axis.plot(time, truth, color=style.TRUTH, linewidth=2.0, label="actual", zorder=2.2)
-    for (name, estimate), colour, line in zip(estimates.items(), style.ESTIMATES, ESTIMATE_LINES, strict=False):
-        force = estimate.force[:, column, row]
-        rough = float(np.std(np.diff(force))) > smooth
-        order = 2.1 if rough else 2.3
-        axis.plot(time, force, line, color=colour, linewidth=0.8, label=f"estimated: {name}", zorder=order)
-        if rough:
-            axis.lines[0].set_linewidth(1.2)
-        if estimate.standard_deviation is not None and estimate.are_world_forces:
-            half = DEVIATIONS * estimate.standard_deviation[:, 3 * column + row]
-            half = np.where(np.isfinite(half), half, np.nan)
-            label = f"{name}: {DEVIATIONS:g} standard deviations"
-            axis.fill_between(time, force - half, force + half, color=colour, alpha=0.25, lw=0, zorder=2.0, label=label)
-
-
-def _error_lines(
-    axis: Axes, time: Array, log: FlightLog, estimates: Estimates, column: int, frame: str, row: int
-) -> None:
-    truth = true_force(log, frame)[0][:, row]
-    for estimate, colour, line in zip(estimates.values(), style.ESTIMATES, ESTIMATE_LINES, strict=False):
-        axis.plot(time, 1e3 * (estimate.force[:, column, row] - truth), line, color=colour, linewidth=0.6)
-    axis.set_ylabel("error [mN]")
-    axis.set_xlim(log.time[0], log.time[-1])
-
-
-def _fit_close_ups(axes: Sequence[Axes], time: Array, enlarged: _Enlarged) -> None:
+def _fit_close_ups(axes: Sequence[Axes]) -> None:
     """Fit the close-ups to their lines, all with the same scale."""
-    inside = (time >= enlarged.start) & (time <= enlarged.end)
     ends = []
     for axis in axes:
-        values = np.concatenate([np.asarray(line.get_ydata())[inside] for line in axis.lines])
+        values = np.concatenate([np.asarray(line.get_ydata(), float) for line in axis.lines] or [np.zeros(1)])
         ends.append((float(values.min()), float(values.max())))
     half = 0.65 * max(high - low for low, high in ends) + 1e-3
     for axis, (low, high) in zip(axes, ends, strict=True):
         axis.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
 
 
-def _draw_event_boxes(axis: Axes, log: FlightLog, events: Sequence[TrueEvent]) -> None:
-    """Draw a box around each event within the flight; events of the same name share one line in the legend."""
+def _draw_event_boxes(axis: Axes, end: float, events: Sequence[TrueEvent]) -> None:
+    """Draw a box around each event before the end [s]; events of the same name share one line in the legend."""
     labelled = set()
     for event in events:
-        if event.start < log.time[-1]:
-            span = (event.start, min(event.end, float(log.time[-1])))
+        if event.start < end:
+            span = (event.start, min(event.end, end))
             _draw_box(axis, span, style.EVENT_ZONE, None if event.name in labelled else event.name)
             labelled.add(event.name)
 

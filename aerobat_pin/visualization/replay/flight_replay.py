@@ -1,7 +1,4 @@
-"""Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake.
-
-The flight is that of a run's folder, or a recorded one with the forces estimated from it.
-"""
+"""Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake."""
 
 from __future__ import annotations
 
@@ -14,19 +11,16 @@ import xarray as xr
 from aerobat_pin.aerobat import (
     SUM,
     FlightLog,
-    belief_about,
-    estimate_log,
     flight_motion,
-    read_log,
     true_events,
     true_force,
 )
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import point_label
-from aerobat_pin.experiments import estimate_dataset, flight_note, read_run, recorded_note
+from aerobat_pin.experiments import flight_note, read_run
 from aerobat_pin.flight import Wake, log_with_motion, wake_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, believed_robot, load_robot, place_bars, visual_model_with_bars
+from aerobat_pin.robot import Aerobat, load_robot, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.control import thrust_forces
@@ -130,22 +124,3 @@ def replay_run(folder: Path) -> Recording:
     recording = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
     recording.subtitle = changes_text(scenario.name, changed_keys(scenario))
     return recording
-
-
-def replay_log(file: Path, morphology: str | None = None) -> Recording:
-    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
-
-    Args:
-        file: flight log, `.nc` or `.csv`.
-        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
-            the robot noted in the log, or the default robot if the log notes none.
-
-    Raises:
-        AerobatError: the log or the morphology cannot be read.
-    """
-    log = read_log(file)
-    belief = belief_about(log, file.stem, morphology, [], [])
-    robot = believed_robot(belief)
-    inputs, estimates = estimate_log(log, robot, belief)
-    log = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
-    return replay_flight(robot, log, belief.believed_air, estimate_dataset(estimates), recorded_note(log, robot))

@@ -1,0 +1,162 @@
+"""An estimate beside a reference, interval by interval, and its scores; the force sensor of a map as a reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.inverse_dynamics import frame_axes, sensor_force, sensor_point
+from aerobat_pin.estimation.run_observers import blocks_of, settled
+from aerobat_pin.estimation.scores import Moments, Score, lag
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import EXTENT, Record, Reference, Series, Spool
+
+MOST_LAGGED = 30_000  # intervals of which the lag is found
+WRENCH_AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+FORGOTTEN = 7.0  # periods of the filter after which e^-30 of a value is left: e^(-4.4 f t)
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """An estimate and its reference at the same intervals, behind the same filter if the reference has one.
+
+    Attributes:
+        reference: what it is compared with.
+        start: (m,) starts of the intervals [s].
+        estimate: (m, k) estimated components, in the order of the reference's labels.
+        dt: typical length of an interval [s].
+    """
+
+    reference: Reference
+    start: Series
+    estimate: Series
+    dt: float
+
+    @classmethod
+    def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
+        """Return an estimate beside a reference of its intervals; None if it does not estimate what this shows."""
+        known = estimate.head.identifiability.components
+        wanted = [f"{reference.frame}.{label}" for label in reference.labels]
+        if not set(wanted) <= set(known):
+            return None
+        columns, found = [known.index(label) for label in wanted], Series(estimate.start.spool, len(wanted))
+        margin = 0 if reference.filter is None else int(np.ceil(FORGOTTEN / (reference.filter * dt)))
+        for first, last in reference.stretches or ((0, len(estimate)),):
+            for begin in range(first, last, EXTENT):
+                end = min(begin + EXTENT, last)
+                low, high = max(first, begin - margin), min(last, end + margin)
+                own = estimate.between(low, high).components[:, columns]
+                found.append(zero_phase(own, reference.filter, dt)[begin - low : end - low])
+        return cls(reference, estimate.start, found, dt)
+
+    def pieces(self) -> Iterator[tuple[Array, ...]]:
+        """Yield starts (n,), estimate, reference and the reference without noise (n, k), piece by piece."""
+        values, clean = self.reference.values, self.reference.noise_free
+        for first in range(0, len(self.start), EXTENT):
+            rows = slice(first, first + EXTENT)
+            yield (
+                self.start[rows],
+                self.estimate[rows],
+                values[rows],
+                values[rows] if clean is None else clean[rows],
+            )
+
+    def sample(self, most: int) -> tuple[Array, Array]:
+        """Return estimate and reference without noise (n, k) of the first `most` intervals that are scored."""
+        found: list[Array] = []
+        truth: list[Array] = []
+        for start, one, _, other in self.pieces():
+            counts = self.reference.scored(start)
+            found.append(one[counts])
+            truth.append(other[counts])
+            if sum(map(len, found)) >= most:
+                break
+        return np.concatenate(found)[:most], np.concatenate(truth)[:most]
+
+    def scores(self) -> dict[str, Score]:
+        """Return component -> scores; the lag is that of the first `MOST_LAGGED` intervals."""
+        reference, width = self.reference, len(self.reference.labels)
+        whole, noise_free, outside = (Moments(width) for _ in range(3))
+        fitted = False
+        for start, found, truth, clean in self.pieces():
+            counts, used = reference.scored(start), reference.used(start)
+            whole.add(found[counts], truth[counts])
+            noise_free.add(found[counts], clean[counts])
+            outside.add(found[counts & ~used], truth[counts & ~used])
+            fitted = fitted or bool(used.any())
+        apart, sensed = fitted and outside.count > 2, reference.kind == "sensor"
+        sample, true_sample = self.sample(MOST_LAGGED)
+        return {
+            label: Score(
+                r2=whole.r2[k],
+                r2_noise_free=None if reference.noise_free is None else noise_free.r2[k],
+                rmse=whole.rmse[k],
+                lag_s=lag(sample[:, k], true_sample[:, k], self.dt),
+                r2_outside_fit=outside.r2[k] if apart else None,
+                rmse_outside_fit=outside.rmse[k] if apart else None,
+                factor=whole.factor[k] if sensed else None,
+                offset=whole.offset[k] if sensed else None,
+            )
+            for k, label in enumerate(reference.labels)
+        }
+
+    @property
+    def liveliest(self) -> int:
+        """Index of the component of which the reference varies most."""
+        return int(np.argmax(self.sample(MOST_LAGGED)[1].std(axis=0)))
+
+
+def zero_phase(values: Array, frequency: float | None, dt: float) -> Array:
+    """Return series (m, k) behind a zero-phase Butterworth low-pass of second order [Hz]; unchanged without one."""
+    if frequency is None or 2.0 * frequency * dt >= 1.0 or len(values) < 20:
+        return values
+    from scipy.signal import butter, filtfilt  # slow to import
+
+    return np.asarray(filtfilt(*butter(2, 2.0 * frequency * dt), values, axis=0))
+
+
+def sensor_references(record: Record) -> tuple[Reference, ...]:
+    """Return the sensor of a map as the only reference; empty if the map names none.
+
+    Raises:
+        MapError: the sensor is at no point of the map, or less than three intervals are left to compare.
+    """
+    section = record.map.check.wrench
+    if section is None or "check.wrench" not in record.channels:
+        return ()
+    point, spool = sensor_point(record), Spool()
+    known = 6 if point in record.map.robot.wrenches else 3
+    count = min(known, record.channels["check.wrench"].values.shape[1])
+    values, stretches, left = Series(spool, count), [], 0
+    friction = record.map.joints.friction
+
+    def scored(start: Array) -> NDArray[np.bool_]:
+        when, counts = start - record.start, settled(record, start)
+        if section.part is not None:
+            counts &= (when >= section.part[0]) & (when <= section.part[1])
+        return counts
+
+    def used(start: Array) -> NDArray[np.bool_]:
+        if friction is None or friction.to != "check.wrench" or friction.fit is None:
+            return np.zeros(len(start), bool)
+        when = start - record.start
+        return np.asarray((when >= friction.fit[0]) & (when < friction.fit[1]))
+
+    margin = 0 if section.filter is None else int(np.ceil(FORGOTTEN / section.filter * record.rate))
+    for first, last in record.parts:
+        stretches.append((len(values), len(values) + last - first))
+        for begin, end in blocks_of(first, last):
+            low, high = max(first, begin - margin), min(last, end + margin)
+            time, inside = record.times(low, high), slice(begin - low, end - low)
+            axes = frame_axes(record, record.block(low, high), point) if section.axes == "frame" else None
+            values.append(zero_phase(sensor_force(record, time, axes), section.filter, record.dt)[inside, :count])
+            left += int(scored(time[:-1][inside]).sum())
+    if left < 3:
+        raise MapError("map: check.wrench.part: less than three intervals are left to compare")
+    labels = WRENCH_AXES[:count]
+    return (Reference(point, "sensor", labels, values, None, section.filter, tuple(stretches), scored, used),)

@@ -1,0 +1,129 @@
+"""What is known of each observer's estimate: an entry of `observers` in `metrics.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.scores import Score, point_label
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
+from aerobat_pin.estimation.use import CalibrationUse, Contact, FoundEvent
+from aerobat_pin.observers import Redundancy
+
+
+@dataclass(frozen=True)
+class ObserverScores:
+    """Scores of one observer.
+
+    Attributes:
+        points: point -> axis (`Fx`, ..., `Mz`) -> scores, where there is a reference.
+        components: root mean square of each estimated component.
+        mean: component -> mean.
+        gain: gain K [1/s]: a number, a list with one number for each filtered quantity, or a matrix as nested lists.
+        rows: which rows of the residual are used.
+        rank: rank of the linear equations for the unknown components.
+        condition: condition number of the same equations; None if it is infinite.
+        null_direction: combination of components that cannot be estimated because it has no effect on the equations;
+            of several, the one with the smallest singular value. Its shape is (n, 3) if the components are n forces in
+            world axes, else (c,). None at full rank.
+        unseen: a line of text about each combination of components that cannot be estimated.
+        redundancy: what no force explains, and what this says about the belief.
+        deviation: point -> root mean square of the standard deviation of its three forces, None where it is infinite;
+            None if the observer states none.
+        innovation: how well a filter predicts the samples; None for other observers.
+        warnings: a line of text about each property of this observer that spoils the estimate.
+        notes: a line of text about each thing that the observer chose or found beside the forces.
+        events: contacts that were found; None where they were not sought, as without a calibration.
+    """
+
+    points: Mapping[str, Mapping[str, Score]]
+    components: tuple[ComponentSize, ...]
+    mean: Mapping[str, float]
+    gain: float | list[Any]
+    rows: str
+    rank: int
+    condition: float | None
+    null_direction: list[Any] | None
+    unseen: list[str]
+    redundancy: Redundancy
+    deviation: Mapping[str, list[float | None]] | None
+    innovation: InnovationScore | None
+    warnings: list[str]
+    notes: list[str]
+    events: list[FoundEvent] | None = None
+
+    @classmethod
+    def of(
+        cls, estimate: StoredEstimate, compared: Iterable[Compared] = (), use: CalibrationUse | None = None
+    ) -> ObserverScores:
+        """Score an estimate.
+
+        Args:
+            estimate: the estimate.
+            compared: it beside its references.
+            use: how a calibration was used, with the contacts that were found.
+        """
+        head, found, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
+        by_point = None
+        if head.standard_deviation is not None and head.are_world_forces:
+            sure = [size.deviation for size in components]
+            by_point = {point_label(frame): sure[3 * i : 3 * i + 3] for i, frame in enumerate(head.frames)}
+        return cls(
+            points={point_label(side.reference.frame): side.scores() for side in compared},
+            components=components,
+            mean=dict(zip(found.components, estimate.mean.tolist(), strict=True)),
+            gain=head.gain.tolist(),
+            rows=head.rows,
+            rank=found.rank,
+            condition=found.condition if np.isfinite(found.condition) else None,
+            null_direction=None if found.null_direction is None else found.null_direction.tolist(),
+            unseen=found.describe(),
+            redundancy=estimate.redundancy,
+            deviation=by_point,
+            innovation=estimate.innovation,
+            warnings=warnings_about(next(estimate.blocks())),
+            events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
+            notes=list(head.notes),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
+        rest = asdict(self)
+        rest |= {"components": list(rest["components"]), "redundancy": self.redundancy.to_json()}
+        points = {name: {axis: score.to_json() for axis, score in axes.items()} for name, axes in self.points.items()}
+        return {**points, **{key: value for key, value in rest.items() if key != "points"}}
+
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any]) -> ObserverScores:
+        """Read an entry of `metrics.json`."""
+        rest = {item.name: entry[item.name] for item in fields(cls) if item.name != "points"}
+        points = {
+            name: {axis: Score(**score) for axis, score in axes.items()}
+            for name, axes in entry.items()
+            if name not in rest
+        }
+        made = {
+            "components": tuple(ComponentSize(**size) for size in rest["components"]),
+            "redundancy": Redundancy.from_json(rest["redundancy"]),
+            "events": None if rest["events"] is None else [FoundEvent(**event) for event in rest["events"]],
+            "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
+        }
+        return cls(points, **{**rest, **made})
+
+
+def found_events(estimate: StoredEstimate, contacts: Sequence[Contact]) -> list[FoundEvent]:
+    """Return contacts with the largest force that an observer estimates there during each."""
+    found = []
+    for contact in contacts:
+        if contact.frame in estimate.head.frames and estimate.head.are_world_forces:
+            last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
+            during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
+            force = during.force[during.time[1:] > contact.onset, estimate.head.frames.index(contact.frame)]
+            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
+            found.append(FoundEvent(point_label(contact.frame), contact.onset, contact.alarm, contact.end, size))
+    return found

@@ -1,0 +1,166 @@
+"""Write a result into a folder: forces, scores, and what they were estimated from, so that it can be repeated."""
+
+from __future__ import annotations
+
+import errno
+import json
+import shutil
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import tomli_w
+import xarray as xr
+
+from aerobat_description import MORPHOLOGIES
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation import Result, calibration_bytes
+from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
+from aerobat_pin.numerics import guarded
+from aerobat_pin.observers import Estimate
+from aerobat_pin.records import Map, netcdf_bytes, seal_netcdf
+from aerobat_pin.scenario import RecordedForce, Scenario, described, scenario_toml
+
+FIGURES = (
+    *("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power", "control"),
+    *("sensor", "motion", "unexplained"),
+)
+RESULTS = (  # all that a run or an estimate writes, as glob patterns
+    "scenario.toml",
+    "belief.toml",
+    "map.toml",
+    "morphology.toml",
+    "unknown_force_*.csv",
+    "flight.nc",
+    "estimate.nc",
+    "estimate.csv",
+    "calibration.nc",
+    "metrics.json",
+    *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")),
+    "report.html",
+    "replay.html",
+    "forces.mcap",
+)
+
+
+@guarded()
+def write(made: Experiment | Result, folder: Path) -> None:
+    """Write estimates and metrics into an existing folder, and what they were estimated from.
+
+    Of a simulated flight this is the scenario and the flight log; of a recorded one `belief.toml` or `map.toml`, and
+    `estimate.csv` with the forces as a table. Files that a scenario names, and the calibration, are copied into the
+    folder, so that the run can be repeated on any machine.
+    """
+    result = made.scores if isinstance(made, Experiment) else made
+    if not isinstance(made, Experiment):
+        (folder / "map.toml").write_text(map_toml(result), encoding="utf-8")
+    elif made.flight is None:
+        write_scenario(made.scenario, folder, "belief.toml")
+    else:
+        write_scenario(made.scenario, folder)
+        (folder / "flight.nc").write_bytes(netcdf_bytes(made.log.measured, made.log.truth))
+    if isinstance(made, Experiment) and made.calibration is not None:
+        (folder / "calibration.nc").write_bytes(calibration_bytes(made.calibration))
+    if not (folder / "flight.nc").exists():
+        write_table(result, folder / "estimate.csv")
+    write_netcdf(_datasets(result), len(next(iter(result.stored.values()))), folder / "estimate.nc")
+    write_metrics(result.metrics(), folder)
+
+
+def map_toml(result: Result) -> str:
+    """Return the map of a record as TOML."""
+    values = read_map(result).model_dump(exclude_none=True, exclude_defaults=True, by_alias=True, mode="json")
+    return tomli_w.dumps(values)
+
+
+def read_map(result: Result) -> Map:
+    """Return the map by which a record was read. Raises LogError if it was read by none."""
+    if result.record is None:
+        raise LogError(f"{result.name}: a record that a map has read was expected")
+    return result.record.map
+
+
+def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:
+    """Write a scenario, and copy the user's files that it names (morphology, recorded forces) into the same folder."""
+    if scenario.robot.morphology not in MORPHOLOGIES:
+        shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
+        robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})
+        scenario = scenario.model_copy(update={"robot": robot})
+    forces = list(scenario.unknown_force)
+    for i, force in enumerate(forces):
+        if isinstance(force, RecordedForce):
+            shutil.copyfile(force.file, folder / f"unknown_force_{i}.csv")
+            forces[i] = force.model_copy(update={"file": f"unknown_force_{i}.csv"})
+    scenario = scenario.model_copy(update={"unknown_force": tuple(forces)})
+    (folder / name).write_text(scenario_toml(described(scenario)), encoding="utf-8")
+
+
+def write_metrics(metrics: dict[str, Any], folder: Path) -> None:
+    """Write `metrics.json`."""
+    text = json.dumps(metrics, indent=2, allow_nan=False)
+    (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")
+
+
+def write_table(result: Result, path: Path) -> None:
+    """Write all components of all observers as CSV."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for blocks in _together(result):
+            text = estimate_table(blocks)
+            file.write(text.partition("\n")[2] if file.tell() else text)
+
+
+def write_netcdf(blocks: Iterable[xr.Dataset], count: int, path: Path) -> None:
+    """Write blocks of intervals into one NetCDF-4 file.
+
+    Args:
+        blocks: datasets that follow each other along `interval`; one that has them all is written at once.
+        count: number of intervals of all blocks together.
+        path: the file; its folder must have room for it, because the HDF5 library ends the process on a full disk.
+
+    Raises:
+        OSError: the disk is full.
+    """
+    done = 0
+    for block in blocks:
+        size = block.sizes["interval"]
+        if size == count:
+            path.write_bytes(netcdf_bytes(block))
+            return
+        if not done:
+            if shutil.disk_usage(path.parent).free < 1.5 * block.nbytes * count / size:
+                raise OSError(errno.ENOSPC, "no room for the estimates", str(path))
+            block.to_netcdf(path, engine="h5netcdf", unlimited_dims=["interval"])
+            done = size
+            continue
+        with h5netcdf.File(path, "a") as file:
+            file.resize_dimension("interval", done + size)
+            for name, values in block.variables.items():
+                if "interval" in values.dims:
+                    rows = tuple(slice(done, done + size) if dim == "interval" else slice(None) for dim in values.dims)
+                    file[str(name)][rows] = values.values
+        done += size
+    seal_netcdf(path)
+
+
+def _together(result: Result) -> Iterator[dict[str, Estimate]]:
+    """Yield blocks of the estimates of all observers, for the same intervals."""
+    names = list(result.stored)
+    for blocks in zip(*(estimate.blocks() for estimate in result.stored.values()), strict=True):
+        yield dict(zip(names, blocks, strict=True))
+
+
+def _datasets(result: Result) -> Iterator[xr.Dataset]:
+    """Yield the content of `estimate.nc`: the forces, and beside them those of a sensor."""
+    first, sensors = 0, [one for one in result.references if one.kind == "sensor"]
+    for blocks in _together(result):
+        data = estimate_dataset(blocks)
+        rows = slice(first, first + data.sizes["interval"])
+        first = rows.stop
+        for sensor in sensors:
+            words = f"force sensor at {sensor.frame}, behind the filter of the map, world axes"
+            attributes = {"units": "N, N m", "long_name": words}
+            data = data.assign_coords(sensor_component=[f"{sensor.frame}.{label}" for label in sensor.labels])
+            data["sensor"] = (("interval", "sensor_component"), sensor.values[rows], attributes)
+        yield data if result.record is None else data.assign_attrs(log=result.name, robot=result.robot)

@@ -1,0 +1,66 @@
+"""Draw the channels of a record, and what no force explains in any result."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from aerobat_pin.estimation import Result
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate, Redundancy, slow_part
+from aerobat_pin.records import LogChannel, Record
+from aerobat_pin.visualization import style
+from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
+
+DRAWN = {"base.position": "m", "base.velocity": "m/s", "joints.position": "rad, m", "joints.effort": "N m, N"}
+
+
+def draw_motion(record: Record) -> Figure:
+    """Draw position and velocity of the base, angles and efforts of the joints, whatever the record has."""
+    keys = [key for key in DRAWN if key in record.channels] or list(record.channels)[:3]
+    figure = Figure(figsize=(8.0, 1.9 * len(keys) + 0.8), layout="constrained")
+    figure.suptitle("The motion and efforts as they were recorded, SI units")
+    for axis, key in zip(np.ravel(figure.subplots(len(keys), 1, sharex=True, squeeze=False)), keys, strict=True):
+        channel = record.channels[key]
+        names = channel.names
+        if key.startswith("joints"):
+            names = record.driven if key == "joints.effort" else record.joints
+
+        def read(first: int, last: int, channel: LogChannel = channel) -> Lines:
+            return channel.time[first:last] - record.start, channel.values[first:last]
+
+        time, values = thinned(len(channel.time), read)
+        for k, name in enumerate(names[:8]):
+            colour = (*style.AXIS_COLOURS, style.ORANGE)[k % 4]
+            axis.plot(time, values[:, k], style.LINE_STYLES[k // 4], color=colour, label=name)
+        axis.set_ylabel(f"{key}\n[{DRAWN.get(key, 'SI')}]")
+        axis.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        for first, last in record.parts:
+            axis.axvspan(first * record.dt, last * record.dt, color=style.FAINT, alpha=0.25, zorder=0)
+    figure.get_axes()[-1].set_xlabel("time [s]; grey: used")
+    return figure
+
+
+def draw_unexplained(result: Result) -> Figure:
+    """Draw the slow part of what no force explains, by which the belief is judged, and the limit of its rms."""
+    figure = Figure(figsize=(8.0, 2.6), layout="constrained")
+    axis = figure.add_subplot()
+    for i, (name, estimate) in enumerate(result.stored.items()):
+        check = estimate.redundancy
+
+        def slow(part: Estimate, _: int, check: Redundancy = check) -> Array:
+            size = np.linalg.norm(slow_part(part.time, part.unexplained), axis=1)
+            return np.asarray(size[:, None] / max(check.redundant, 1) ** 0.5)
+
+        time, values = estimate_lines(estimate, slow)
+        axis.plot(time - result.start, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
+        axis.axhline(
+            np.hypot(check.allowed, check.sensors),
+            color=style.MUTED,
+            linestyle="--",
+            label="limit of its rms, sensors' noise included" if i == 0 else None,
+        )
+    axis.set(xlabel="time [s]", ylabel="unexplained a row [N]")
+    style.title_of(figure, "Slow part of what no force at the points explains")
+    style.legend_on_top(axis, ncols=3)
+    return figure

@@ -1,0 +1,121 @@
+"""Replay a result: a flight of Aerobat, or any robot of a record, with estimated and actual forces as arrows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerobat import belief_about, read_log
+from aerobat_pin.errors import LogError
+from aerobat_pin.estimation import Result
+from aerobat_pin.experiments import Experiment, estimate_dataset, run_recorded
+from aerobat_pin.records import Record
+from aerobat_pin.visualization import style
+from aerobat_pin.visualization.replay.any_robot import load_any_robot
+from aerobat_pin.visualization.replay.flight_replay import replay_flight
+from aerobat_pin.visualization.replay.recording import Recording
+
+LONGEST_REPLAY = 60.0  # [s] of the longest part
+STICK = 0.04  # radius of a stick, in lengths of the robot
+REPLAY_RATE = 240.0  # [Hz] of the samples that a replay is made from
+
+
+def replay_result(made: Experiment | Result) -> Recording:
+    """Return the replay of a flight, or of the longest used part of a record, at most its first minute."""
+    if isinstance(made, Experiment):
+        estimates = estimate_dataset(made.estimates)
+        flight = replay_flight(made.robot, made.drawn, made.scenario.air, estimates, made.note)
+        flight.subtitle = made.scores.changes
+        return flight
+    record = made.record
+    if record is None:
+        raise LogError(f"replay of {made.name}: a record was expected")
+    first, last = max(record.parts, key=lambda part: part[1] - part[0])
+    last = min(last, first + round(LONGEST_REPLAY * record.rate))
+    block, every = record.block(first, last), max(1, round(record.rate / REPLAY_RATE))
+    rows = np.arange(0, len(block.time), every)
+    model, visual = _visible(made, record)
+    recording = Recording(model, visual, block.time[rows] - record.start, block.q[rows], title=made.name)
+    low = next(iter(made.stored.values())).index(block.time[0])
+    at = np.minimum(rows, last - first - 1)
+    for name, stored in made.stored.items():
+        estimate = stored.between(low, low + last - first)
+        labels, forces = estimate.identifiability.components, {}
+        for frame in estimate.frames:
+            columns = [labels.index(f"{frame}.{axis}") for axis in ("Fx", "Fy", "Fz") if f"{frame}.{axis}" in labels]
+            if len(columns) == 3:
+                forces[frame] = estimate.components[at][:, columns]
+        if forces:
+            recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
+    for one in made.references:
+        if one.labels[:3] == ("Fx", "Fy", "Fz"):
+            values = one.values[low : low + last - first][at, :3]
+            recording.add_forces("force sensor", style.TRUTH, {one.frame: values}, inner=True)
+    return recording
+
+
+def replay_log(file: Path, morphology: str | None = None) -> Recording:
+    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
+
+    Args:
+        file: flight log, `.nc` or `.csv`.
+        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
+            the robot noted in the log, or the default robot if the log notes none.
+
+    Raises:
+        AerobatError: the log or the morphology cannot be read.
+    """
+    log = read_log(file)
+    return replay_result(run_recorded(log, belief_about(log, file.stem, morphology, [], [])))
+
+
+def _visible(result: Result, record: Record) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return the model with its own shapes if its file names any that can be read, else with sticks."""
+    path = record.map.robot.urdf
+    if path is not None:
+        try:
+            model, visual = load_any_robot(record.folder / path, int(record.robot.model.nq), Path(result.name))
+            if visual.ngeoms > 0:
+                return model, visual
+        except LogError:
+            pass
+    return record.robot.model, sticks(record.robot.model)
+
+
+def sticks(model: pin.Model) -> pin.GeometryModel:
+    """Return shapes for a robot without any: a stick from each joint to the next ones and to its frames, and a box."""
+    visual, data = pin.GeometryModel(), model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    places = [data.oMi[k].translation.copy() for k in range(1, model.njoints)]
+    places += [data.oMf[k].translation.copy() for k in range(len(model.frames))]
+    length = max(float(np.max(np.ptp(np.array(places), axis=0))), 0.05)
+    ends: dict[int, list[np.ndarray]] = {k: [] for k in range(1, model.njoints)}
+    for k in range(2, model.njoints):
+        if model.parents[k] > 0:
+            ends[model.parents[k]].append(model.jointPlacements[k].translation)
+    for frame in model.frames.tolist():
+        if frame.parentJoint > 0 and not any(
+            True for _ in ends[frame.parentJoint] if np.allclose(_, frame.placement.translation)
+        ):
+            ends[frame.parentJoint].append(frame.placement.translation)
+    for joint, others in ends.items():
+        colour = np.array([*style.rgb(style.BLUE if joint > 1 else style.GREEN), 1.0])
+        if joint == 1:
+            box = coal.Box(0.3 * length, 0.2 * length, 0.08 * length)
+            _add(visual, "box", joint, box, pin.SE3.Identity(), colour)
+        for k, end in enumerate(others):
+            size = float(np.linalg.norm(end))
+            if size > 1e-3 * length:
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / size).matrix()
+                stick = coal.Cylinder(0.5 * STICK * length, size)
+                _add(visual, f"stick_{joint}_{k}", joint, stick, pin.SE3(turn, 0.5 * end), colour)
+    return visual
+
+
+def _add(visual: pin.GeometryModel, name: str, joint: int, shape: object, place: pin.SE3, colour: np.ndarray) -> None:
+    part = pin.GeometryObject(name, joint, place, shape)
+    part.meshColor = colour
+    visual.addGeometryObject(part)

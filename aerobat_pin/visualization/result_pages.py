@@ -1,0 +1,140 @@
+"""Write the figures, the report and the replay of a result.
+
+The report is one self-contained HTML page; its template is `pages/report.html`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from aerobat_pin.estimation import Result, versions
+from aerobat_pin.experiments import Experiment, Progress, map_toml, read_map
+from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.records import TrueEvent
+from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description
+from aerobat_pin.visualization import style
+from aerobat_pin.visualization.figures.air import draw_aerodynamics, draw_power
+from aerobat_pin.visualization.figures.control import draw_control
+from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization.figures.linkage import draw_linkage, linkage_animation
+from aerobat_pin.visualization.figures.paper import draw_position, draw_states, draw_stick_diagram
+from aerobat_pin.visualization.figures.record import draw_motion, draw_unexplained
+from aerobat_pin.visualization.replay.result_replay import replay_result
+from aerobat_pin.visualization.template import fill_template
+
+SLOWER = 10.0  # the animated linkage turns slower than the real one by this factor
+
+
+def write_figures_and_pages(made: Experiment | Result, folder: Path, progress: Progress | None = None) -> None:
+    """Write `figures/`, `report.html` and `replay.html` into an existing folder.
+
+    Args:
+        made: a flight of Aerobat, or what was estimated from any other record.
+        folder: folder to write into.
+        progress: called with the name of the stage and the share of the stage that is done.
+    """
+    figures = draw_all(made)
+    (folder / "figures").mkdir()
+    for i, (name, figure) in enumerate(figures.items()):
+        if progress is not None:
+            progress("drawing figures", i / len(figures))
+        style.save_figure(figure, folder / "figures" / name)
+    report = report_html(made, {name: folder / "figures" / f"{name}.png" for name in figures})
+    (folder / "report.html").write_text(report, encoding="utf-8")
+    if progress is not None:
+        progress("writing the replay", 0.0)
+    recording = replay_result(made)
+    recording.report = "report.html"
+    (folder / "replay.html").write_text(recording.html(recording.rate), encoding="utf-8")
+
+
+def draw_all(made: Experiment | Result) -> dict[str, Figure]:
+    """Draw all figures: name -> figure. The note about a flight of Aerobat is added to the titles of its figures."""
+    with mpl.rc_context(style.RC):
+        if isinstance(made, Result):
+            figures = {"estimation": draw_estimation(made)}
+            if made.record is not None:
+                figures["motion"] = draw_motion(made.record)
+            return {**figures, **_unexplained(made)}
+        robot, log = made.robot, made.drawn
+        figures = {
+            "position": draw_position(log),
+            "states": draw_states(log),
+            "stick_diagram": draw_stick_diagram(robot, log),
+            "estimation": draw_estimation(made.scores, _gusts(made.scenario)),
+            **_unexplained(made.scores),
+        }
+        if log.truth is not None:
+            figures |= {"aerodynamics": draw_aerodynamics(robot, log), "power": draw_power(log)}
+        if log.truth is not None and "thrust" in log.truth:
+            figures["control"] = draw_control(robot, made.scenario, log)
+        for figure in figures.values():
+            style.title_of(figure, f"{figure.get_suptitle()}\n{made.note}\n{made.scores.changes}")
+        return {**figures, "linkage": draw_linkage(robot.linkage)}
+
+
+def _unexplained(result: Result) -> dict[str, Figure]:
+    """Return the figure of what no force explains, if there is any redundancy."""
+    redundant = any(estimate.redundancy.redundant > 0 for estimate in result.stored.values())
+    return {"unexplained": draw_unexplained(result)} if redundant else {}
+
+
+def _gusts(scenario: Scenario) -> list[TrueEvent]:
+    """Return the gust of a scenario as an event of its figures; it acts at no single frame."""
+    gust = scenario.air.gust
+    if gust is None or not any(gust.amplitude):
+        return []
+    return [TrueEvent("gust", (), gust.start, gust.start + gust.duration)]
+
+
+def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
+    """Return the report as HTML.
+
+    Args:
+        made: a flight of Aerobat, or what was estimated from any other record.
+        images: figure name -> PNG file; the pictures are embedded into the page.
+    """
+    flown = made if isinstance(made, Experiment) else None
+    result = made.scores if isinstance(made, Experiment) else made
+    linkage = None
+    if flown is not None and flown.flight is not None and flown.scenario.crank.frequency > 0.0:
+        linkage = Markup(linkage_animation(flown.robot.linkage, SLOWER / flown.scenario.crank.frequency))
+    scenario = None if flown is None else described(flown.scenario)
+    return fill_template(
+        "report.html",
+        result=result,
+        flown=flown,
+        scenario=scenario,
+        shipped="" if scenario is None else shipped_description(scenario.name),
+        repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
+        shape="" if scenario is None else _shape(scenario),
+        gains=_names_and_gains(made),
+        heads={name: estimate.head for name, estimate in result.stored.items()},
+        words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
+        versions=versions(),
+        degrees=np.degrees,
+        images=images,
+        linkage=linkage,
+        slower=SLOWER,
+    )
+
+
+def _shape(scenario: Scenario) -> str:
+    """Return the name of a scenario's morphology."""
+    return f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
+
+
+def _names_and_gains(made: Experiment | Result) -> str:
+    """Return the names of the observers, each with its gain if it has one."""
+    section = made.scenario.observers if isinstance(made, Experiment) else read_map(made).observer
+    texts = []
+    for name in section.names:
+        with_gain = name not in ("kalman", "smoother") or section.settings(name).get("force_walk") == "gain"
+        texts.append(f"{name} (gain {section.gain:g} 1/s)" if with_gain else name)
+    return ", ".join(texts)
