@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from measure import Figure, figure, interleaved
 
-from aerobat_pin.aerobat import estimate_log
+from aerobat_pin.aerobat import estimate_flight
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
 from aerobat_pin.experiments.sweep.run_sweep import in_this_process, on_this_machine
 from aerobat_pin.flight import Plant, interval_means, simulate
@@ -31,7 +31,7 @@ def sweep_figures(rounds: int) -> Iterator[Figure]:
     times = interleaved(
         rounds,
         fly=(fly, 1),
-        estimate=(lambda: estimate_log(log, robot, scenario), 1),
+        estimate=(lambda: estimate_flight(log, robot, scenario), 1),
         whole=(lambda: outcome_of(scenario), 1),
     )
     yield figure("1 s of flight", 1e3 * times["fly"], "ms")

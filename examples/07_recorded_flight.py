@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from aerobat_pin.aerobat import belief_about, estimate_log, read_csv, true_force, write_csv
+from aerobat_pin.aerobat import belief_about, estimate_flight, read_csv, true_force, write_csv
 from aerobat_pin.estimation import r_squared
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import believed_robot
@@ -24,11 +24,11 @@ settings = [
     "observers.smoother.force_walk=0.3",
 ]
 belief = belief_about(log, "hall", "aerobat_guard", ["force_level", "smoother"], settings)
-inputs, estimates = estimate_log(log, believed_robot(belief), belief)
-print("inputs:", ", ".join(f"{name} {source}" for name, source in inputs.source.items()))
+result = estimate_flight(log, believed_robot(belief), belief)
+print("inputs:", ", ".join(f"{name} {source}" for name, source in result.inputs.items()))
 
 # The true forces are known only because this flight was simulated.
 truth, _ = true_force(flight, "left_force_point")
-for name, estimate in estimates.items():
+for name, estimate in result.estimates.items():
     scores = (r_squared(estimate.force[:, 0, axis], truth[:, axis]) for axis in range(3))
     print(name, *(f"F{axis} R2 {score:.2f}" for axis, score in zip("xyz", scores, strict=True)))

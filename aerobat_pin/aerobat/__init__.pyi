@@ -14,9 +14,8 @@ from .csv_log import write_csv as write_csv
 from .estimate import belief_about as belief_about
 from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
-from .estimate import estimate_log as estimate_log
+from .estimate import estimate_flight as estimate_flight
 from .estimate import read_log as read_log
-from .flight_findings import flight_findings as flight_findings
 from .flight_log import FlightLog as FlightLog
 from .flight_record import flight_channels as flight_channels
 from .flight_record import flight_motion as flight_motion

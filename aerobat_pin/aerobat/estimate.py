@@ -16,20 +16,10 @@ from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE
 from aerobat_pin.errors import CalibrationError, ScenarioError
-from aerobat_pin.estimation import (
-    Calibration,
-    CalibrationUse,
-    CalibrationWatch,
-    KnownForces,
-    KnownInputs,
-    inputs_of,
-    observers_of,
-)
+from aerobat_pin.estimation import Calibration, Result, estimate
 from aerobat_pin.numerics import guarded
-from aerobat_pin.observers import OBSERVERS, Estimate
-from aerobat_pin.records import Record
+from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import RawSection, Scenario, parse_scenario, with_settings
 
@@ -110,62 +100,34 @@ def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable
 
 
 @guarded()
-def estimate_log(
+def estimate_flight(
     log: FlightLog,
     robot: Aerobat,
     belief: Scenario,
     progress: Callable[[float], None] | None = None,
     calibration: Calibration | None = None,
-) -> tuple[KnownInputs, dict[str, Estimate]]:
-    """Run observers on a flight log.
+) -> Result:
+    """Estimate the unknown forces of a flight log.
 
     Args:
         log: the flight log.
         robot: the assumed robot.
         belief: scenario of which the observers and the assumed air are used.
-        progress: called with the share of the observers that are done.
+        progress: called with the share that is done.
         calibration: what free flights showed about this belief.
-
-    Returns:
-        The inputs of the observers, and observer -> estimate.
 
     Raises:
         ScenarioError: there is no observer of a given name.
         CalibrationError: the calibration belongs to another belief, or the log lacks the crank's angle.
-        LogError, ObserverError, FrameNotFoundError: as raised by `known_inputs` and by the observers.
+        LogError, ObserverError, FrameNotFoundError: as raised by `estimation.estimate`.
     """
     section = belief.observers
     check_names(section.names)
+    if log.is_raw and calibration is not None and not calibration.extras:
+        raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
     believed = AerobatRobot.of(robot, belief.believed_air, section.torque)
     record = flight_record(log, replace(believed, raw=section.raw or RawSection()), section)
-    if calibration is not None:
-        record = calibration.applied(record)
-        if log.is_raw and not calibration.extras:
-            raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
-    if log.is_raw:
-        return _smoothed(record, progress)
-    observers, inputs, estimates = observers_of(record)[0], flight_inputs(record, calibration), {}
-    for i, observer in enumerate(observers):
-        if progress is not None:
-            progress(i / len(observers))
-        estimates[observer.name] = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    return inputs, estimates
-
-
-def flight_inputs(record: Record, calibration: Calibration | None) -> KnownInputs:
-    """Return the inputs of an observer of a whole flight, with a calibration that was `applied` to it, or without.
-
-    Raises:
-        CalibrationError: the record lacks the crank's angle.
-    """
-    forces, rows = KnownForces(record) if calibration is None else calibration.forces(record), record.robot.rows()
-    assert rows is not None
-    inputs = inputs_of(record, *record.parts[0], forces, rows)
-    if calibration is None:
-        return inputs
-    watch = CalibrationWatch(calibration)
-    watch.take(record, inputs, slice(0, len(inputs.tau)), ends=True)
-    return replace(inputs, calibration=watch.use())
+    return estimate(record, calibration=calibration, trust=True, progress=progress)
 
 
 @guarded()
@@ -184,16 +146,3 @@ def _check_keys(settings: Iterable[str]) -> None:
                 f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
                 f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
             )
-
-
-def _smoothed(record: Record, progress: Callable[[float], None] | None) -> tuple[KnownInputs, dict[str, Estimate]]:
-    """Return what the robot of a record of raw samples finds, as the inputs of an observer and its estimates."""
-    robot = record.robot
-    assert isinstance(robot, AerobatRobot)
-    found = robot.motion_from(record.times(*record.parts[0]), record.channels, observers_of(record)[0], progress)
-    assert found is not None
-    block, rows = found.block, ROWS_OF_TORQUE[robot.kind]
-    use = None if robot.mount is None else CalibrationUse("inside", f"calibration: {robot.mount}")
-    crank = block.extra["crank"][0]
-    inputs = KnownInputs(block.time, block.q, block.v, block.tau, found.known, rows, block.source, use, crank)
-    return inputs, dict(found.estimates)

@@ -79,6 +79,11 @@ class AerobatRobot(PlainRobot):
         """Return a number made of all values of the robot's morphology."""
         return sha256(repr(self.aerobat.morphology).encode()).hexdigest()[:16]
 
+    @property
+    def measures_effort(self) -> bool:
+        """Whether the joint torques are measured ones."""
+        return self.kind == "measured"
+
     def rows(self) -> Rows | None:
         """Return the rows that the known torque makes usable."""
         return ROWS_OF_TORQUE[self.kind]

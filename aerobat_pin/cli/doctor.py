@@ -182,7 +182,7 @@ def _urdf() -> Iterator[Verified]:
 
 def _kernels() -> Iterator[Verified]:
     """Report the folder in which numba keeps the compiled kernels, and remove those that are damaged."""
-    from aerobat_pin.aerobat import estimate_log  # noqa: F401  # imports all kernels
+    from aerobat_pin.aerobat import estimate_flight  # noqa: F401  # imports all kernels
     from aerobat_pin.flight import advance_stage
     from aerobat_pin.numerics import is_compiled, remove_damaged_kernels
 

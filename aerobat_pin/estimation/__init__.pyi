@@ -9,8 +9,8 @@ from .calibration.learn import calibrate as calibrate
 from .checks.balance import effort_findings as effort_findings
 from .checks.record import record_findings as record_findings
 from .compared import Compared as Compared
-from .estimate_recording import estimate as estimate
-from .estimate_recording import estimate_recording as estimate_recording
+from .estimate_record import estimate as estimate
+from .estimate_record import estimate_recording as estimate_recording
 from .findings import Finding as Finding
 from .findings import FindingVerdict as FindingVerdict
 from .inputs import KnownInputs as KnownInputs

@@ -44,6 +44,8 @@ class KnownInputs:
 
     def between(self, first: int, last: int) -> KnownInputs:
         """Return the inputs from one index of the samples to another, inclusive."""
+        if (first, last) == (0, len(self.tau)):
+            return self
         samples, intervals = slice(first, last + 1), slice(first, last)
         known = {name: force[intervals] for name, force in self.known.items()}
         return replace(
@@ -54,6 +56,7 @@ class KnownInputs:
             tau=self.tau[intervals],
             known=known,
             crank=None if self.crank is None else self.crank[samples],
+            condition=None if self.condition is None else self.condition.part(intervals),
         )
 
     def __repr__(self) -> str:

@@ -19,7 +19,7 @@ from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.observers import Estimate
-from aerobat_pin.records import Record, Reference, TrueEvent
+from aerobat_pin.records import Record, Reference, SmoothedMotion, TrueEvent
 
 VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h5netcdf", "pydantic")
 VERSION = 2  # of `metrics.json`
@@ -58,8 +58,9 @@ class Result:
         events: events of the true forces.
         changes: one line about what differs from the shipped scenario of this name; empty if nothing does.
         advice: what may help where an R2 is below 0; empty for nothing.
-        record: the record at common times; None for a flight of Aerobat.
-        forces: its known forces, with what was fitted; None for a flight of Aerobat.
+        record: the record at common times.
+        forces: its known forces, with what was fitted.
+        smoothed: motion and forces that the robot found together; None where the channels gave the motion.
         more: further entries of `metrics.json`, such as those of a simulated flight.
     """
 
@@ -79,6 +80,7 @@ class Result:
     advice: str = ""
     record: Record | None = None
     forces: KnownForces | None = None
+    smoothed: SmoothedMotion | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property

@@ -101,7 +101,7 @@ def rows_of(
 
 def run_observers(
     record: Record,
-    forces: KnownForces,
+    inputs_at: Callable[[int, int], KnownInputs],
     observers: Sequence[Observer],
     progress: Callable[[float], None] | None = None,
     watch: Watch | None = None,
@@ -110,7 +110,7 @@ def run_observers(
 
     Args:
         record: the record.
-        forces: its known forces.
+        inputs_at: gives the observers' inputs between two indices, as `inputs_between` does.
         observers: the observers.
         progress: called with the share that is done.
         watch: is given what the observers are given.
@@ -120,14 +120,13 @@ def run_observers(
     """
     wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
     lead = int(np.ceil(wait * record.rate)) + 1
-    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     spool = Spool()
     found = {observer.name: StoredEstimate(spool) for observer in observers}
     total, done = len(observers) * sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
         for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
             early, late = max(first, begin - lead), min(last, end + lead)
-            inputs = inputs_of(record, early, late, forces, rows)
+            inputs = inputs_at(early, late)
             if watch is not None:
                 watch.take(record, inputs, slice(begin - early, end - early), ends=end == last)
             for observer in observers:

@@ -7,23 +7,19 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from aerobat_pin.aerobat import (
-    AerobatRobot,
     FlightLog,
     check_names,
-    estimate_log,
-    flight_findings,
+    estimate_flight,
     true_events,
     truth_of,
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import Calibration, Finding, Result, StoredEstimate
+from aerobat_pin.estimation import Calibration, Finding, Result
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import log_with_motion, simulate
-from aerobat_pin.numerics import guarded
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, load_robot
 from aerobat_pin.scenario import Scenario, changed_keys, changes_text
@@ -162,26 +158,28 @@ def _estimated(
 ) -> Experiment:
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
-    inputs, estimates = estimate_log(log, believed, belief, progress and _observer_stages(progress, names), calibration)
-    time = next(iter(estimates.values())).time
-    robot = AerobatRobot.of(believed, belief.believed_air, belief.observers.torque)
-    findings = [finding for finding in flight_findings(log, robot, inputs) if finding.warns]
-    scores = Result(
+    found = estimate_flight(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    scores = replace(
+        found,
         name=belief.name,
         title=f"{belief.name}: {note}; motor torque {belief.observers.torque}",
-        robot=believed.model.name,
-        mass=believed.mass,
-        dt=float(np.median(np.diff(time))),
-        stored={name: StoredEstimate.of(estimate) for name, estimate in estimates.items()},
         references=truth_of(log, belief.observers.frames),
-        findings=tuple(findings),
-        inputs=inputs.source,
-        calibration=inputs.calibration,
+        findings=tuple(finding for finding in found.findings if finding.warns),
         events=tuple(true_events(log)),
         more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )
-    drawn = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
+    drawn = log_with_motion(log, *_motion(found))
     return Experiment(belief, believed, log, scores, note, drawn, calibration)
+
+
+def _motion(found: Result) -> tuple[Array, Array, Array | None]:
+    """Return configurations and velocities of a flight, and its crank angle where that was found with them."""
+    if found.smoothed is not None:
+        block = found.smoothed.block
+        return block.q, block.v, block.extra["crank"][0]
+    assert found.record is not None
+    block = found.record.block(*found.record.parts[0])
+    return block.q, block.v, None
 
 
 def _said_before(pilot: Controller | None) -> list[Finding]:

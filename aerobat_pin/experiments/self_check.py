@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerobat import estimate_log
+from aerobat_pin.aerobat import estimate_flight
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import PUSHED_SHARE, Check
 from aerobat_pin.flight import simulate
@@ -48,7 +48,7 @@ def self_check(robot: Aerobat, belief: Scenario) -> list[Check]:
             values["observers"] = {**values["observers"], "torque": "measured"}
             scenario = parse_scenario(values, "self-check")
             log = simulate(scenario)
-            for name, estimate in estimate_log(log, robot, scenario)[1].items():
+            for name, estimate in estimate_flight(log, robot, scenario).estimates.items():
                 settled = np.mean(estimate.force[int(SETTLED_AFTER * len(estimate.force)) :], axis=0)
                 at = belief.observers.frames.index(frame)
                 checks.append(Check.of(name, tuple(belief.observers.frames), at, axis, size, settled))

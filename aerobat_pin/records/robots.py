@@ -105,6 +105,16 @@ class PlainRobot:
         """Return the joint torques (m, nv) that are known in a block, given the other known forces; else its `tau`."""
         return block.tau
 
+    @property
+    def measures_effort(self) -> bool:
+        """Whether the efforts of its records are torques at the joints, each measured."""
+        return True
+
+    @property
+    def knows_forces(self) -> bool:
+        """Whether the robot itself knows forces that act on it."""
+        return type(self).known is not PlainRobot.known
+
     def rows(self) -> Rows | None:
         """Return the rows to believe; None where that follows from the map and the channels that are there."""
         return None

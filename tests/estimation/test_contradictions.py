@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
+from support.flights import flight_findings
 
-from aerobat_pin.aerobat import AerobatRobot, flight_findings
+from aerobat_pin.aerobat import AerobatRobot
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.control import Controller

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from support.commands import aerobat
 
-from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate_log
+from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate_flight
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import Check
@@ -174,6 +174,8 @@ def test_a_wrong_belief_is_what_the_self_check_is_blind_to_and_the_log_is_not(pa
     assert all(check.ok for check in self_check(believed_robot(belief), belief))
     own = belief_about(FlightLog(paper.log.measured), "x", None, ["force_level"], [])
     heavy = belief_about(paper.log, "x", None, ["force_level"], ["robot.changes.body.mass=0.1"])
-    right, wrong = (estimate_log(paper.log, believed_robot(one), one)[1]["force_level"].force for one in (own, heavy))
+    right, wrong = (
+        estimate_flight(paper.log, believed_robot(one), one).estimates["force_level"].force for one in (own, heavy)
+    )
     weight = (0.1 - 0.0813) * 9.81  # the joint rows know that it does not hang on the wings: part of it shows
     assert 0.3 * weight < np.mean((wrong - right).sum(axis=1)[:, 2]) < weight

@@ -11,14 +11,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.flights import flight_findings
 from support.own_model import own_model_errors
 
 from aerobat_pin.aerobat import (
     AerobatRobot,
     FlightLog,
-    estimate_log,
+    estimate_flight,
     flight_channels,
-    flight_findings,
     free_record,
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
@@ -292,7 +292,7 @@ def test_without_torque_the_split_between_the_wings_is_refused() -> None:
     observers = load_scenario("raw_sensors", settings).observers.model_copy(update={"raw": GIVEN})
     scenario = load_scenario("raw_sensors", settings).model_copy(update={"observers": observers})
     log, robot = flight()
-    _, estimates = estimate_log(log, robot, scenario)
+    estimates = estimate_flight(log, robot, scenario).estimates
     estimate = estimates["smoother"]
     assert estimate.frames == ("sum",)
     assert estimate.force.shape[1:] == (1, 3)
@@ -305,7 +305,7 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
     """Observers that need q and v, an encoder that is missing, a torque that is not there."""
     log, robot = flight()
     with pytest.raises(ScenarioError, match="momentum needs q and v, and the log has raw samples"):
-        estimate_log(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
+        estimate_flight(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
     blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named encoder"):
         raw_record(blind.time, flight_channels(blind, robot), robot, "measured", GIVEN)

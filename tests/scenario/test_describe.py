@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from support.commands import call
 
-from aerobat_pin.aerobat import estimate_log
+from aerobat_pin.aerobat import estimate_flight, known_inputs
 from aerobat_pin.errors import AerobatError, ScenarioError
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
@@ -156,12 +156,13 @@ def test_the_settings_of_a_scenario_reach_the_observer(paper: Experiment) -> Non
     """The same estimate as from the observer built by hand with these arguments, and another than without them."""
     settings = {"force_walk": 0.7, "known_error": {"aerodynamic": 0.2}, "mass_error": 0.05}
     scenario = with_kalman("force_walk=0.7", "known_error.aerodynamic=0.2", "mass_error=0.05")
-    inputs, found = estimate_log(paper.log, paper.robot, scenario)
+    found = estimate_flight(paper.log, paper.robot, scenario).estimates
+    inputs = known_inputs(paper.log, paper.robot, "measured", scenario.believed_air)
     by_hand = KalmanObserver(
         paper.robot.model, scenario.observers.frames, scenario.observers.gain, inputs.rows, **settings
     ).run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     np.testing.assert_array_equal(found["kalman"].force, by_hand.force)
-    plain = estimate_log(paper.log, paper.robot, with_kalman())[1]["kalman"]
+    plain = estimate_flight(paper.log, paper.robot, with_kalman()).estimates["kalman"]
     assert np.max(np.abs(plain.force - by_hand.force)) > 1e-3
 
 

@@ -10,7 +10,7 @@ import pytest
 from support.commands import call
 
 from aerobat_pin.aerobat.csv_log import read_csv, write_csv
-from aerobat_pin.aerobat.estimate import belief_about, estimate_log
+from aerobat_pin.aerobat.estimate import belief_about, estimate_flight
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.estimation.scores import point_label, r_squared
@@ -150,9 +150,10 @@ def test_a_flight_that_went_through_a_table_is_estimated_as_the_flight_itself(tm
     settings = ["robot.changes.wing.offset_x=-0.060", "observers.gain=100"]
     settings += ["observers.smoother.sensor_noise=[0.05, 0.05, 0.3]", "observers.smoother.force_walk=0.3"]
     belief = belief_about(log, "hall", "aerobat_guard", ["smoother"], settings)
-    inputs, found = estimate_log(log, believed_robot(belief), belief)
-    assert inputs.source["q"] == inputs.source["v"] == inputs.source["thrusters"] == "measured"
-    assert inputs.source["aerodynamic"] == inputs.source["wind"] == "reconstructed"
+    result = estimate_flight(log, believed_robot(belief), belief)
+    inputs, found = result.inputs, result.estimates
+    assert inputs["q"] == inputs["v"] == inputs["thrusters"] == "measured"
+    assert inputs["aerodynamic"] == inputs["wind"] == "reconstructed"
     direct = r2("real_log_demo", "smoother")
     for axis in (1, 2):
         truth = true_force(experiment.log, "left_force_point")[0][:, axis]

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 
 from aerobat_pin.aerobat import FlightLog, belief_about, flight_record
-from aerobat_pin.aerobat.estimate import flight_inputs
 from aerobat_pin.estimation import Calibration
 from aerobat_pin.robot import believed_robot
 from support.calibrated import FreeFlight
+from support.flights import flight_inputs
 from support.mismatch import Seen
 from support.other_plant import Push, crank_at, fly_elsewhere
 from support.other_robot import ELBOW, SHOULDER, series_at

@@ -227,7 +227,7 @@ def calls() -> dict[str, Call]:
         "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
         "check_names": (api.check_names, {"names": ["momentum"]}),
         "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
-        "estimate_log": (api.estimate_log, {"log": log, "robot": bat, "belief": paper, "progress": None}),
+        "estimate_flight": (api.estimate_flight, {"log": log, "robot": bat, "belief": paper, "progress": None}),
         "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
         "known_inputs": (
             api.known_inputs,

@@ -156,6 +156,11 @@ class Calibration:
         values = replace(own, mass=mine.mass, fits=(*fits, *own.fits))
         return replace(forces, values=values, series=self.series, sources=sources)
 
+    @property
+    def use_of_extras(self) -> CalibrationUse:
+        """How it was used where the robot found motion and forces together."""
+        return CalibrationUse("inside", f"calibration: {'; '.join(self.notes[:1])}")
+
     def finding(self) -> Finding:
         """Return what a report says about the calibration."""
         return Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")

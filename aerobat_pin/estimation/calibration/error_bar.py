@@ -9,7 +9,7 @@ import numpy as np
 from aerobat_pin.estimation.calibration.map_fits import fits_to_sensor, held_out_stretch
 from aerobat_pin.estimation.compared import Compared, sensor_references
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import observers_of, rms_in, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, rms_in, run_observers
 
 
 def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[str, tuple[float, float]]:
@@ -31,7 +31,7 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     if known is None:
         return {}
     record = known.record
-    estimate = next(iter(run_observers(record, known, observers_of(record)[0][:1]).values()))
+    estimate = next(iter(run_observers(record, inputs_between(record, known), observers_of(record)[0][:1]).values()))
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it
         side = Compared.of(estimate, sensor, record.dt)

@@ -109,7 +109,7 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[F
     if not record.robot.free or record.map.base.held:
         return
     mean = force / record.robot.weight
-    carried = bool(forces.record.map.known)
+    carried = bool(record.map.known) or record.robot.knows_forces
     expected = 0.0 if carried else 1.0
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
     off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))

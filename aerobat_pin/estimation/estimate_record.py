@@ -13,6 +13,7 @@ from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Map, Record, open_record
@@ -52,10 +53,20 @@ def estimate(
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, inputs_between(record, forces), findings)
-    references = sensor_references(record)
     watch = None if calibration is None else CalibrationWatch(calibration)
-    stored = run_observers(record, forces, given or made, progress, watch)
+    times = record.times(*record.parts[0])
+    smoothed = record.robot.motion_from(times, record.channels, given or made, progress)
+    if smoothed is not None:
+        stored = {one: StoredEstimate.of(estimate) for one, estimate in smoothed.estimates.items()}
+        sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
+    else:
+        inputs = inputs_between(record, forces)
+        if record.robot.measures_effort:
+            findings += effort_findings(record, inputs, findings)
+        stored = run_observers(record, inputs, given or made, progress, watch)
+        first, last = record.parts[0]
+        sources = inputs(first, last if record.robot.remembers else first + 1).source
+        use = None if watch is None else watch.use()
     robot, parts = record.robot, "one part" if len(record.parts) == 1 else f"{len(record.parts)} parts"
     used = f"{record.duration:.4g} s in {parts} at {record.rate:.4g} Hz"
     result = Result(
@@ -65,14 +76,16 @@ def estimate(
         mass=robot.mass,
         dt=record.dt,
         stored=stored,
-        references=references,
-        calibration=None if watch is None else watch.use(),
+        references=sensor_references(record),
+        calibration=use,
         notes=(*record.notes, *notes),
-        inputs={key: "measured" for key in record.channels if not key.startswith("check.")},
+        inputs=sources,
         record=record,
         forces=forces,
+        smoothed=smoothed,
     )
-    findings += result_findings(result)
+    if smoothed is None:
+        findings += result_findings(result)
     if calibration is not None:
         findings.append(calibration.finding())
     if not trust:
