@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.browser import at, frames, needs_browser, node, opened, pixels, ready
-from support.wakes import wake_at
+from support.shed_wake import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
 from aerobat_pin.aerobat.csv_log import read_csv
