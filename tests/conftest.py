@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
-from support.browser import started
+from support.browser import opened, ready, started
 
 from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
@@ -89,6 +89,14 @@ def browser() -> Iterator[Any]:
     """Return a headless Chromium."""
     with started() as running:
         yield running
+
+
+@pytest.fixture
+def page(paper_folder: Path, browser: Any) -> Iterator[Any]:
+    """Return the replay of the paper's flight, open in the browser and ready."""
+    with opened(browser, (paper_folder / "replay.html").as_uri()) as replay:
+        ready(replay)
+        yield replay
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.air_loads import air_loads_in
 from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
-from support.section_law import ENDLESS, HALVES, STEPS, fly_on_links, memory_of, plate, plate_drag
+from support.section_law import ENDLESS, HALVES, STEPS, air_loads_in, fly_on_links, memory_of, plate, plate_drag
 
 from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, fly, strips_of
 from aerobat_pin.robot import LINKS

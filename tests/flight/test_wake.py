@@ -9,8 +9,7 @@ import pinocchio as pin
 import pytest
 from support.flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
 from support.gliding import BARE, evaluate, gliding, settled
-from support.shed_wake import impulse_lift, rectangle_wake
-from support.wakes import wake_at
+from support.shed_wake import impulse_lift, rectangle_wake, wake_at
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerodynamics.flapping_wing import Stroke

@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
-from support.generalized import generalized_force
 
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerodynamics import LiftingLine
@@ -254,7 +253,7 @@ def mapped(robot: Aerobat, q: np.ndarray, frame: str, wrench: list[float], slot:
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     joint, moved = joint_wrench(robot.model, data, frame, wrench, slot)
-    return generalized_force(robot.model, data, {joint: moved.vector})
+    return np.asarray(pin.getJointJacobian(robot.model, data, joint, pin.ReferenceFrame.LOCAL).T @ moved.vector)
 
 
 @pytest.mark.parametrize("crank_deg", [-60.0, 0.0, 75.0, 150.0, 240.0])

@@ -15,8 +15,7 @@ from pathlib import Path
 
 from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
-from support import bad_files as bad_files  # importing them registers their kinds
-from support import bad_labels as bad_labels
+from support import bad_files as bad_files  # importing it registers its kinds
 from support.contradictory_logs import CONTRADICTIONS
 from support.log_kinds import KINDS, Kind, Rng
 

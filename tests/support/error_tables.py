@@ -8,7 +8,7 @@ from aerobat_pin.estimation import calibrate
 from aerobat_pin.observers import moving_weight
 from support.calibrated import PUSHED, false_alarms, free_flight, ideal_latencies, latencies, learnt
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
-from support.mismatch import NOISY, Seen, estimated, made_up, scores, seen
+from support.mismatch import NOISY, estimated, made_up, r_squared, scores, seen
 from support.observer_conditions import Condition
 from support.observer_conditions import estimated as on_the_benchmark
 from support.observer_conditions import flown as benchmark_flight
@@ -98,7 +98,10 @@ def benchmark_score(name: str, walk: float, noisy: Condition) -> float:
 
 
 def other_plant() -> str:
-    """Return what a calibration gives back on flights of a simulator that shares no code with the package."""
+    """Return what a calibration gives back on flights of a simulator that shares no code with the package.
+
+    R2 is that of the left wing, which alone is pushed.
+    """
     free = as_believed(elsewhere("nothing", 4.0)[0])
     six, ten = (calibrate([free.record()], parameters=[], harmonics=count) for count in (6, 10))
     lines = [
@@ -120,15 +123,8 @@ def other_plant() -> str:
         for name, calibrations in ways.items():
             for one in (seen_elsewhere(flight, calibration) for calibration in calibrations):
                 estimate = estimated(name, one)
-                cells.append(forces(made_up(estimate)) if what != "R2" else r_squared_cells(left(estimate.force, one)))
+                cells.append(
+                    forces(made_up(estimate)) if what != "R2" else r_squared_cells(r_squared(estimate, one)[0])
+                )
         lines.append(f"| {words} | {what} | {' | '.join(cells)} |")
     return "\n".join(lines)
-
-
-def left(force: np.ndarray, flight: Seen) -> np.ndarray:
-    """Return R2 (3,) at the left wing, which alone is pushed; infinite along axes without a force."""
-    truth = flight.truth[:, 0]
-    size = np.var(truth, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = 1.0 - np.mean((force[:, 0] - truth) ** 2, axis=0) / size
-    return np.where(size > 1e-6, found, np.inf)

@@ -9,7 +9,7 @@ import numpy as np
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics import STRIP_ROWS, RobotAir, StripLoads, strips_of
 from aerobat_pin.robot.wing import Wing
-from support.air_loads import air_loads_in
+from support.section_law import air_loads_in
 
 SHAPE = Morphology.load("aerobat")
 WING = Wing(SHAPE)

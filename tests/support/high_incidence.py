@@ -13,9 +13,8 @@ from aerobat_pin.aerodynamics import STRIP_ROWS, Halves, LiftingLine, Stroke, fl
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import LINKS
-from support.air_loads import air_loads_in
 from support.measurements import Flapping, Plates, Plunging
-from support.section_law import ENDLESS, HALVES, fly_strips, memory_of
+from support.section_law import ENDLESS, HALVES, air_loads_in, fly_strips, memory_of
 
 PROFILE_DRAG = Morphology.load("aerobat").aerodynamics.profile_drag
 RANGES = ((0.0, 15.0), (15.0, 40.0), (40.0, 90.0))  # [deg]; each holds its upper end

@@ -1,4 +1,7 @@
-"""The section law of the robot's strips on a wing without a robot: a lifting line on two links that share an origin."""
+"""The section law of the robot's strips on a wing without a robot: a lifting line on two links that share an origin.
+
+The robot's aerodynamics is called from Python with the memory that kernels read; only tests have a use for that.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,12 @@ from aerobat_pin.aerodynamics import (
     Pieces,
     Stroke,
     air_in,
+    air_loads,
     air_memory,
     strips_of,
 )
-from aerobat_pin.numerics import Array, fields_of
+from aerobat_pin.numerics import Array, fields_of, kernel
 from aerobat_pin.robot import LINKS
-from support.air_loads import air_loads_in
 
 HALVES = [1, 3]  # the links that carry a wing's left and right half
 CYCLES, STEPS = 5, 200  # flown, of which the last is looked at; steps of a cycle
@@ -122,3 +125,9 @@ def plate_drag(incidence: Array | float) -> Array:
     """Return the closed form of that drag: s c (1 - c^3 (3 - c^2) / 2), the cube of a small incidence; c >= 0."""
     s, c = np.sin(incidence), np.cos(incidence)
     return np.asarray(s * c * (1.0 - c**3 * (3.0 - c**2) / 2.0))
+
+
+@kernel
+def air_loads_in(memory: Array, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
+    """Compute what `air_loads` does, reading the aerodynamic constants from `RobotAir.memory`."""
+    air_loads(air_in(memory), twists, state, wrenches, rates, loads)

@@ -1,4 +1,4 @@
-"""The impulse of a shed wake, which is the lift of the wing that sheds it."""
+"""Where a frozen wake is, and the impulse of a shed wake, which is the lift of the wing that sheds it."""
 
 from __future__ import annotations
 
@@ -32,3 +32,10 @@ def rectangle_wake(stroke: Stroke, time: Array, last: int) -> tuple[float, Wake]
     position[..., 0] += stroke.airspeed * time[-last:, None]
     wake = Wake(time[-last:], position, flight.circulation[-last:], Wind())
     return float(flight.force[-last:, 2].mean()), wake
+
+
+def wake_at(wake: Wake, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the k samples shed until a time [s] are then (k, N, 3), oldest first, with their circulation."""
+    old = int(np.searchsorted(wake.time, time, side="right"))
+    moved = wake.wind.drift(np.array([time])) - wake.wind.drift(wake.time[:old])
+    return wake.position[:old] + moved[:, None], wake.bound[:old]

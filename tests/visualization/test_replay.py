@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.browser import at, frames, needs_browser, node, opened, pixels, ready
-from support.wakes import wake_at
+from support.shed_wake import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
 from aerobat_pin.aerobat.csv_log import read_csv
@@ -50,138 +50,124 @@ def newtons_per_centimetre(page: Any) -> float:
 
 
 @needs_browser
-def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(paper_folder: Path, browser: Any) -> None:
+def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
     """Offline, without an error; a click on the button stops it, the time bar seeks."""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0, abs=1e-3)
-        assert page.evaluate("viewer.animator.mixer.timeScale") == SLOW_MOTION
-        page.get_by_role("button", name="pause").click()
-        held = page.evaluate("viewer.animator.actions[0].time")
-        frames(page)
-        assert page.evaluate("viewer.animator.actions[0].time") == held
-        page.get_by_role("button", name="play").click()
-        page.wait_for_function(f"viewer.animator.actions[0].time != {held}")
-        page.locator("#time").fill("1.25")
-        page.wait_for_function("document.getElementById('clock').textContent === '1.250 s'")
-        assert page.evaluate("viewer.animator.actions[0].time") == pytest.approx(1.25)
-        page.keyboard.press("ArrowRight")
-        assert page.evaluate("viewer.animator.actions[0].time") == pytest.approx(1.25 + 1.0 / 120.0, abs=2e-4)
+    assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0, abs=1e-3)
+    assert page.evaluate("viewer.animator.mixer.timeScale") == SLOW_MOTION
+    page.get_by_role("button", name="pause").click()
+    held = page.evaluate("viewer.animator.actions[0].time")
+    frames(page)
+    assert page.evaluate("viewer.animator.actions[0].time") == held
+    page.get_by_role("button", name="play").click()
+    page.wait_for_function(f"viewer.animator.actions[0].time != {held}")
+    page.locator("#time").fill("1.25")
+    page.wait_for_function("document.getElementById('clock').textContent === '1.250 s'")
+    assert page.evaluate("viewer.animator.actions[0].time") == pytest.approx(1.25)
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("viewer.animator.actions[0].time") == pytest.approx(1.25 + 1.0 / 120.0, abs=2e-4)
 
 
 @needs_browser
-def test_its_speed_is_chosen_by_a_button(paper_folder: Path, browser: Any) -> None:
+def test_its_speed_is_chosen_by_a_button(page: Any) -> None:
     """From 1/50 to real time; the one that holds is marked."""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        assert (min(SPEEDS), max(SPEEDS)) == (0.02, 1.0)
-        for speed in SPEEDS:
-            page.locator(f"#speeds button[data-rate='{speed:g}']").click()
-            assert page.evaluate("viewer.animator.mixer.timeScale") == speed
-            marked = page.locator(f"#speeds button[data-rate='{speed:g}'][aria-pressed=true]")
-            marked.wait_for()
+    assert (min(SPEEDS), max(SPEEDS)) == (0.02, 1.0)
+    for speed in SPEEDS:
+        page.locator(f"#speeds button[data-rate='{speed:g}']").click()
+        assert page.evaluate("viewer.animator.mixer.timeScale") == speed
+        marked = page.locator(f"#speeds button[data-rate='{speed:g}'][aria-pressed=true]")
+        marked.wait_for()
 
 
 @needs_browser
-def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, paper_folder: Path, browser: Any) -> None:
+def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, page: Any) -> None:
     """In world axes: the tip of each arrow is its force away from the force point, to the scale of the legend."""
     assert paper.log.truth is not None
     data = paper.robot.model.createData()
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        scale = newtons_per_centimetre(page)
-        lengths = []
-        for k in (100, 225, 575, 1300):  # multiples of 25 ms are keyframes
-            at(page, paper.log.time[k])
-            q = paper.log.measured["q"].values[k]
-            pin.framesForwardKinematics(paper.robot.model, data, q)
-            for frame in ("left_force_point", "right_force_point"):
-                i = paper.estimates["momentum"].frames.index(frame)
-                forces = {
-                    "estimated force (momentum)": paper.estimates["momentum"].force[k, i],
-                    "true force": true_force(paper.log, frame)[0][k],
-                }
-                for kind, force in forces.items():
-                    shaft, head = (node(page, "force", kind, frame, part) for part in ("shaft", "head"))
-                    start = np.array(shaft["position"])
-                    assert start == pytest.approx(data.oMf[paper.robot.model.getFrameId(frame)].translation, abs=1e-5)
-                    rod = np.subtract(head["position"], start)
-                    assert shaft["scale"][1] == pytest.approx(np.linalg.norm(rod), abs=1e-6)
-                    length = 0.01 * np.linalg.norm(force) / scale
-                    assert float(rod @ force) > 0.9999 * float(np.linalg.norm(rod) * np.linalg.norm(force))
-                    turn = pin.Quaternion(np.array(head["quaternion"])).matrix()
-                    assert turn[:, 1] @ force > 0.9999 * np.linalg.norm(force)
-                    cone = head["scale"][1] * page.evaluate(
-                        f"viewer.scene_tree.find(['meshcat', 'world', 'force', '{kind}', '{frame}', 'head', 'shape',"
-                        " '<object>']).object.geometry.parameters.height"
-                    )
-                    assert np.linalg.norm(rod) + cone == pytest.approx(length, abs=2e-5)
-                    lengths.append(length)
-            bars = bar_placements(paper.robot, paper.log.measured["crank_angle"].values[k])
-            for name, placement in bars.items():
-                shown = node(page, "robot", "visuals", name)["position"]
-                origin = pin.XYZQUATToSE3(q[:7]).act(placement.translation)
-                assert shown == pytest.approx(origin, abs=1e-5)
-        assert max(lengths) > 3.0 * min(lengths)
+    scale = newtons_per_centimetre(page)
+    lengths = []
+    for k in (100, 225, 575, 1300):  # multiples of 25 ms are keyframes
+        at(page, paper.log.time[k])
+        q = paper.log.measured["q"].values[k]
+        pin.framesForwardKinematics(paper.robot.model, data, q)
+        for frame in ("left_force_point", "right_force_point"):
+            i = paper.estimates["momentum"].frames.index(frame)
+            forces = {
+                "estimated force (momentum)": paper.estimates["momentum"].force[k, i],
+                "true force": true_force(paper.log, frame)[0][k],
+            }
+            for kind, force in forces.items():
+                shaft, head = (node(page, "force", kind, frame, part) for part in ("shaft", "head"))
+                start = np.array(shaft["position"])
+                assert start == pytest.approx(data.oMf[paper.robot.model.getFrameId(frame)].translation, abs=1e-5)
+                rod = np.subtract(head["position"], start)
+                assert shaft["scale"][1] == pytest.approx(np.linalg.norm(rod), abs=1e-6)
+                length = 0.01 * np.linalg.norm(force) / scale
+                assert float(rod @ force) > 0.9999 * float(np.linalg.norm(rod) * np.linalg.norm(force))
+                turn = pin.Quaternion(np.array(head["quaternion"])).matrix()
+                assert turn[:, 1] @ force > 0.9999 * np.linalg.norm(force)
+                cone = head["scale"][1] * page.evaluate(
+                    f"viewer.scene_tree.find(['meshcat', 'world', 'force', '{kind}', '{frame}', 'head', 'shape',"
+                    " '<object>']).object.geometry.parameters.height"
+                )
+                assert np.linalg.norm(rod) + cone == pytest.approx(length, abs=2e-5)
+                lengths.append(length)
+        bars = bar_placements(paper.robot, paper.log.measured["crank_angle"].values[k])
+        for name, placement in bars.items():
+            shown = node(page, "robot", "visuals", name)["position"]
+            origin = pin.XYZQUATToSE3(q[:7]).act(placement.translation)
+            assert shown == pytest.approx(origin, abs=1e-5)
+    assert max(lengths) > 3.0 * min(lengths)
 
 
 @needs_browser
-def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, paper_folder: Path, browser: Any) -> None:
+def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, page: Any) -> None:
     """At least a tenth of the width from begin to end of six metres; the picture changes as it flies."""
     seen = []
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        for time in (0.0, 0.7, 1.9):
-            at(page, time)
-            seen.append(pixels(page))
-            dark = seen[-1].max(axis=2) < 0.45  # body, guard and arrows against a pale sky
-            columns = np.flatnonzero(dark.any(axis=0))
-            assert columns.max() - columns.min() > 0.1 * dark.shape[1]
-            assert abs(0.5 * (columns.max() + columns.min()) / dark.shape[1] - 0.5) < 0.2
+    for time in (0.0, 0.7, 1.9):
+        at(page, time)
+        seen.append(pixels(page))
+        dark = seen[-1].max(axis=2) < 0.45  # body, guard and arrows against a pale sky
+        columns = np.flatnonzero(dark.any(axis=0))
+        assert columns.max() - columns.min() > 0.1 * dark.shape[1]
+        assert abs(0.5 * (columns.max() + columns.min()) / dark.shape[1] - 0.5) < 0.2
     assert all(np.mean(np.abs(one - seen[0]) > 0.1) > 0.005 for one in seen[1:])
 
 
 @needs_browser
-def test_nothing_translucent_hides_what_is_behind_it(paper_folder: Path, browser: Any) -> None:
+def test_nothing_translucent_hides_what_is_behind_it(page: Any) -> None:
     """Membranes, propellers, halos and wake do not write depth: a halo behind a membrane is seen."""
     each = """(() => { const found = [];
         const look = (one) => { if (one.isMesh && one.material.transparent) found.push(one.material.depthWrite); };
         viewer.scene.traverse(look);
         return found; })()"""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        translucent = page.evaluate(each)
-        assert len(translucent) >= 4 + 1 + 1 + 4 + 1  # membranes, tail, propellers, two halos of two parts, wake
-        assert not any(translucent)
+    translucent = page.evaluate(each)
+    assert len(translucent) >= 4 + 1 + 1 + 4 + 1  # membranes, tail, propellers, two halos of two parts, wake
+    assert not any(translucent)
 
 
 @needs_browser
-def test_the_step_is_marked_on_the_time_bar_and_on_the_way(paper: Experiment, paper_folder: Path, browser: Any) -> None:
+def test_the_step_is_marked_on_the_time_bar_and_on_the_way(paper: Experiment, page: Any) -> None:
     """From 1 s to 1.6 s of 2 s; balls where the body is at onset and end."""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        bar, zone = (page.locator(name).bounding_box() for name in ("#zones", "#zones b"))
-        assert (zone["x"] - bar["x"]) / bar["width"] == pytest.approx(0.5, abs=0.01)
-        assert zone["width"] / bar["width"] == pytest.approx(0.3, abs=0.01)
-        for name, k in (("onset", 1000), ("end", 1600)):
-            at_event = paper.log.measured["q"].values[k, :3]
-            assert node(page, "zone", "0", name)["position"] == pytest.approx(at_event, abs=1e-3)
+    bar, zone = (page.locator(name).bounding_box() for name in ("#zones", "#zones b"))
+    assert (zone["x"] - bar["x"]) / bar["width"] == pytest.approx(0.5, abs=0.01)
+    assert zone["width"] / bar["width"] == pytest.approx(0.3, abs=0.01)
+    for name, k in (("onset", 1000), ("end", 1600)):
+        at_event = paper.log.measured["q"].values[k, :3]
+        assert node(page, "zone", "0", name)["position"] == pytest.approx(at_event, abs=1e-3)
 
 
 @needs_browser
-def test_the_wake_grows_behind_the_wing_and_fades(paper: Experiment, paper_folder: Path, browser: Any) -> None:
+def test_the_wake_grows_behind_the_wing_and_fades(paper: Experiment, page: Any) -> None:
     """The rows drawn end at the trailing edge of the moment and begin half a second earlier."""
     wake = wake_of(paper.log, paper.robot, paper.scenario.air)
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        at(page, 0.0)
-        assert page.evaluate(SHOWN) is None
-        for k, first in ((400, 0), (1500, 1000)):
-            at(page, paper.log.time[k])
-            begin, end = page.evaluate(SHOWN)
-            assert begin == pytest.approx(wake.position[first, 0], abs=2e-5)
-            assert end == pytest.approx(wake.position[k, -1], abs=2e-5)
-        assert node(page, "air")["position"] == [0.0, 0.0, 0.0]
+    at(page, 0.0)
+    assert page.evaluate(SHOWN) is None
+    for k, first in ((400, 0), (1500, 1000)):
+        at(page, paper.log.time[k])
+        begin, end = page.evaluate(SHOWN)
+        assert begin == pytest.approx(wake.position[first, 0], abs=2e-5)
+        assert end == pytest.approx(wake.position[k, -1], abs=2e-5)
+    assert node(page, "air")["position"] == [0.0, 0.0, 0.0]
 
 
 def test_two_seconds_of_flight_are_less_than_five_megabytes(paper_folder: Path) -> None:

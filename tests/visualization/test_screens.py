@@ -64,43 +64,39 @@ def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, si
 
 
 @needs_browser
-def test_a_phone_that_is_turned_keeps_everything_in_its_place(paper_folder: Path, browser: Any) -> None:
+def test_a_phone_that_is_turned_keeps_everything_in_its_place(page: Any) -> None:
     """To portrait and to landscape without loading the page again: no panel covers another one, the robot is seen."""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        page.evaluate("animator.pause()")  # the camera is placed for the moment of turning
-        for width, height in (SIZES[2], SIZES[1]):
-            resized(page, width, height)
-            page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
-            assert overlaps(boxes(page, TOUCHED)) == []
-            assert page.evaluate("seen()")
+    page.evaluate("animator.pause()")  # the camera is placed for the moment of turning
+    for width, height in (SIZES[2], SIZES[1]):
+        resized(page, width, height)
+        page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
+        assert overlaps(boxes(page, TOUCHED)) == []
+        assert page.evaluate("seen()")
 
 
 @needs_browser
-def test_the_time_bar_follows_the_arrow_keys_and_the_observer_can_be_chosen(paper_folder: Path, browser: Any) -> None:
+def test_the_time_bar_follows_the_arrow_keys_and_the_observer_can_be_chosen(page: Any) -> None:
     """Even right after the bar was used; one estimate is shown at a time, the keys are named, the report is linked."""
     node = 'viewer.scene_tree.find(["meshcat", "world", "force", `estimated force (${name})`])'
     shown = f"(name) => {node}.object.visible"
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        page.locator("#time").fill("1.25")
-        page.locator("#time").focus()
-        for _ in range(3):
-            page.keyboard.press("ArrowRight")
-        page.wait_for_function("Math.abs(document.getElementById('time').value - 1.275) < 1e-3")
-        for name, other in (("momentum", "force_level"), ("force_level", "momentum")):
-            page.locator("#observer").select_option(label=name)
-            assert page.evaluate(shown, name)
-            assert not page.evaluate(shown, other)
-        before = page.evaluate("viewer.animator.actions[0].time")
-        page.keyboard.press("ArrowLeft")
-        assert page.evaluate("viewer.animator.actions[0].time") < before
-        assert "space: play or pause; arrow keys" in page.inner_text("#legend")
-        assert page.locator("#legend a").get_attribute("href") == "report.html"
+    page.locator("#time").fill("1.25")
+    page.locator("#time").focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    page.wait_for_function("Math.abs(document.getElementById('time').value - 1.275) < 1e-3")
+    for name, other in (("momentum", "force_level"), ("force_level", "momentum")):
+        page.locator("#observer").select_option(label=name)
+        assert page.evaluate(shown, name)
+        assert not page.evaluate(shown, other)
+    before = page.evaluate("viewer.animator.actions[0].time")
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate("viewer.animator.actions[0].time") < before
+    assert "space: play or pause; arrow keys" in page.inner_text("#legend")
+    assert page.locator("#legend a").get_attribute("href") == "report.html"
 
 
 @needs_browser
-def test_arrows_in_front_of_a_membrane_stay_coloured(paper_folder: Path, browser: Any) -> None:
+def test_arrows_in_front_of_a_membrane_stay_coloured(page: Any) -> None:
     """They are drawn after everything that is translucent, the true one last, so that no membrane tints them."""
     orders = """(() => {
         const found = {arrow: [], other: []}, arrows = new Set();
@@ -110,28 +106,24 @@ def test_arrows_in_front_of_a_membrane_stay_coloured(paper_folder: Path, browser
             if (one.isMesh && one.material.transparent) found[kind].push(one.renderOrder);
         });
         return found; })()"""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        found = page.evaluate(orders)
-        assert min(found["arrow"]) > max(found["other"])
-        assert set(found["arrow"]) == {2, 3}
+    found = page.evaluate(orders)
+    assert min(found["arrow"]) > max(found["other"])
+    assert set(found["arrow"]) == {2, 3}
 
 
 @needs_browser
-def test_the_replay_is_dark_by_night(paper_folder: Path, browser: Any) -> None:
+def test_the_replay_is_dark_by_night(page: Any) -> None:
     """Panels and sky, also when night falls while it is open; the true force is then light, and dark again by day."""
     true = """(() => { let colour; viewer.scene_tree.find(["meshcat", "world", "force", "true force"]).object.traverse(
         (one) => { if (one.isMesh) colour = one.material.color.getHexString(); }); return colour; })()"""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        ready(page)
-        light = {}
-        for scheme in ("light", "dark", "light"):
-            page.emulate_media(color_scheme=scheme)
-            page.wait_for_function(f"(colour) => {true} === colour", arg="ffffff" if scheme == "dark" else "000000")
-            frames(page)
-            light[scheme] = float(np.median(pixels(page)[:100]))
-        assert light["light"] > 0.9
-        assert light["dark"] < 0.5
+    light = {}
+    for scheme in ("light", "dark", "light"):
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_function(f"(colour) => {true} === colour", arg="ffffff" if scheme == "dark" else "000000")
+        frames(page)
+        light[scheme] = float(np.median(pixels(page)[:100]))
+    assert light["light"] > 0.9
+    assert light["dark"] < 0.5
 
 
 @needs_browser
