@@ -6,7 +6,7 @@ simulated by assuming a robot or an air that differs from those that flew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import ClassVar
@@ -30,11 +30,21 @@ from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records import EXTRA, Block, Extras, LogChannel, Parameter, PlainRobot, SmoothedMotion
+from aerobat_pin.records import (
+    EXTRA,
+    Agreement,
+    Block,
+    Extras,
+    LogChannel,
+    Parameter,
+    PlainRobot,
+    SmoothedMotion,
+)
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
 OF_THE_DAY = {"wind", "gust", "warm_up_cycles"}  # keys of the air that may differ from flight to flight
+LARGEST_OPENING = np.degrees(0.01)  # [deg]: rms difference of a joint from the linkage; encoders are 20 times better
 
 
 @dataclass(frozen=True)
@@ -150,6 +160,28 @@ class AerobatRobot(PlainRobot):
             if name.startswith(RECORDED):
                 known[name.removeprefix(RECORDED)] = np.pad(values, ((0, 0), (0, self.model.nv - values.shape[1])))
         return scaled_thrusters(known, self.thruster_scale)
+
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return the joint angles beside those of the closed linkage at the crank angle, if both are measured."""
+        angles, crank = measured("joints.position"), measured(f"{EXTRA}crank_angle")
+        if angles is None or crank is None:
+            return ()
+        closure = self.aerobat.linkage.solve(crank[:, 0])
+        opening = Agreement(
+            "joints off the linkage",
+            ("joint positions", "crank angle"),
+            time,
+            np.degrees(angles),
+            np.degrees(np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)),
+            "values",
+            JOINTS,
+            "deg",
+            LARGEST_OPENING,
+            "the angle of the linkage at crank_angle was expected: check zero and sign of joints and crank, and the "
+            "believed linkage",
+            share=0.0,
+        )
+        return (opening,)
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
         """Return the motor's torque at the joints (m, nv): measured, modelled, or spread from the crank.

@@ -6,9 +6,12 @@ from .calibration.calibration import belief_of as belief_of
 from .calibration.calibration_file import calibration_bytes as calibration_bytes
 from .calibration.calibration_file import read_calibration as read_calibration
 from .calibration.learn import calibrate as calibrate
+from .checks.balance import effort_findings as effort_findings
+from .checks.record import record_findings as record_findings
 from .estimate_recording import RecordingEstimate as RecordingEstimate
 from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
+from .findings import Finding as Finding
 from .inputs import KnownInputs as KnownInputs
 from .inputs import inputs_of as inputs_of
 from .known_forces import KnownForces as KnownForces

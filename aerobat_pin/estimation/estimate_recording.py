@@ -11,14 +11,11 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
-from aerobat_pin.estimation.checks.result import result_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
+from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import observers_of, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
 from aerobat_pin.estimation.sensor_scores import Compared, compared
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import FoundEvent, found_events, warnings_about
@@ -47,7 +44,7 @@ class RecordingEstimate:
     record: Record
     forces: KnownForces
     stored: dict[str, StoredEstimate]
-    findings: tuple[LogFinding, ...]
+    findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     compared: dict[str, Compared]
     use: CalibrationUse | None = None
@@ -60,7 +57,7 @@ class RecordingEstimate:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimate."""
-        lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
+        lines = [str(finding) for finding in self.findings if finding.warns]
         if self.use is not None and self.use.verdict == "faded":
             lines.append(self.use.words)
         for name, estimate in self.stored.items():
@@ -150,11 +147,11 @@ def estimate(
         record = calibration.applied(record)
     given = [one for one in observers if isinstance(one, Observer)]
     made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
-    findings = [*stamp_findings(record), *motion_findings(record)]
+    findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, forces)
+    findings += effort_findings(record, inputs_between(record, forces), findings)
     watch = None if calibration is None else CalibrationWatch(calibration)
     estimates = run_observers(record, forces, given or made, progress, watch)
     sides = {name: compared(record, estimate) for name, estimate in estimates.items()}

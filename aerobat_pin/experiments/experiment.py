@@ -16,10 +16,11 @@ import pandas as pd
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import (
+    AerobatRobot,
     FlightLog,
     check_names,
-    contradictions,
     estimate_log,
+    flight_findings,
     truth_of,
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
@@ -175,6 +176,8 @@ def _estimated(
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
     inputs, estimates = estimate_log(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    robot = AerobatRobot.of(believed, belief.believed_air, belief.observers.torque)
+    findings = flight_findings(log, robot, inputs)
     scores = Scores(
         scenario=belief.name,
         seed=None,
@@ -186,7 +189,7 @@ def _estimated(
             name: observer_scores(estimate, truth_of(log), inputs.calibration) for name, estimate in estimates.items()
         },
         calibration=inputs.calibration,
-        contradictions=tuple(contradictions(log, believed)),
+        findings=tuple(str(finding) for finding in findings if finding.warns),
     )
     drawn = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
     return Experiment(belief, believed, log, estimates, scores, drawn, calibration)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +20,7 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
 from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.learnable import Condition, Extras, Parameter
@@ -90,6 +91,15 @@ class PlainRobot:
             block: a stretch of the record, completed.
         """
         return {}
+
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return series that must agree whatever forces act, beyond those of every record.
+
+        Args:
+            time: (m,) increasing common times of the record [s].
+            measured: key of a channel -> (m, k) samples at these times; None if there is no such channel.
+        """
+        return ()
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
         """Return the joint torques (m, nv) that are known in a block, given the other known forces; else its `tau`."""

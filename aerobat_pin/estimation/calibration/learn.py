@@ -28,13 +28,11 @@ from aerobat_pin.estimation.calibration.map_fits import (
     kept_of,
     taken_as_free,
 )
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
-from aerobat_pin.estimation.checks.result import fit_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
+from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
+from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, row_names
 from aerobat_pin.records import Extras, Record
@@ -112,8 +110,9 @@ def calibrate(
         warnings += [line for run in runs for line in pushes(run)]
     values = kept_of(records[0], forces[0].values)
     bar = error_bar([(one, replace(two, series=trial)) for one, two in zip(plain, forces, strict=True)])
-    findings += [line for one in forces for line in (*effort_findings(one.record, one), *fit_findings(one))]
-    doubtful = [str(one) for one in findings if one.verdict in ("warning", "refused")]
+    for one in forces:
+        findings += [*effort_findings(one.record, inputs_between(one.record, one), findings), *fit_findings(one)]
+    doubtful = [str(one) for one in findings if one.warns]
     return Calibration(
         belief=_belief_that_counts(belief, records[0], values),
         records=tuple(one.title for one in records),
@@ -199,12 +198,12 @@ def _check_runs(runs: Sequence[FreeRun], vary: Sequence[str]) -> None:
             )
 
 
-def _findings(records: Sequence[Record], *, trust: bool) -> list[LogFinding]:
+def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:
     """Return what the checks find in recordings. Raises LogError where one is certain that the map is wrong."""
-    found: list[LogFinding] = []
+    found: list[Finding] = []
     for one in records:
         if one.log is not None:
-            own = [*stamp_findings(one), *motion_findings(one)]
+            own = list(record_findings(one))
             if not trust:
                 refuse_if_certain(str(one.log.path), own)
             found += own
