@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-OF_THE_DAY = {"wind", "gust", "warm_up_cycles"}  # keys of the air that need not agree
+DAILY_AIR = {"wind", "gust", "warm_up_cycles"}  # keys of the air that need not agree
 POWERS = 3  # columns of a thrust's table, for the powers 1, 2, 3
 
 
@@ -21,7 +21,7 @@ def _of_flights(data: xr.Dataset) -> xr.Dataset:
     missing: dict[str, Any] = {"mass": ((), 1.0)}
     air = json.loads(noted["air"])
     settings = {"observers.torque": str(noted["torque"])}
-    settings |= {f"air.{key}": str(value) for key, value in air.items() if key not in OF_THE_DAY}
+    settings |= {f"air.{key}": str(value) for key, value in air.items() if key not in DAILY_AIR}
     names = {"flight": "record"}
     names |= {key: f"extra_{key}" for key in map(str, data.data_vars) if key.startswith("accelerometer_")}
     if "range" in data and "coefficients" in data:
