@@ -292,17 +292,7 @@ def test_a_file_of_the_first_form_is_read(tmp_path: Path) -> None:
     free, file = free_flight(QUASI_STEADY), tmp_path / "calibration.nc"
     found = calibrate([free.record()], parameters=["friction", "mass"])
     file.write_bytes(calibration_bytes(found))
-    newer = [
-        "row",
-        "state_unit",
-        "parameter_unit",
-        "expected",
-        "effort_factor",
-        "mass",
-        "remainder",
-        "error_bar",
-        "warning",
-    ]
+    newer = "row force state_unit parameter_unit expected effort_factor mass remainder error_bar warning".split()
     old = read_netcdf(file, "calibration")[""].drop_vars(newer).rename(record="flight")
     old.attrs = {key: value for key, value in old.attrs.items() if key not in ("settings", "fits", "robot")}
     old.attrs |= {"kind": "aerobat calibration 1", "morphology": found.belief.robot, "torque": "measured"}
