@@ -265,13 +265,13 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
     [
         (lambda data: data.assign(change=data["change"] * 0.0 - 2.0), "change of -1 or less"),
         (lambda data: data.assign(range=data["range"] * np.nan), "range holds a number that is not finite"),
-        (lambda data: data.isel(harmonic=slice(0, 4)), r"coefficients has shape \(1, 4, 10\)"),
+        (lambda data: data.isel(term=slice(0, 4)), r"coefficients has shape \(1, 4, 10\)"),
         (lambda data: data.isel(point=[0]), r"normal has shape \(6, 3\)"),
         (lambda data: data.drop_vars("range"), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(settings="{}}"), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(fits='[{"name": 1}]'), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(kind="other"), "a file that `aerobat calibrate` wrote was expected"),
-        (lambda data: data.assign_attrs(kind="aerobat calibration 1"), "an older version wrote it .* calibrate again"),
+        (lambda data: data.assign_attrs(kind="aerobat calibration 1"), "a part is missing or damaged: 'air'"),
     ],
 )
 def test_a_forged_file_is_refused(damage: Callable[[xr.Dataset], xr.Dataset], message: str, tmp_path: Path) -> None:
@@ -285,6 +285,26 @@ def test_a_forged_file_is_refused(damage: Callable[[xr.Dataset], xr.Dataset], me
     file.write_bytes(netcdf_bytes(damage(read_netcdf(file, "calibration")[""])))
     with pytest.raises(CalibrationError, match=message):
         read_calibration(file)
+
+
+def test_a_file_of_the_first_form_is_read(tmp_path: Path) -> None:
+    """It had the air itself among its attributes, and neither units, an error bar nor what is left of each row."""
+    free, file = free_flight(QUASI_STEADY), tmp_path / "calibration.nc"
+    found = calibrate([free.record()], parameters=["friction", "mass"])
+    file.write_bytes(calibration_bytes(found))
+    newer = "row force state_unit parameter_unit expected effort_factor mass remainder error_bar warning".split()
+    old = read_netcdf(file, "calibration")[""].drop_vars(newer).rename(record="flight")
+    old.attrs = {key: value for key, value in old.attrs.items() if key not in ("settings", "fits", "robot")}
+    old.attrs |= {"kind": "aerobat calibration 1", "morphology": found.belief.robot, "torque": "measured"}
+    old.attrs["air"] = free.air.model_dump_json()
+    file.write_bytes(netcdf_bytes(old))
+    again = read_calibration(file)
+    assert again.belief == found.belief
+    assert again.changes == found.changes
+    np.testing.assert_array_equal(again.series.coefficients, found.series.coefficients)
+    np.testing.assert_array_equal(again.fitted.friction.viscous, found.fitted.friction.viscous)
+    np.testing.assert_array_equal(again.detection.threshold, found.detection.threshold)
+    assert again.error_bar == {}
 
 
 def test_names_and_short_flights_are_refused() -> None:

@@ -16,6 +16,7 @@ from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
 from support.swinging_arm import (
+    CONSTANT,
     COULOMB,
     HEAVIER,
     OFFSET,
@@ -149,10 +150,35 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
         (folder / "damaged.nc").write_bytes(damaged)
         with pytest.raises(CalibrationError):
             read_calibration(folder / "damaged.nc")
-    older = read_netcdf(folder / "again.nc", "calibration")[""].assign_attrs(kind="aerobat calibration by a map 1")
-    (folder / "older.nc").write_bytes(netcdf_bytes(older))
-    with pytest.raises(CalibrationError, match=r"older\.nc: an older version wrote it .*: calibrate again with"):
-        read_calibration(folder / "older.nc")
+
+
+@pytest.mark.parametrize("what", ["arm", "drone"])
+def test_a_file_of_the_first_form_by_a_map_is_read(what: str, arms: tuple[Path, np.ndarray], tmp_path: Path) -> None:
+    """It had laws and constants of its own, and the powers of a thrust in three columns."""
+    if what == "arm":
+        found = calibrated(arms[0], "free", arm_map(), "mass")
+    else:
+        flight(3.0).to_csv(tmp_path / "drone.csv", index=False)
+        found = calibrated(tmp_path, "drone", copy.deepcopy(DRONE))
+    file = tmp_path / "old.nc"
+    file.write_bytes(calibration_bytes(found))
+    old = read_netcdf(file, "calibration")[""]
+    laws = {key[6:]: value for key, value in found.belief.settings.items() if key.startswith("known.")}
+    old = old.drop_vars(["record", "row", "remainder", "normal", "frame"]).rename(force="component")
+    old.attrs = {key: old.attrs[key] for key in ("robot", "fingerprint", "friction_rate")}
+    old.attrs |= {"kind": "aerobat calibration by a map 1", "log": found.records[0], "laws": json.dumps(laws)}
+    if what == "arm":
+        old = old.assign(torque_per_unit=(("joint",), [CONSTANT] * 3))
+    else:
+        old = old.assign(thrust=(old["thrust"].dims, np.nan_to_num(old["thrust"].values)))
+    file.write_bytes(netcdf_bytes(old))
+    again = read_calibration(file)
+    assert (again.belief, again.records, again.fitted.mass) == (found.belief, found.records, found.fitted.mass)
+    assert again.error_bar.keys() == found.error_bar.keys()
+    for name, values in found.fitted.coefficients.items():
+        np.testing.assert_array_equal(again.fitted.coefficients[name], values)
+    if what == "arm":
+        np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)  # type: ignore[union-attr]
 
 
 def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-from aerobat_pin.estimation import check_record, estimate
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation import calibrate, check_record, estimate
 from aerobat_pin.records import Record
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "13_a_force_of_your_own.py"
@@ -59,3 +61,18 @@ def test_parameters_of_the_robot_change_what_it_knows(example: ModuleType, fligh
     one = record.robot.known(block)["rotor drag"]
     assert list(record.robot.parameters) == ["drag"]
     np.testing.assert_allclose(record.robot.changed({"drag": 1.0}).known(block)["rotor drag"], 2.0 * one)
+
+
+def test_a_calibration_identifies_what_the_robot_knows_of_itself(
+    example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drag that is believed 30 % too large comes back from a flight without push, and nothing is left."""
+    monkeypatch.setattr(example, "PUSH", np.zeros(3))
+    _, record = example.records(tmp_path)
+    wrong = replace(record, robot=record.robot.changed({"drag": 0.3}))
+    found = calibrate([wrong], parameters=["drag"])
+    assert found.changes["drag"] == pytest.approx(1.0 / 1.3 - 1.0, abs=2e-3)
+    without, bar = found.error_bar["body.Fx"]
+    assert bar < 0.05 * without
+    with pytest.raises(CalibrationError, match="parameters has 'luck': of drag some were expected"):
+        calibrate([wrong], parameters=["luck"])

@@ -16,12 +16,13 @@ from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
 from aerobat_pin.estimation.calibration.detection import Detection
 from aerobat_pin.estimation.calibration.harmonics import Harmonics, LearntRange
 from aerobat_pin.estimation.calibration.identify import Identified
+from aerobat_pin.estimation.calibration.older_files import RENEWED
 from aerobat_pin.estimation.known_forces import Fit, FittedValues
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 
-KIND, OLDER_KINDS = "aerobat calibration 2", ("aerobat calibration 1", "aerobat calibration by a map 1")
+KIND = "aerobat calibration 2"  # with the number of the form
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
 MOST_POWERS = 3  # of a thrust's polynomial
@@ -35,10 +36,12 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         "record": ("file", _lines(calibration.records)),
         "note": ("line", _lines(calibration.notes)),
         "warning": ("doubt", _lines(calibration.warnings)),
-        "remainder": ("row", list(calibration.remainder.values()), {"long_name": "rms that is left unexplained"}),
         "mass": ((), fitted.mass, {"long_name": "factor of all masses and inertias", "units": "1"}),
     }
-    coords: dict[str, Any] = {"row": list(calibration.remainder)}
+    coords: dict[str, Any] = {}
+    if calibration.remainder:
+        parts["remainder"] = ("row", list(calibration.remainder.values()), {"long_name": "rms left unexplained"})
+        coords |= {"row": list(calibration.remainder)}
     if found is not None:
         parts["change"] = ("parameter", found.values)
         parts["covariance"] = (("parameter", "other"), found.covariance)
@@ -56,11 +59,11 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         table = np.full((len(fitted.coefficients), MOST_POWERS), np.nan)
         for row, values in zip(table, fitted.coefficients.values(), strict=True):
             row[: len(values)] = values
-        parts["thrust"] = (("known", "term"), table, {"units": "N"})
+        parts["thrust"] = (("known", "coefficient_of"), table, {"units": "N"})
         coords |= {"known": list(fitted.coefficients)}
     if calibration.series is not None:
         series = calibration.series
-        parts["coefficients"] = (("factor", "harmonic", "v_axis"), series.coefficients)
+        parts["coefficients"] = (("factor", "term", "v_axis"), series.coefficients)
         parts["scaling"] = (("factor", "moment"), np.column_stack([[0.0, *series.centre], [1.0, *series.spread]]))
         parts["range"] = (
             ("state", "bound"),
@@ -70,7 +73,7 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         coords |= {"factor": ["one", *series.varied], "moment": ["centre", "spread"]}
         coords |= {"state": list(series.learnt.states), "bound": ["low", "high", "margin"]}
         terms = range(1, series.order + 1)
-        coords["harmonic"] = ["mean", *(f"{kind}{k}" for kind in ("cos", "sin") for k in terms)]
+        coords["term"] = ["mean", *(f"{kind}{k}" for kind in ("cos", "sin") for k in terms)]
     if calibration.detection is not None:
         normal = calibration.detection
         limits = {"bias": normal.bias, "threshold": normal.threshold, "deviation": normal.deviation}
@@ -97,19 +100,17 @@ def calibration_bytes(calibration: Calibration) -> bytes:
 
 @guarded()
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration's file. Raises CalibrationError if it is missing, damaged, older or something else."""
+    """Read a calibration's file, an older one, too. Raises CalibrationError if it is missing, damaged or another."""
     name = f"calibration {path}"
     try:
         data = read_netcdf(path, "calibration")[""]
     except LogError as error:
         raise CalibrationError(str(error)) from error
-    kind = str(data.attrs.get("kind", ""))
-    if kind in OLDER_KINDS:
-        raise CalibrationError(f"{name}: an older version wrote it ({kind}): calibrate again with `aerobat calibrate`")
-    if kind != KIND:
+    renewed = {KIND: lambda data: data, **RENEWED}.get(str(data.attrs.get("kind", "")))
+    if renewed is None:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:
-        return _Parts(data).calibration()
+        return _Parts(renewed(data)).calibration()
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
@@ -136,6 +137,7 @@ class _Parts:
         if not all(isinstance(value, str) for value in settings.values()):
             raise ValueError("settings: names and their values in words were expected")
         rows, bar = self._texts("row"), self._texts("force")
+        left = self._numbers("remainder", len(rows)).tolist() if rows else []
         bars = self._numbers("error_bar", len(bar), 2, finite=False).tolist() if bar else []
         return Calibration(
             belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), settings),
@@ -146,7 +148,7 @@ class _Parts:
             detection=self._detection() if "normal" in self._data else None,
             extras=extras,
             error_bar={label: (before, after) for label, (before, after) in zip(bar, bars, strict=True)},
-            remainder=dict(zip(rows, self._numbers("remainder", len(rows)).tolist(), strict=True)),
+            remainder=dict(zip(rows, left, strict=True)),
             warnings=self._texts("warning"),
             notes=self._texts("note"),
         )
@@ -189,7 +191,7 @@ class _Parts:
         states, varied = self._texts("state"), self._texts("factor")[1:]
         if not set(varied) <= set(states):
             raise ValueError(f"factors {', '.join(varied)}: some of {', '.join(states)} were expected")
-        terms = (int(self._data.sizes["harmonic"]) - 1) | 1  # mean, and as many sines as cosines
+        terms = (int(self._data.sizes["term"]) - 1) | 1  # mean, and as many sines as cosines
         centre, spread = self._numbers("scaling", 1 + len(varied), 2)[1:].T
         coefficients = self._numbers("coefficients", 1 + len(varied), terms, int(self._data.sizes["v_axis"]))
         units = dict(zip(states, self._texts("state_unit"), strict=True))

@@ -31,7 +31,9 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     if known is None:
         return {}
     record = known.record
-    estimate = next(iter(run_observers(record, inputs_between(record, known), observers_of(record)[0][:1]).values()))
+    named = observers_of(record)[0]
+    chosen = next((one for one in named if one.name == "force_level"), named[0])  # right for any choice of rows
+    estimate = run_observers(record, inputs_between(record, known), [chosen])[chosen.name]
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it
         side = Compared.of(estimate, sensor, record.dt)

@@ -167,7 +167,8 @@ def _check_names(records: Sequence[Record], belief: Belief, harmonics: int, para
     if not -1 <= harmonics <= MOST_HARMONICS:
         raise CalibrationError(f"calibrate: harmonics = {shown(harmonics)}: from -1 to {MOST_HARMONICS} was expected")
     names, robot = parameters or (), records[0].robot
-    known = [*robot.parameters, FRICTION] if robot.parameters else [MASS_NAME]
+    friction = [FRICTION] if robot.joints else []
+    known = [*robot.parameters, *friction] if robot.parameters else [MASS_NAME]
     for name in names:
         if name not in known:
             keys = "" if robot.parameters else "; joints.friction and known.NAME.fit are keys of the map"
