@@ -9,7 +9,6 @@ from .channels import THRUSTERS as THRUSTERS
 from .channels import TRUE_CHANNELS as TRUE_CHANNELS
 from .channels import channel as channel
 from .channels import filled as filled
-from .contradictions.log_channels import contradictions as contradictions
 from .csv_log import read_csv as read_csv
 from .csv_log import write_csv as write_csv
 from .estimate import belief_about as belief_about
@@ -17,6 +16,7 @@ from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
 from .estimate import estimate_log as estimate_log
 from .estimate import read_log as read_log
+from .flight_findings import flight_findings as flight_findings
 from .flight_log import FlightLog as FlightLog
 from .flight_record import flight_channels as flight_channels
 from .flight_record import flight_motion as flight_motion

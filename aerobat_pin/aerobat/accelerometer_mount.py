@@ -12,7 +12,7 @@ from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 
 PLACE_AXES = ("x", "y", "z", "roll", "pitch", "yaw")  # of place and turn
-PARTS = ("accelerometer_place", "accelerometer_turn", "accelerometer_covariance")  # of a calibration
+MOUNT_PARTS = ("accelerometer_place", "accelerometer_turn", "accelerometer_covariance")  # of a calibration
 FARTHEST_PLACE = 1.0  # [m] from the body's centre of mass, of an accelerometer
 
 
@@ -37,9 +37,9 @@ class Mount:
         Raises:
             CalibrationError: something is missing, or cannot be.
         """
-        if not set(PARTS) <= values.keys():
+        if not set(MOUNT_PARTS) <= values.keys():
             raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
-        place, turn, covariance = (values[part] for part in PARTS)
+        place, turn, covariance = (values[part] for part in MOUNT_PARTS)
         if (place.shape, turn.shape, covariance.shape) != ((3,), (3, 3), (6, 6)):
             raise CalibrationError("calibration: accelerometer: a place, a turn and their covariance were expected")
         if not (np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0.0):
@@ -52,7 +52,7 @@ class Mount:
 
     def parts(self) -> dict[str, Array]:
         """Return the mount as arrays, for a calibration."""
-        return dict(zip(PARTS, (self.place, self.turn, self.covariance), strict=True))
+        return dict(zip(MOUNT_PARTS, (self.place, self.turn, self.covariance), strict=True))
 
     def __str__(self) -> str:
         """Return place and turn in words."""

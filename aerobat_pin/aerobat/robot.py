@@ -6,7 +6,7 @@ simulated by assuming a robot or an air that differs from those that flew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import ClassVar
@@ -30,11 +30,21 @@ from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records import EXTRA, Block, Extras, LogChannel, Parameter, PlainRobot, Record, SmoothedMotion
+from aerobat_pin.records import (
+    EXTRA,
+    Agreement,
+    Block,
+    Extras,
+    LogChannel,
+    Parameter,
+    PlainRobot,
+    SmoothedMotion,
+)
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
 OF_THE_DAY = {"wind", "gust", "warm_up_cycles"}  # keys of the air that may differ from flight to flight
+LARGEST_OPENING = np.degrees(0.01)  # [deg]: rms difference of a joint from the linkage; encoders are 20 times better
 
 
 @dataclass(frozen=True)
@@ -97,20 +107,22 @@ class AerobatRobot(PlainRobot):
         """Return phase and state of a completed block. Raises CalibrationError if the crank hardly turns."""
         return crank_condition(Motion.of(block), self.aerobat, self.kind)
 
-    def learn_extras(self, records: Sequence[Record]) -> Extras | None:
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
         """Return where the accelerometer sits, from raw samples; None where records have configurations and velocities.
 
         Raises:
             CalibrationError: only some of the records have raw samples, or one has no accelerometer.
         """
-        raw = [f"{EXTRA}encoder" in record.channels for record in records]
+        raw = [f"{EXTRA}encoder" in channels for _, channels in free]
         if not any(raw):
             return None
         if not all(raw):
             raise CalibrationError("calibrate: raw samples and logs of q and v: calibrate from one kind at a time")
         from aerobat_pin.aerobat.raw.learn_mount import learn_mount  # compiles kernels that other records do not need
 
-        return learn_mount(records, self.aerobat, self.air, self.kind, self.raw)
+        return learn_mount(free, points, self.aerobat, self.air, self.kind, self.raw)
 
     def with_extras(self, values: Mapping[str, Array]) -> AerobatRobot:
         """Return the robot with its accelerometer where it was found. Raises CalibrationError if that cannot be."""
@@ -148,6 +160,28 @@ class AerobatRobot(PlainRobot):
             if name.startswith(RECORDED):
                 known[name.removeprefix(RECORDED)] = np.pad(values, ((0, 0), (0, self.model.nv - values.shape[1])))
         return scaled_thrusters(known, self.thruster_scale)
+
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return the joint angles beside those of the closed linkage at the crank angle, if both are measured."""
+        angles, crank = measured("joints.position"), measured(f"{EXTRA}crank_angle")
+        if angles is None or crank is None:
+            return ()
+        closure = self.aerobat.linkage.solve(crank[:, 0])
+        opening = Agreement(
+            "joints off the linkage",
+            ("joint positions", "crank angle"),
+            time,
+            np.degrees(angles),
+            np.degrees(np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)),
+            "values",
+            JOINTS,
+            "deg",
+            LARGEST_OPENING,
+            "the angle of the linkage at crank_angle was expected: check zero and sign of joints and crank, and the "
+            "believed linkage",
+            share=0.0,
+        )
+        return (opening,)
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
         """Return the motor's torque at the joints (m, nv): measured, modelled, or spread from the crank.

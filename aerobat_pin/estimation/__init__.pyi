@@ -6,11 +6,13 @@ from .calibration.calibration import belief_of as belief_of
 from .calibration.calibration_file import calibration_bytes as calibration_bytes
 from .calibration.calibration_file import read_calibration as read_calibration
 from .calibration.learn import calibrate as calibrate
+from .checks.balance import effort_findings as effort_findings
+from .checks.record import record_findings as record_findings
 from .compared import Compared as Compared
 from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording
+from .findings import Finding as Finding
 from .findings import FindingVerdict as FindingVerdict
-from .findings import LogFinding as LogFinding
 from .inputs import KnownInputs as KnownInputs
 from .inputs import inputs_of as inputs_of
 from .known_forces import KnownForces as KnownForces

@@ -7,15 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
-from aerobat_pin.estimation.checks.result import result_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
+from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.compared import sensor_references
 from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.result import Result
-from aerobat_pin.estimation.run_observers import observers_of, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Map, Record, open_record
@@ -51,11 +48,11 @@ def estimate(
         record = calibration.applied(record)
     given = [one for one in observers if isinstance(one, Observer)]
     made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
-    findings = [*stamp_findings(record), *motion_findings(record)]
+    findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, forces)
+    findings += effort_findings(record, inputs_between(record, forces), findings)
     references = sensor_references(record)
     watch = None if calibration is None else CalibrationWatch(calibration)
     stored = run_observers(record, forces, given or made, progress, watch)

@@ -42,6 +42,20 @@ class KnownInputs:
     crank: Array | None = None
     condition: Condition | None = None
 
+    def between(self, first: int, last: int) -> KnownInputs:
+        """Return the inputs from one index of the samples to another, inclusive."""
+        samples, intervals = slice(first, last + 1), slice(first, last)
+        known = {name: force[intervals] for name, force in self.known.items()}
+        return replace(
+            self,
+            time=self.time[samples],
+            q=self.q[samples],
+            v=self.v[samples],
+            tau=self.tau[intervals],
+            known=known,
+            crank=None if self.crank is None else self.crank[samples],
+        )
+
     def __repr__(self) -> str:
         sources = ", ".join(f"{name} {source}" for name, source in self.source.items())
         span = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"

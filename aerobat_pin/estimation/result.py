@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.estimation.compared import Compared
-from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import Score, point_label
@@ -70,7 +70,7 @@ class Result:
     dt: float
     stored: Mapping[str, StoredEstimate]
     references: tuple[Reference, ...] = ()
-    findings: tuple[LogFinding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     calibration: CalibrationUse | None = None
@@ -123,7 +123,7 @@ class Result:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
-        lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
+        lines = [str(finding) for finding in self.findings if finding.warns]
         if self.calibration is not None and self.calibration.verdict == "faded":
             lines.append(self.calibration.words)
         lines += [
@@ -200,7 +200,8 @@ class Result:
         lines = [self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         sources = (f"{name} {source}" for name, source in self.inputs.items())
         lines += [f"inputs: {', '.join(sources)}"]
-        lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings]
+        told = any(one.kind == "truth" for one in self.references)  # of a simulation, what is right is no news
+        lines += [f"{MARKS[one.verdict]} {one}" for one in self.findings if one.warns or not told]
         lines += [f"fit: {fit}" for fit in self.fits]
         header, rows = _score_table(self.observers)
         lines += _text_table([header, *rows]) if rows else []

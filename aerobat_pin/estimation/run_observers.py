@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -138,6 +139,23 @@ def run_observers(
     if progress is not None:
         progress(1.0)
     return found
+
+
+def inputs_between(record: Record, forces: KnownForces) -> Callable[[int, int], KnownInputs]:
+    """Return the function of first and last index, in one part of a record, that gives an observer's inputs there."""
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    if not record.robot.remembers:
+        return lambda first, last: inputs_of(record, first, last, forces, rows)
+
+    @cache
+    def whole(begin: int, end: int) -> KnownInputs:
+        return inputs_of(record, begin, end, forces, rows)
+
+    def between(first: int, last: int) -> KnownInputs:
+        begin, end = next(part for part in record.parts if part[0] <= first and last <= part[1])
+        return whole(begin, end).between(first - begin, last - begin)
+
+    return between
 
 
 def blocks_of(first: int, last: int) -> Iterator[tuple[int, int]]:

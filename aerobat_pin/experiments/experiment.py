@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.aerobat import (
+    AerobatRobot,
     FlightLog,
     check_names,
-    contradictions,
     estimate_log,
+    flight_findings,
     true_events,
     truth_of,
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import Calibration, FindingVerdict, LogFinding, Result, StoredEstimate
+from aerobat_pin.estimation import Calibration, Finding, Result, StoredEstimate
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import log_with_motion, simulate
 from aerobat_pin.numerics import guarded
@@ -162,6 +163,7 @@ def _estimated(
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
     inputs, estimates = estimate_log(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    robot = AerobatRobot.of(believed, belief.believed_air, belief.observers.torque)
     time = next(iter(estimates.values())).time
     scores = Result(
         name=belief.name,
@@ -171,7 +173,7 @@ def _estimated(
         dt=float(np.median(np.diff(time))),
         stored={name: StoredEstimate.of(estimate) for name, estimate in estimates.items()},
         references=truth_of(log, belief.observers.frames),
-        findings=tuple(LogFinding(*_parts_of(line)) for line in contradictions(log, believed)),
+        findings=tuple(flight_findings(log, robot, inputs)),
         inputs=inputs.source,
         calibration=inputs.calibration,
         events=tuple(true_events(log)),
@@ -181,15 +183,9 @@ def _estimated(
     return Experiment(belief, believed, log, scores, note, drawn, calibration)
 
 
-def _parts_of(contradiction: str) -> tuple[str, FindingVerdict, str]:
-    """Return a contradiction as a finding: check, verdict and text."""
-    check, _, text = contradiction.partition(": ")
-    return check, "warning", text
-
-
-def _said_before(pilot: Controller | None) -> list[LogFinding]:
+def _said_before(pilot: Controller | None) -> list[Finding]:
     """Return what the controller said before the flight."""
-    return [] if pilot is None else [LogFinding("before the flight", "warning", line) for line in pilot.warnings]
+    return [] if pilot is None else [Finding("before the flight", "warning", line) for line in pilot.warnings]
 
 
 def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:

@@ -1,7 +1,10 @@
+from .agreement import LARGEST_DELAY as LARGEST_DELAY
+from .agreement import Agreement as Agreement
 from .block import Block as Block
 from .block import SmoothedMotion as SmoothedMotion
 from .channel import LogChannel as LogChannel
 from .channels import EXTRA as EXTRA
+from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .channels import factor_of as factor_of

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -20,13 +20,11 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
 from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.learnable import Condition, Extras, Parameter
 from aerobat_pin.records.map_tables import RobotTable
-
-if TYPE_CHECKING:
-    from aerobat_pin.records.record import Record
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
@@ -67,8 +65,15 @@ class PlainRobot:
         """
         return None
 
-    def learn_extras(self, records: Sequence[Record]) -> Extras | None:
-        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt."""
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
+        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt.
+
+        Args:
+            free: common times [s] and channels of each record.
+            points: frames at which forces would be sought.
+        """
         return None
 
     def with_extras(self, values: Mapping[str, Array]) -> PlainRobot:
@@ -86,6 +91,15 @@ class PlainRobot:
             block: a stretch of the record, completed.
         """
         return {}
+
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return series that must agree whatever forces act, beyond those of every record.
+
+        Args:
+            time: (m,) increasing common times of the record [s].
+            measured: key of a channel -> (m, k) samples at these times; None if there is no such channel.
+        """
+        return ()
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
         """Return the joint torques (m, nv) that are known in a block, given the other known forces; else its `tau`."""

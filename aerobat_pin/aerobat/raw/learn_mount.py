@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from aerobat_pin.aerobat.raw.channels import raw_record
 from aerobat_pin.aerobat.raw.find_mount import find_mount
 from aerobat_pin.aerobat.raw.prior import MOUNT_PRIOR
 from aerobat_pin.aerobat.torque import Torque
-from aerobat_pin.records import Extras, Record
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Extras, LogChannel
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
@@ -19,7 +20,12 @@ LEARNT = 0.5  # of what is known beforehand: a larger deviation says that the fl
 
 
 def learn_mount(
-    records: Sequence[Record], robot: Aerobat, air: AirSection, torque: Torque, settings: RawSection
+    free: Sequence[tuple[Array, Mapping[str, LogChannel]]],
+    points: Sequence[str],
+    robot: Aerobat,
+    air: AirSection,
+    torque: Torque,
+    settings: RawSection,
 ) -> Extras:
     """Learn place and turn of the accelerometer from raw samples without unknown forces.
 
@@ -27,8 +33,8 @@ def learn_mount(
         CalibrationError: a record has no accelerometer.
         LogError: a record lacks another channel.
     """
-    raw = [raw_record(one.times(*one.parts[0]), one.channels, robot, torque, settings) for one in records]
-    mount = find_mount(raw, robot, air, records[0].map.robot.points, settings)
+    raw = [raw_record(time, channels, robot, torque, settings) for time, channels in free]
+    mount = find_mount(raw, robot, air, tuple(points), settings)
     away = 1e3 * float(np.linalg.norm(mount.place - raw[0].channels["accelerometer"].place))
     notes = [f"{mount}", f"the accelerometer is {away:.1f} mm from its stated place"]
     deviation = np.sqrt(np.diag(mount.covariance))

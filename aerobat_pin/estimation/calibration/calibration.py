@@ -12,7 +12,7 @@ from aerobat_pin.estimation.calibration.detection import SETTLING, Detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words
 from aerobat_pin.estimation.calibration.harmonics import LOST_UNNOTICED, Harmonics
 from aerobat_pin.estimation.calibration.identify import Identified
-from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
@@ -156,9 +156,9 @@ class Calibration:
         values = replace(own, mass=mine.mass, fits=(*fits, *own.fits))
         return replace(forces, values=values, series=self.series, sources=sources)
 
-    def finding(self) -> LogFinding:
+    def finding(self) -> Finding:
         """Return what a report says about the calibration."""
-        return LogFinding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
+        return Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
 
 
 class CalibrationWatch:

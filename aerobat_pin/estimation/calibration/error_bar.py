@@ -20,13 +20,13 @@ def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[s
     """
     squares: list[dict[str, float]] = []
     for k in (0, 1):
-        sizes = [_sizes(pair[k]) for pair in pairs]
+        sizes = [_sizes_where_free(pair[k]) for pair in pairs]
         labels = sizes[0].keys()
         squares.append({label: float(np.mean([one.get(label, np.nan) ** 2 for one in sizes])) for label in labels})
     return {label: (squares[0].get(label, np.nan) ** 0.5, size**0.5) for label, size in squares[1].items()}
 
 
-def _sizes(known: KnownForces | None) -> dict[str, float]:
+def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     """Return component -> rms error, against the sensor if a fit knows its force."""
     if known is None:
         return {}

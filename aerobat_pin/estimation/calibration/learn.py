@@ -28,13 +28,11 @@ from aerobat_pin.estimation.calibration.map_fits import (
     kept_of,
     taken_as_free,
 )
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
-from aerobat_pin.estimation.checks.result import fit_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
+from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
+from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, row_names
 from aerobat_pin.records import Extras, Record
@@ -75,7 +73,8 @@ def calibrate(
     if not records:
         raise CalibrationError("calibrate: records = []: one without unknown forces was expected, or several")
     belief = _common_belief(records)
-    extras = records[0].robot.learn_extras(records)
+    free = [(one.times(*one.parts[0]), one.channels) for one in records]
+    extras = records[0].robot.learn_extras(free, records[0].map.robot.points)
     if extras is not None:
         return _of_extras(records, belief, extras, parameters)
     mass = _check_names(records, belief, harmonics, parameters)
@@ -111,8 +110,9 @@ def calibrate(
         warnings += [line for run in runs for line in pushes(run)]
     values = kept_of(records[0], forces[0].values)
     bar = error_bar([(one, replace(two, series=trial)) for one, two in zip(plain, forces, strict=True)])
-    findings += [line for one in forces for line in (*effort_findings(one.record, one), *fit_findings(one))]
-    doubtful = [str(one) for one in findings if one.verdict in ("warning", "refused")]
+    for one in forces:
+        findings += [*effort_findings(one.record, inputs_between(one.record, one), findings), *fit_findings(one)]
+    doubtful = [str(one) for one in findings if one.warns]
     return Calibration(
         belief=_belief_that_counts(belief, records[0], values),
         records=tuple(one.title for one in records),
@@ -124,7 +124,7 @@ def calibrate(
         remainder=_remainder(runs),
         warnings=(*doubtful, *warnings),
         notes=(
-            *(_title(one.record) for one in forces),
+            *(_what_is_learnt_from(one.record) for one in forces),
             *(line for one in records for line in one.notes),
             *fit_notes(records[0], values),
             *notes,
@@ -198,19 +198,19 @@ def _check_runs(runs: Sequence[FreeRun], vary: Sequence[str]) -> None:
             )
 
 
-def _findings(records: Sequence[Record], *, trust: bool) -> list[LogFinding]:
+def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:
     """Return what the checks find in recordings. Raises LogError where one is certain that the map is wrong."""
-    found: list[LogFinding] = []
+    found: list[Finding] = []
     for one in records:
         if one.log is not None:
-            own = [*stamp_findings(one), *motion_findings(one)]
+            own = list(record_findings(one))
             if not trust:
                 refuse_if_certain(str(one.log.path), own)
             found += own
     return found
 
 
-def _title(record: Record) -> str:
+def _what_is_learnt_from(record: Record) -> str:
     return f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {record.title}"
 
 

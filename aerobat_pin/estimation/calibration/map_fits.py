@@ -37,7 +37,7 @@ def fits_to_sensor(chosen: Map) -> bool:
 
 def taken_as_free(record: Record) -> Record:
     """Return a record in which nothing unknown acts by its map, and friction is fitted somewhere."""
-    chosen, friction, end = record.map, record.map.joints.friction, _end(record)
+    chosen, friction, end = record.map, record.map.joints.friction, _last_time(record)
     if friction is not None and friction.fit is None:
         friction = friction.model_copy(update={"fit": (0.0, FITTED_SHARE * end)})
     free = chosen.use.free if fits_to_sensor(chosen) else (0.0, end)
@@ -49,12 +49,12 @@ def taken_as_free(record: Record) -> Record:
 def fitted_stretch(record: Record) -> tuple[float, float]:
     """Return from where to where a record is fitted [s]: what the map says, or the first three quarters."""
     friction = record.map.joints.friction
-    return (0.0, FITTED_SHARE * _end(record)) if friction is None or friction.fit is None else friction.fit
+    return (0.0, FITTED_SHARE * _last_time(record)) if friction is None or friction.fit is None else friction.fit
 
 
 def held_out_stretch(record: Record) -> tuple[float, float]:
     """Return from where to where a record tests the fits [s]; all of it if they left nothing."""
-    fit, end = fitted_stretch(record), _end(record)
+    fit, end = fitted_stretch(record), _last_time(record)
     return (fit[1], end) if fit[1] < end else (0.0, end)
 
 
@@ -104,5 +104,5 @@ def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
         yield f"not seen in this recording, taken as zero: {', '.join(unseen)}"
 
 
-def _end(record: Record) -> float:
+def _last_time(record: Record) -> float:
     return record.parts[-1][1] * record.dt
