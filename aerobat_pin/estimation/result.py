@@ -125,7 +125,7 @@ class Result:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
-        lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
+        lines = [str(finding) for finding in self.findings if finding.warns]
         if self.calibration is not None and self.calibration.verdict == "faded":
             lines.append(self.calibration.words)
         lines += [
@@ -202,7 +202,8 @@ class Result:
         lines = [self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         sources = (f"{name} {source}" for name, source in self.inputs.items())
         lines += [f"inputs: {', '.join(sources)}"]
-        lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings]
+        told = any(one.kind == "truth" for one in self.references)  # of a simulation, what is right is no news
+        lines += [f"{MARKS[one.verdict]} {one}" for one in self.findings if one.warns or not told]
         lines += [f"fit: {fit}" for fit in self.fits]
         header, rows = _score_table(self.observers)
         lines += _text_table([header, *rows]) if rows else []

@@ -164,7 +164,6 @@ def _estimated(
         name=belief.name,
         title=f"{belief.name}: {note}; motor torque {belief.observers.torque}",
         references=truth_of(log, belief.observers.frames),
-        findings=tuple(finding for finding in found.findings if finding.warns),
         events=tuple(true_events(log)),
         more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )

@@ -50,7 +50,7 @@ def test_the_belief_is_judged_in_words_and_numbers() -> None:
     assert right.metrics["warnings"] == []
     assert right.metrics["observers"]["force_level"]["redundancy"]["rms"] < 1e-3
     assert wrong.metrics["observers"]["force_level"]["redundancy"]["rms"] > 0.02
-    (warning,) = wrong.metrics["warnings"]
+    *_, warning = wrong.metrics["warnings"]  # behind what the checks of the efforts say of the air
     assert warning.startswith("momentum, force_level, kalman: belief off by about")
     assert "not to be trusted; blind to errors that look like forces at left_force_point" in warning
     for text in (repr(wrong.scores), report_html(wrong, {})):
