@@ -4,7 +4,8 @@ from .calibration_parts import lines_of as lines_of
 from .calibration_parts import parts_bytes as parts_bytes
 from .calibration_parts import read_parts as read_parts
 from .checks.balance import effort_findings as effort_findings
-from .checks.record import record_findings as record_findings
+from .checks.motion import motion_findings as motion_findings
+from .checks.samples import sample_findings as sample_findings
 from .estimate_recording import RecordingEstimate as RecordingEstimate
 from .estimate_recording import estimate as estimate
 from .estimate_recording import estimate_recording as estimate_recording

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
+from aerobat_pin.estimation.checks import effort_findings, motion_findings, result_findings, sample_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -130,7 +130,7 @@ def estimate(
         record = calibration.applied(record)
     given = [one for one in observers if isinstance(one, Observer)]
     made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
-    findings = list(record_findings(record))
+    findings = [*sample_findings(record), *motion_findings(record)]
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)

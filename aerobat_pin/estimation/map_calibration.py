@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError, MapError
-from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
+from aerobat_pin.estimation.checks import effort_findings, fit_findings, motion_findings, sample_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
@@ -133,7 +133,7 @@ def calibrate_recording(
     record = open_record(log, chosen, folder)
     end = record.parts[-1][1] * record.dt
     record = replace(record, map=_all_free(record.map, end))
-    findings = list(record_findings(record))
+    findings = [*sample_findings(record), *motion_findings(record)]
     if not trust:
         refuse_if_certain(str(log), findings)
     friction, fingerprint = record.map.joints.friction, record.robot.fingerprint()

@@ -28,12 +28,12 @@ def by_name(findings: list[Verified]) -> dict[str, Verified]:
     return named
 
 
-def found() -> dict[str, Finding]:
+def found() -> dict[str, Verified]:
     """Check this installation."""
     return by_name(check_installation())
 
 
-def assert_bad(finding: Finding, *detail: str, advice: str = "") -> None:
+def assert_bad(finding: Verified, *detail: str, advice: str = "") -> None:
     """Check that a finding is bad, with these words in its detail and its advice."""
     assert not finding.ok
     assert [word for word in detail if word not in finding.detail] == []
