@@ -1,11 +1,6 @@
 from .air_from_scenario import robot_air as robot_air
 from .air_from_scenario import wind_of as wind_of
 from .air_stream import AirStream as AirStream
-from .calibration.calibration import Calibration as Calibration
-from .calibration.calibration_file import calibration_bytes as calibration_bytes
-from .calibration.calibration_file import read_calibration as read_calibration
-from .calibration.free_flight import FreeFlight as FreeFlight
-from .calibration.learn import calibrate as calibrate
 from .channels import KNOWN as KNOWN
 from .channels import KNOWN_FORCE as KNOWN_FORCE
 from .channels import LABELS as LABELS
@@ -26,6 +21,7 @@ from .flight_log import FlightLog as FlightLog
 from .flight_record import flight_channels as flight_channels
 from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
+from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
 from .robot import AerobatRobot as AerobatRobot
 from .truth import SUM as SUM

@@ -5,7 +5,7 @@ from __future__ import annotations
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.estimation import Finding, KnownInputs, effort_findings, motion_findings, sample_findings
+from aerobat_pin.estimation import Finding, KnownInputs, effort_findings, record_findings
 
 
 def flight_findings(log: FlightLog, robot: AerobatRobot, inputs: KnownInputs | None = None) -> list[Finding]:
@@ -20,7 +20,7 @@ def flight_findings(log: FlightLog, robot: AerobatRobot, inputs: KnownInputs | N
         LinkageError: the assumed linkage cannot close at a recorded crank angle.
     """
     record = flight_record(log, robot)
-    found = [*sample_findings(record), *motion_findings(record)]
+    found = list(record_findings(record))
     if inputs is not None and robot.kind == "measured" and not log.is_raw:
         found += effort_findings(record, inputs.between, found)
     return found

@@ -54,8 +54,9 @@ def estimate_command(
     Of Aerobat's own tables without a map: --set takes keys of robot, air and observers, and flight.gravity.
     """
     from aerobat_pin import experiments
-    from aerobat_pin.aerobat import belief_about, describe_belief, read_calibration, read_log
+    from aerobat_pin.aerobat import belief_about, describe_belief, read_log
     from aerobat_pin.errors import LogError, output_folder
+    from aerobat_pin.estimation import read_calibration
 
     if out is not None and out.suffix == ".mcap":
         out, out_mcap = None, out

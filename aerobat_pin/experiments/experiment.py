@@ -17,9 +17,7 @@ import pandas as pd
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import (
     AerobatRobot,
-    Calibration,
     FlightLog,
-    calibration_bytes,
     check_names,
     estimate_log,
     flight_findings,
@@ -27,7 +25,7 @@ from aerobat_pin.aerobat import (
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import observer_scores
+from aerobat_pin.estimation import Calibration, calibration_bytes, observer_scores
 from aerobat_pin.experiments.flight_summary import flight_summary
 from aerobat_pin.experiments.metrics import TABLE_HEADER, Scores
 from aerobat_pin.experiments.notes import flight_note, recorded_note

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from types import MappingProxyType
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -24,17 +23,11 @@ from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.learnable import Condition, Extras, Parameter
 from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
-
-
-class Parameter(NamedTuple):
-    """A parameter of a robot's belief: unit of its change, `1` for a factor, and the deviation expected of it."""
-
-    unit: str
-    expected: float
 
 
 @dataclass(frozen=True)
@@ -53,7 +46,39 @@ class PlainRobot:
     joints: tuple[str, ...]
     title: str
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
-    parameters: ClassVar[Mapping[str, Parameter]] = MappingProxyType({})  # that a calibration can identify
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that a calibration can identify."""
+        return {}
+
+    @property
+    def assumptions(self) -> Mapping[str, str]:
+        """What is believed beside the model, such as `air.density`, in words: a calibration belongs to all of it."""
+        return {}
+
+    def condition(self, block: Block) -> Condition | None:
+        """Return phase and state of a completed block, on which errors may depend; None for a robot without a phase.
+
+        Raises:
+            CalibrationError: the robot has a phase, but this block does not show it.
+        """
+        return None
+
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
+        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt.
+
+        Args:
+            free: common times [s] and channels of each record.
+            points: frames at which forces would be sought.
+        """
+        return None
+
+    def with_extras(self, values: Mapping[str, Array]) -> PlainRobot:
+        """Return the robot with what `learn_extras` found. Raises CalibrationError if that cannot be."""
+        return self
 
     def complete(self, block: Block) -> Block:
         """Return a block with what was not measured but follows from what was, such as joints that a crank drives."""

@@ -14,7 +14,7 @@ from support.planted_mistakes import FREE_BASE, LINKAGE, Mistakes, of_joints, pl
 from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.aerobat import AerobatRobot, flight_record
-from aerobat_pin.estimation import effort_findings, motion_findings, sample_findings
+from aerobat_pin.estimation import effort_findings, record_findings
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.flight import simulate
@@ -72,7 +72,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
 
 def warned(record: Record) -> list[str]:
     """Return what the checks warn of before an observer runs."""
-    found = [*sample_findings(record), *motion_findings(record)]
+    found = list(record_findings(record))
     found += effort_findings(record, inputs_between(record, KnownForces(record)), found)
     return [str(one) for one in found if one.warns]
 

@@ -11,6 +11,7 @@ import numpy as np
 from aerobat_pin.estimation.checks.agreement_findings import agreement_findings
 from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS
+from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import (
@@ -40,6 +41,12 @@ def checked_part(record: Record) -> tuple[int, int]:
     """Return the longest used part, or its beginning: first and last index of the common times."""
     first, last = max(record.parts, key=lambda part: part[1] - part[0])
     return first, min(last, first + MOST_SAMPLES)
+
+
+def record_findings(record: Record) -> Iterator[Finding]:
+    """Yield what a record shows of itself, before any force is known: its samples and its motion."""
+    yield from sample_findings(record)
+    yield from motion_findings(record)
 
 
 def motion_findings(record: Record) -> Iterator[Finding]:

@@ -19,7 +19,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
-WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
+FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 MANY = 20_000  # intervals of which the power is taken
@@ -57,7 +57,7 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
                 "note",
                 f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it",
             )
-        elif fit.outside > fit.before or fit.outside > WORSE * fit.inside:
+        elif fit.outside > fit.before or fit.outside > FIT_WORSE * fit.inside:
             sizes = (
                 f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
                 f"{fit.before:.3g} without"
