@@ -29,6 +29,7 @@ NAMED = 0.1  # deviation of a factor from 1 that is named
 SURE = 4.0  # in standard deviations
 EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
+CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
 SWAP = 0.5  # of the imbalance that is left if two efforts change places
 RANK = 1e-6
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
@@ -106,7 +107,7 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[Finding]:
     off = [k for k in good if abs(factors[k] - 1.0) > NAMED]
     if explained < EXPLAINED:
         return
-    if float(left @ left) > UNFIT * float(b @ b):
+    if float(left @ left) > UNFIT * float(b @ b) and explained < CLEAR:
         rest = 100.0 * float(np.sqrt(left @ left / (b @ b)))
         what = (
             f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
