@@ -7,7 +7,7 @@ from .calibration.calibration_file import calibration_bytes as calibration_bytes
 from .calibration.calibration_file import read_calibration as read_calibration
 from .calibration.learn import calibrate as calibrate
 from .checks.balance import effort_findings as effort_findings
-from .checks.record import record_findings as record_findings
+from .checks.motion import record_findings as record_findings
 from .compared import Compared as Compared
 from .estimate_record import estimate as estimate
 from .estimate_record import estimate_recording as estimate_recording

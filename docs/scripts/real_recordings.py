@@ -150,7 +150,7 @@ def nanobench_text(folder: Path) -> str:
         first, last = (int(np.searchsorted(table.t, middle[k])) for k in (0, -1))
         force = plain_force(table, MOTORS, inside=slice(first, last))
         inner = slice(first + 100, last - 100)
-        follows = not any(one.check == "gyro against pose" and one.verdict == "warning" for one in found.findings)
+        follows = not any(one.check == "gyro against attitude" and one.verdict == "warning" for one in found.findings)
         lost.append("" if follows else log.stem)
         ours.append(drag_slopes(estimate.force[100:-100, 0], v[100:-100]))
         plain.append(drag_slopes(force[inner], table[["vx", "vy"]].to_numpy()[inner]))

@@ -41,7 +41,7 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{come_in}csv_columns.ROWS_AT_ONCE", 200)
     monkeypatch.setattr(f"{come_in}table_cells.BYTES_AT_ONCE", 20_000)
     monkeypatch.setattr(f"{place}run_observers.BLOCK", 500)
-    monkeypatch.setattr(f"{place}checks.record.MOST_SAMPLES", 500)
+    monkeypatch.setattr(f"{place}checks.motion.MOST_SAMPLES", 500)
     for name in ("MANY", "MOST_SAMPLES"):
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
     for module in ("stored_estimate", "run_observers"):

@@ -233,7 +233,7 @@ def calls() -> dict[str, Call]:
             api.known_inputs,
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
-        "motion": (api.motion, {"log": log, "robot": bat, "air": blank["air"]}),
+        "flight_motion": (api.flight_motion, {"log": log, "robot": bat, "air": blank["air"]}),
         "observer_scores": (api.observer_scores, {"estimate": estimate, "log": log}),
         "point_label": (api.point_label, {"frame": frame}),
         "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
@@ -316,7 +316,7 @@ PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemor
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact"""  # made by other functions
+Contact Finding Agreement"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
 SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
@@ -324,10 +324,10 @@ HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
-INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run flight_findings joint_series
-moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction ClosedLoop
-LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys
-changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score warnings_about belief_of
+INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
+effort_findings record_findings moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction
+ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
+changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score warnings_about belief_of
 described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())

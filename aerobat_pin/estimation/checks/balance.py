@@ -23,23 +23,18 @@ from aerobat_pin.observers import MOMENT_ARM, AllBut
 from aerobat_pin.records import Block, Record
 
 INSTANTS = 1200  # of the record that are looked at
-STRETCHES = 6
+COMPARED_FOR = 3.0  # [s] of the record, in stretches
+FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 NAMED = 0.1  # deviation of a factor from 1 that is named
 SURE = 4.0  # in standard deviations
 EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
+CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
 SWAP = 0.5  # of the imbalance that is left if two efforts change places
 RANK = 1e-6
-HARMLESS = (  # warnings that leave the motion as it is, but for some ms
-    "held channel",
-    "interpolated channel",
-    "late channel",
-    "gap",
-    "repeated stamps",
-    "time goes back",
-    "recorder clock",
-    "duplicate file",
-    "accelerometer against gravity",
+HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
+    "held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, recorder clock, "
+    "duplicate file, accelerometer against gravity".split(", ")
 )
 
 
@@ -112,7 +107,7 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[Finding]:
     off = [k for k in good if abs(factors[k] - 1.0) > NAMED]
     if explained < EXPLAINED:
         return
-    if float(left @ left) > UNFIT * float(b @ b):
+    if float(left @ left) > UNFIT * float(b @ b) and explained < CLEAR:
         rest = 100.0 * float(np.sqrt(left @ left / (b @ b)))
         what = (
             f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
@@ -157,22 +152,25 @@ def _best_swap(found: Balance) -> tuple[tuple[int, int] | None, float]:
 
 def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balance | None:
     """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
-    model, free = record.robot.model, record.map.use.free
+    robot, model, free = record.robot, record.robot.model, record.map.use.free
     ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
-    weight = np.array([1.0 if _is_force(record, i) else 1.0 / MOMENT_ARM for i in rows])
-    at = [record.robot.v_index(joint) for joint in record.driven]
+    arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM] if robot.free else []
+    arms += [1.0 if robot.slides(joint) else 1.0 / MOMENT_ARM for joint in robot.joints]
+    weight, at = np.array(arms)[rows], [robot.v_index(joint) for joint in record.driven]
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
-    lighter = _heavier_base(model) if record.robot.free else None
+    lighter = _heavier_base(model) if robot.free else None
     needed, efforts, base = [], [], []
-    data = model.createData()
-    for stretch in _force_free_stretches(record):
+    data, most = model.createData(), max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
+    for stretch in record.spread(most, *(free or ())):
+        if stretch[1] - stretch[0] < SHORTEST:
+            continue
         given = inputs(*stretch)
         block = Block(given.time, given.q, given.v, given.tau)
         a = accelerations(block, record)
         whole = required_torque(record, block, a) - sum(given.known.values())
         count = len(given.tau)
-        for k in range(count // 10, count - count // 10, max(1, count * STRETCHES // INSTANTS)):
+        for k in range(count // 10, count - count // 10, max(1, most // INSTANTS)):
             Q = np.eye(len(rows)) if free is not None else _beyond_forces(record, data, block.q[k], rows, weight)
             if Q.shape[1] == 0:
                 return None
@@ -183,16 +181,10 @@ def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balan
             if lighter is not None:
                 v = 0.5 * (block.v[k] + block.v[k + 1])
                 base[-1] = project @ pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])[rows]
+    if not needed:
+        return None
     per_joint = np.concatenate(efforts)
     return Balance(np.concatenate(needed), np.einsum("njj->nj", per_joint).copy(), per_joint, np.concatenate(base))
-
-
-def _is_force(record: Record, row: int) -> bool:
-    model = record.robot.model
-    if record.robot.free and row < 6:
-        return row < 3
-    joint = next(j for j in model.joints.tolist()[1:] if j.idx_v <= row < j.idx_v + j.nv)
-    return bool(joint.shortname().startswith("JointModelP"))
 
 
 def _heavier_base(model: pin.Model) -> pin.Model:
@@ -201,30 +193,6 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     for k in range(2, model.njoints):
         alone.inertias[k] = pin.Inertia.Zero()
     return alone
-
-
-def _force_free_stretches(record: Record) -> Iterator[tuple[int, int]]:
-    """Yield first and last index of short stretches, spread over the used parts or what the map calls free."""
-    free = record.map.use.free
-    length = max(40, round(0.5 * record.rate))
-    if free is not None:
-        first, last = (round(second * record.rate) for second in free)
-        spans = [
-            (max(first, low), min(last, high)) for low, high in record.parts if min(last, high) - max(first, low) > 10
-        ]
-    else:
-        spans = list(record.parts)
-    total = sum(last - first for first, last in spans)
-    count = max(1, min(STRETCHES, total // length))
-    for k in range(count):
-        place = round((k + 0.5) / count * total)
-        for first, last in spans:
-            if place <= last - first:
-                middle = first + place
-                low = max(first, min(middle - length // 2, last - length))
-                yield low, min(last, low + length)
-                break
-            place -= last - first
 
 
 def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+import itertools
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -11,157 +11,172 @@ import numpy as np
 from aerobat_pin.estimation.checks.agreement_findings import agreement_findings
 from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS
+from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import LARGEST_DELAY, Agreement, rotation_matrices, sampled_turns
+from aerobat_pin.records import (
+    LARGEST_DELAY,
+    Agreement,
+    Map,
+    QuaternionSection,
+    Record,
+    as_attitude,
+    body_turn,
+    rotation_matrices,
+    sampled_turns,
+    world_turn,
+)
 
+MOST_SAMPLES = 60_000  # that are compared: the longest used part, or its beginning
 LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hundredth of it
 LARGEST_STEP = 0.01  # [m] in a window
 LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
 
+BASE_CHANNELS = ("base.position", "base.rate", "base.velocity", "check.specific_force")
 
-@dataclass(frozen=True)
-class MeasuredMotion:
-    """What was measured of a motion, at common times; None or empty for what was not.
-
-    Attributes:
-        time: (m,) increasing times [s].
-        position: (m, 3) of the base in a world with z up [m].
-        attitudes: reading of the quaternion -> (m, 4) body to world; the first reading is the map's.
-        velocity: (m, 3) of the base [m/s], in body axes unless it is `in_world`.
-        gyro: (m, 3) angular velocity of the base [rad/s], in body axes unless it is `in_world`.
-        in_world: which of the two are in world axes.
-        specific_force: (m, 3) of an accelerometer, body axes [m/s2].
-        joints: names of joints.
-        angles: (m, n) their positions [rad, m].
-        rates: (m, n) their velocities [rad/s, m/s].
-        slides: whether each joint slides.
-        weight: of the robot [N].
-        gravity: [m/s2].
-    """
-
-    time: Array
-    position: Array | None = None
-    attitudes: dict[Reading, Array] = field(default_factory=dict)
-    velocity: Array | None = None
-    gyro: Array | None = None
-    in_world: frozenset[str] = frozenset()
-    specific_force: Array | None = None
-    joints: tuple[str, ...] = ()
-    angles: Array | None = None
-    rates: Array | None = None
-    slides: tuple[bool, ...] = ()
-    weight: float = 0.0
-    gravity: float = 9.81
-
-    @property
-    def latest(self) -> float:
-        """Largest delay between two channels that is allowed [s]."""
-        return max(LARGEST_DELAY, 0.5 * float(self.time[-1] - self.time[0]) / (len(self.time) - 1))
+Measured = Callable[[str], Array | None]  # key -> samples (m, k); None if there is no such channel
 
 
-def motion_findings(motion: MeasuredMotion, others: Iterable[Agreement] = ()) -> Iterator[Finding]:
-    """Yield what the channels of a motion say about each other, and about `others`, which the robot knows to agree."""
-    if len(motion.time) < FEWEST_POINTS:
+def checked_part(record: Record) -> tuple[int, int]:
+    """Return the longest used part, or its beginning: first and last index of the common times."""
+    first, last = max(record.parts, key=lambda part: part[1] - part[0])
+    return first, min(last, first + MOST_SAMPLES)
+
+
+def record_findings(record: Record) -> Iterator[Finding]:
+    """Yield what a record shows of itself, before any force is known: its samples and its motion."""
+    yield from sample_findings(record)
+    yield from motion_findings(record)
+
+
+def motion_findings(record: Record) -> Iterator[Finding]:
+    """Yield what the channels of a record's motion say about each other, and about what its robot knows to agree."""
+    every = record.times(*checked_part(record))
+    rising = np.diff(every, prepend=-np.inf) > 0.0  # a log's own times can repeat
+    time = every[rising]
+    if len(time) < FEWEST_POINTS:
         return
-    for pair in others:
+
+    def measured(key: str) -> Array | None:
+        return record.at(key, every)[rising] if key in record.channels else None
+
+    latest = max(LARGEST_DELAY, 0.5 * float(time[-1] - time[0]) / (len(time) - 1))
+    for pair in record.robot.agreements(time, measured):
         yield from agreement_findings(pair)
-    if motion.angles is not None and motion.rates is not None:
-        yield from agreement_findings(_joint_pair(motion, motion.angles, motion.rates))
-    if motion.attitudes:
-        misread = list(reading_findings(motion.attitudes, partial(_of_attitude, motion), motion.specific_force))
-        yield from misread
-        if not any(one.warns for one in misread):
-            yield from _base_findings(motion)
+    angles, rates = measured("joints.position"), measured("joints.velocity")
+    if angles is not None and rates is not None:
+        yield from agreement_findings(_joint_pair(record, time, angles, rates, latest))
+    if record.robot.free and not record.map.base.held:
+        yield from _base_findings(record, time, measured, latest)
 
 
-def _joint_pair(motion: MeasuredMotion, angles: Array, rates: Array) -> Agreement:
-    unit = "rad" if not any(motion.slides) else "m" if all(motion.slides) else "rad or m"
-    labels = tuple(f"at {joint}" for joint in motion.joints)
-    names = ("joint positions", "joint velocities")
+def _joint_pair(record: Record, time: Array, angles: Array, rates: Array, latest: float) -> Agreement:
+    slides = [record.robot.slides(joint) for joint in record.joints]
     return Agreement(
         "joint velocities against positions",
-        names,
-        motion.time,
+        ("joint positions", "joint velocities"),
+        time,
         angles,
         rates,
         "rates",
-        labels,
-        unit,
+        tuple(f"at {joint}" for joint in record.joints),
+        "rad" if not any(slides) else "m" if all(slides) else "rad or m",
         LARGEST_TURN,
         "rad/s or m/s, and the order of the positions, were expected",
-        motion.latest,
+        latest,
         apart=True,
     )
 
 
-def _of_attitude(motion: MeasuredMotion, attitude: Array) -> list[Agreement]:
-    """Return what must agree with an attitude (m, 4): the gyro, and a velocity in body axes."""
-    found = [_turns(motion, attitude, motion.gyro)] if motion.gyro is not None else []
-    if motion.velocity is not None and "velocity" not in motion.in_world:
-        found.append(_steps(motion, attitude, motion.velocity))
-    return found
+def _base_findings(record: Record, time: Array, measured: Measured, latest: float) -> Iterator[Finding]:
+    """Yield how the quaternion must be read, and what gyro, velocity and accelerometer say about the pose."""
+    chosen, world, body = record.map, world_turn(record.map), body_turn(record.map)
+    rate, speed = chosen.base.rate, chosen.base.velocity
+    position, gyro, velocity, felt = map(measured, BASE_CHANNELS)
+    assert position is not None
+    position = position @ world.T
+    evidence, steps, turns = [], None, None
+    if gyro is not None:
+        in_world = rate is not None and bool(rate.columns) and rate.axes == "world"
+        gyro = gyro @ (world if in_world else body @ _sensor_turn(record, "base.rate")).T
+        turns = partial(_turns, time, gyro, in_world, latest)
+        evidence.append(turns)
+    if velocity is not None:
+        in_world = speed is not None and speed.axes == "world" and not record.twist_of_topic
+        steps = partial(_steps, time, position, velocity @ (world if in_world else body).T, in_world, latest)
+        evidence += [] if in_world else [steps]
+    if felt is not None:
+        felt = felt @ (body @ _sensor_turn(record, "check.specific_force")).T
+    attitudes = _attitudes(record, time, measured)
+    misread = list(reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt))
+    yield from misread
+    if any(one.warns for one in misread):
+        return
+    attitude = next(iter(attitudes.values()))
+    if turns is not None:
+        found = list(agreement_findings(turns(attitude)))
+        yield from found
+        early = sum(one.value or 0.0 for one in found if one.check == "late channel")
+        if early < 0.0:  # the attitude is late; a channel is never early
+            attitude = sampled_turns(time, attitude, time - early)
+    yield from _accelerations(position, time) if steps is None else agreement_findings(steps(attitude))
+    if felt is not None:
+        yield from accelerometer_findings(felt, attitude, position, time, chosen.robot.gravity, record.robot.weight)
 
 
-def _turns(motion: MeasuredMotion, attitude: Array, gyro: Array) -> Agreement:
+def _attitudes(record: Record, time: Array, measured: Measured) -> dict[Reading, Array]:
+    """Return reading of the quaternion -> attitude (m, 4), the map's reading first."""
+    raw = measured("base.quaternion")
+    if record.channels["base.quaternion"].time is not record.knots:
+        raw = sampled_turns(*record.cut("base.quaternion", time), time)
+    assert raw is not None
+    own = record.map.base.quaternion or QuaternionSection()
+    others = itertools.product(("xyzw", "wxyz"), ("body_to_world", "world_to_body"))
+    readings = dict.fromkeys([(own.order, own.sense), *others])
+    return {reading: as_attitude(_read_as(record.map, own, reading), raw) for reading in readings}
+
+
+def _read_as(chosen: Map, own: QuaternionSection, reading: Reading) -> Map:
+    section = own.model_copy(update={"order": reading[0], "sense": reading[1]})
+    return chosen.model_copy(update={"base": chosen.base.model_copy(update={"quaternion": section})})
+
+
+def _sensor_turn(record: Record, key: str) -> Array:
+    """Return the rotation (3, 3) from the axes of a sensor on the body to those whose attitude is measured."""
+    own, seen = (record.channels[name].turn for name in (key, "base.quaternion"))
+    return np.asarray((np.eye(3) if seen is None else seen).T @ (np.eye(3) if own is None else own))
+
+
+def _turns(time: Array, gyro: Array, in_world: bool, latest: float, attitude: Array) -> Agreement:
     return Agreement(
         "gyro against attitude",
         ("attitude", "gyro"),
-        motion.time,
+        time,
         turned_so_far(attitude),
-        _turned_by(attitude, gyro, back=True) if "gyro" in motion.in_world else gyro,
+        np.einsum("nji,nj->ni", rotation_matrices(attitude), gyro) if in_world else gyro,
         "rates",
         ("about x", "about y", "about z"),
         "rad",
         LARGEST_TURN,
         "rad/s and body axes were expected",
-        motion.latest,
+        latest,
     )
 
 
-def _steps(motion: MeasuredMotion, attitude: Array, velocity: Array) -> Agreement:
-    assert motion.position is not None
+def _steps(time: Array, position: Array, velocity: Array, in_world: bool, latest: float, attitude: Array) -> Agreement:
     return Agreement(
         "position against velocity",
         ("position", "velocity"),
-        motion.time,
-        motion.position,
-        velocity if "velocity" in motion.in_world else _turned_by(attitude, velocity),
+        time,
+        position,
+        velocity if in_world else np.einsum("nij,nj->ni", rotation_matrices(attitude), velocity),
         "rates",
         ("along x", "along y", "along z"),
         "m",
         LARGEST_STEP,
         "m, m/s and the axes of the map were expected",
-        motion.latest,
+        latest,
     )
-
-
-def _base_findings(motion: MeasuredMotion) -> Iterator[Finding]:
-    """Yield what gyro, velocity and accelerometer say about the pose, as the map reads it."""
-    attitude = next(iter(motion.attitudes.values()))
-    if motion.gyro is not None:
-        findings = list(agreement_findings(_turns(motion, attitude, motion.gyro)))
-        yield from findings
-        early = sum(one.value or 0.0 for one in findings if one.check == "late channel")
-        attitude = _earlier(attitude, max(-early, 0.0), motion.time)  # a channel is never early
-    if motion.velocity is not None:
-        yield from agreement_findings(_steps(motion, attitude, motion.velocity))
-    elif motion.position is not None:
-        yield from _accelerations(motion.position, motion.time)
-    if motion.specific_force is not None and motion.position is not None:
-        yield from accelerometer_findings(
-            motion.specific_force, attitude, motion.position, motion.time, motion.gravity, motion.weight
-        )
-
-
-def _turned_by(attitude: Array, vectors: Array, *, back: bool = False) -> Array:
-    """Return vectors (m, 3) in body axes in world axes, by attitudes (m, 4); or `back`."""
-    return np.asarray(np.einsum("nji,nj->ni" if back else "nij,nj->ni", rotation_matrices(attitude), vectors))
-
-
-def _earlier(attitude: Array, delay: float, time: Array) -> Array:
-    """Return an attitude (m, 4) without its delay [s]."""
-    return attitude if delay == 0.0 else sampled_turns(time, attitude, time + delay)
 
 
 def _accelerations(position: Array, time: Array) -> Iterator[Finding]:

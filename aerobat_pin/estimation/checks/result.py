@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
 from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
-from aerobat_pin.estimation.checks.record import MOST_SAMPLES, checked_part
+from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import filecmp
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +24,6 @@ STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
 FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
-MOST_COMPARED = 50
 EMPTY = "leave its cells empty where there is no sample, or interpolate"
 CHANNEL_WORDS = {  # keys of channels -> what messages call them
     "base.position": "position",
@@ -172,21 +171,7 @@ def _duplicates(path: Path) -> Iterator[Finding]:
     """Yield files beside the log that hold the same bytes under another name."""
     if not os.path.isfile(path) or path.stat().st_size > LARGEST_COMPARED:
         return
-    size = path.stat().st_size
-    others = [
-        other
-        for other in sorted(path.parent.glob(f"*{path.suffix}"))
-        if other != path and other.is_file() and other.stat().st_size == size
-    ][:MOST_COMPARED]
-    if not others:
-        return
-    own = _digest(path)
-    for other in others:
-        if _digest(other) == own:
+    for other in sorted(path.parent.glob(f"*{path.suffix}")):
+        if other != path and other.is_file() and filecmp.cmp(path, other, shallow=False):
             what = f"{other.name} beside it holds the same bytes: one recording under two names, not two"
-            yield Finding("duplicate file", "warning", what, float(size), "bytes")
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+            yield Finding("duplicate file", "warning", what, float(path.stat().st_size), "bytes")
