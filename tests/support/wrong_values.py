@@ -233,7 +233,7 @@ def calls() -> dict[str, Call]:
             api.known_inputs,
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
-        "motion": (api.motion, {"log": log, "robot": bat, "air": blank["air"]}),
+        "flight_motion": (api.flight_motion, {"log": log, "robot": bat, "air": blank["air"]}),
         "observer_scores": (api.observer_scores, {"estimate": estimate, "log": log}),
         "point_label": (api.point_label, {"frame": frame}),
         "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
