@@ -48,7 +48,8 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         parts["parameter_unit"] = ("parameter", [one.unit for one in found.parameters.values()])
         parts["expected"] = ("parameter", [one.expected for one in found.parameters.values()])
         parts["error"] = (("stage", "share"), np.array([found.before, found.after]))
-        coords |= {"parameter": list(found.parameters), "stage": ["before", "after"], "share": ["fitted", "held_out"]}
+        coords |= {"parameter": list(found.parameters), "other": list(found.parameters)}
+        coords |= {"stage": ["before", "after"], "share": ["learnt", "held_out"]}
     if fitted.friction is not None:
         table = np.column_stack([getattr(fitted.friction, name) for name in FRICTION_COEFFICIENTS])
         parts["friction"] = (("joint", "coefficient"), table)
