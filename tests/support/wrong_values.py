@@ -327,8 +327,8 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
 effort_findings record_findings moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
-changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score warnings_about belief_of
-described log_with_motion shipped_description"""
+changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score
+warnings_about belief_of described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

@@ -43,8 +43,7 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     slips: dict[str, list[int]] = {}
     for column in np.flatnonzero(wrong).tolist():
         if column not in skip:
-            slip = slip_of(*found.follows(column))
-            slips.setdefault(slip, []).append(column)
+            slips.setdefault(slip_of(*found.follows(column)), []).append(column)
     moving = int(np.sum(found.swings.max(axis=0) > LEAST_MOTION))
     for slip, columns in slips.items():
         certain = bool(slip) and (pair.apart or len(columns) >= max(moving, 1))
@@ -118,7 +117,7 @@ def _follows(pair: Agreement, factor: float, correlation: float) -> str:
 def _whole_channel(pair: Agreement, found: SeriesComparison) -> Finding:
     """Return what all columns together say of two series of which no column is off."""
     first, second = (float(np.linalg.norm(swing)) for swing in found.swings)
-    if max(first, second) < SEEN_MOTION:
+    if (min(first, second) if second > 0.0 else first) < SEEN_MOTION:  # a sensor that shows nothing at all is seen
         return Finding(pair.check, "note", "hardly any motion to compare")
     cross = float(np.sum(found.correlation * found.swings[0] * found.swings[1]))
     factor, correlation = cross / max(first**2, 1e-300), cross / max(first * second, 1e-300)
