@@ -9,7 +9,7 @@ import typer
 
 from aerobat_pin.cli.console import write_results
 from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
-from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats
+from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats, self_check_by_map
 
 if TYPE_CHECKING:
     from aerobat_pin.scenario import Scenario
@@ -45,7 +45,10 @@ def estimate_command(
     trust: Annotated[bool, typer.Option("--trust", help="Estimate also what a check would refuse.")] = False,
     self_check: Annotated[
         bool,
-        typer.Option("--self-check", help="First, or without a log only, estimate known forces on a simulated flight."),
+        typer.Option(
+            "--self-check",
+            help="First play known forces into the recording of a map, or, also without a log, a simulated flight.",
+        ),
     ] = False,
 ) -> None:
     """Estimate the unknown forces of a recording, whose true forces need not be known.
@@ -67,9 +70,11 @@ def estimate_command(
         typer.echo(suggested_map(log, urdf), nl=False)
         return
     if log is not None and (map_file is not None or urdf is not None):
-        if settings or morphology or self_check:
-            raise LogError("estimate: --set, --morphology and --self-check are for Aerobat's own tables, without --map")
+        if settings or morphology:
+            raise LogError("estimate: --set and --morphology are for Aerobat's own tables, without --map")
         chosen, folder = chosen_map(map_file, urdf, points, observers or [])
+        if self_check:
+            self_check_by_map(log, chosen, folder)
         target = out or Path("runs") / f"{log.stem}-estimate"
         estimate_by_map(log, chosen, folder, target, out_mcap, calibration, force=force, trust=trust)
         return

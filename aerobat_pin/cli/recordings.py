@@ -36,6 +36,19 @@ def is_aerobats(log: Path) -> bool:
     return not header.strip() or any(name in header for name in ("crank_angle", "left_shoulder"))
 
 
+def self_check_by_map(log: Path, chosen: Map, folder: Path) -> None:
+    """Play known forces into a recording, and print how well each is found again."""
+    from aerobat_pin.estimation import check_record
+    from aerobat_pin.records import open_record
+
+    checks = check_record(open_record(log, chosen, folder))
+    for check in checks:
+        typer.echo(str(check))
+    found = sum(check.ok for check in checks)
+    others = "" if found == len(checks) else "; what no measured row shows cannot be found"
+    typer.echo(f"self-check: {found} of {len(checks)} known forces are found again within 2 %{others}")
+
+
 def estimate_by_map(
     log: Path,
     chosen: Map,

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation.fit_known_forces import given_forces
+from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, observers_of, rows_of
 from aerobat_pin.numerics import Array, guarded
@@ -90,7 +90,7 @@ def check_record(record: Record) -> list[Check]:
             "intervals in one part, were expected"
         )
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
-    inputs = inputs_of(record, first, last, given_forces(record), rows)
+    inputs = inputs_of(record, first, last, fitted_forces(record), rows)
     size = PUSHED_SHARE * moving_weight(record.robot.model)
     return [check for one in observers_of(record)[0] for check in _played(one, record, inputs, size, wait)]
 
