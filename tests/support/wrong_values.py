@@ -234,7 +234,6 @@ def calls() -> dict[str, Call]:
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
         ),
         "flight_motion": (api.flight_motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "observer_scores": (api.observer_scores, {"estimate": estimate, "log": log}),
         "point_label": (api.point_label, {"frame": frame}),
         "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
         "read_log": (api.read_log, {"path": folder / "log.csv"}),
@@ -287,7 +286,6 @@ def _recordings(
             api.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None},
         ),
-        "write_recorded": (api.write_recorded, {"found": found, "folder": folder}),
         "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
             api.write_flight_mcap,
