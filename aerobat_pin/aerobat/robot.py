@@ -16,7 +16,7 @@ import numpy as np
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.calibration.parameters import PARAMETERS, changed_belief
-from aerobat_pin.aerobat.motion import Motion, completed
+from aerobat_pin.aerobat.motion import Motion, completed, fault_of
 from aerobat_pin.aerobat.torque import (
     RECORDED,
     ROWS_OF_TORQUE,
@@ -50,6 +50,7 @@ class AerobatRobot(PlainRobot):
     kind: Torque
     raw: RawSection = field(default_factory=RawSection)
     mount: Mount | None = None
+    moves_joints: ClassVar[bool] = True  # by its crank
     remembers: ClassVar[bool] = True  # the wake is that of all flaps before
     parameters: ClassVar[Mapping[str, Parameter]] = PARAMETERS
 
@@ -72,6 +73,10 @@ class AerobatRobot(PlainRobot):
         """Return the robot with other parameters: parameter -> change."""
         robot, air = changed_belief(self.aerobat, self.air, values)
         return replace(AerobatRobot.of(robot, air, self.kind), raw=self.raw, mount=self.mount)
+
+    def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
+        """Return what is wrong with the channels of a log as a whole: see `motion.fault_of`."""
+        return fault_of(channels)
 
     def complete(self, block: Block) -> Block:
         """Return a block with the joints that the crank drives, the crank's motion and the wind; see `motion`."""

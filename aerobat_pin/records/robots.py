@@ -51,8 +51,17 @@ class PlainRobot:
     free: bool
     joints: tuple[str, ...]
     title: str
+    moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
     parameters: ClassVar[Mapping[str, Parameter]] = MappingProxyType({})  # that a calibration can identify
+
+    def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
+        """Return what is wrong with the channels of a log as a whole, in words; None, as here, if nothing is.
+
+        Args:
+            channels: key -> channel.
+        """
+        return None
 
     def complete(self, block: Block) -> Block:
         """Return a block with what was not measured but follows from what was, such as joints that a crank drives."""
