@@ -6,7 +6,7 @@ simulated by assuming a robot or an air that differs from those that flew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import ClassVar
@@ -83,6 +83,10 @@ class AerobatRobot(PlainRobot):
         block = completed(block, self.aerobat, self.air)
         return replace(block, source={**block.source, "motor_torque": self.kind})
 
+    def smooths(self, channels: Collection[str]) -> bool:
+        """Return whether the channels are raw samples."""
+        return f"{EXTRA}encoder" in channels
+
     def motion_from(
         self,
         time: Array,
@@ -96,7 +100,7 @@ class AerobatRobot(PlainRobot):
             ScenarioError: an observer cannot use raw samples.
             LogError: a channel is missing.
         """
-        if f"{EXTRA}encoder" not in channels:
+        if not self.smooths(channels):
             return None
         from aerobat_pin.aerobat.raw.results import smoothed_raw  # compiles kernels that other records do not need
 

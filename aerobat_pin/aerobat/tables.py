@@ -144,10 +144,7 @@ def read_log(path: Path) -> FlightLog:
     if kind_of_log(path) is None:
         return FlightLog.load(path)
     record = table_record(path, AerobatRobot.of(load_aerobat()))
-    assert record.knots is not None
-    raw = f"{EXTRA}encoder" in record.channels
-    first, last = (0, len(record.knots) - 1) if raw else (record.parts[0][0], record.parts[-1][1])
-    time = record.times(first, last)
+    time = record.times(record.parts[0][0], record.parts[-1][1])
     coords: dict[str, Any] = {"time": channel(time, ("time",), "s", "sample time")}
     coords["interval"] = channel(time[:-1], ("interval",), "s", "start of the interval")
     made = {}
@@ -157,7 +154,7 @@ def read_log(path: Path) -> FlightLog:
             coords[row.dims[1]] = list(LABELS[row.dims[1]])
         made[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], {name: row})
 
-    if raw:
+    if record.robot.smooths(record.channels):
         for name, key in RAW_KEYS.items():
             if key in record.channels:
                 row = MEASURED[name]

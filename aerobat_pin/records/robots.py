@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -82,6 +82,10 @@ class PlainRobot:
     def rows(self) -> Rows | None:
         """Return the rows to believe; None where that follows from the map and the channels that are there."""
         return None
+
+    def smooths(self, channels: Collection[str]) -> bool:
+        """Return whether `motion_from` finds the motion, bridging holes itself, for a record with these keys."""
+        return False
 
     def motion_from(
         self,
