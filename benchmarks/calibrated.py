@@ -27,7 +27,7 @@ from support.calibrated import (
 )
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
-from aerobat_pin.aerobat import calibrate
+from aerobat_pin.estimation import calibrate
 
 ROW = "quasi-steady air"
 SEEDS = (1, 2, 3, 4, 5)
@@ -80,7 +80,7 @@ def main() -> int:
     say("made up [mN], exact, force_level", 1, wrong, bool(np.all(wrong < [2.0, 6.0, 3.0])))
     log, _ = flown("no force", 101, (*FREE, *NOISY))
     mistaken = believed(log, SIX_ERRORS, with_six_errors)
-    corrected = calibrate([mistaken])
+    corrected = calibrate([mistaken.record()])
     soft = []
     for seed in SEEDS:
         signal = seen_with(found, free, "signal", seed)

@@ -226,7 +226,7 @@ def mount_rows(seeds: list[int]) -> Iterator[str]:
             records.append((log, exact, raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)))
         (log, exact, wrong), (_, _, free) = records
         air, truth = scenario.believed_air, true_forces(log)
-        mount, _ = find_mount([free], robot, air, frames, settings)
+        mount = find_mount([free], robot, air, frames, settings)
         true = exact.channels["accelerometer"]
         turn = np.degrees(pin.log3(true.turn.T @ mount.turn))
         spread = np.sqrt(np.diag(mount.covariance))

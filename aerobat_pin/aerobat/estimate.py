@@ -11,13 +11,20 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from aerobat_pin.aerobat.calibration.calibration import Belief, Calibration
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs, noted_air
+from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE
 from aerobat_pin.errors import CalibrationError, ScenarioError
-from aerobat_pin.estimation import CalibrationUse, KnownInputs, observers_of
+from aerobat_pin.estimation import (
+    Calibration,
+    CalibrationUse,
+    CalibrationWatch,
+    KnownForces,
+    KnownInputs,
+    inputs_of,
+    observers_of,
+)
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.records import Record
@@ -119,32 +126,38 @@ def estimate_log(
         CalibrationError: the calibration belongs to another belief, or the log lacks the crank's angle.
         LogError, ObserverError, FrameNotFoundError: as raised by `known_inputs` and by the observers.
     """
-    section, air = belief.observers, belief.believed_air
+    section = belief.observers
     check_names(section.names)
-    believed = replace(AerobatRobot.of(robot, air, section.torque), raw=section.raw or RawSection())
+    believed = AerobatRobot.of(robot, belief.believed_air, section.torque)
+    record = flight_record(log, replace(believed, raw=section.raw or RawSection()), section)
     if calibration is not None:
-        calibration.belief.refuse_other(Belief.of(robot, air, section.torque))
-        if log.is_raw and calibration.accelerometer is None:
+        record = calibration.applied(record)
+        if log.is_raw and not calibration.extras:
             raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
-        believed = replace(believed, mount=calibration.accelerometer)
     if log.is_raw:
-        return _smoothed(flight_record(log, believed, section), progress)
-    if calibration is not None:
-        robot, air = calibration.believed(robot, air)
-    rows = ROWS_OF_TORQUE[section.torque]
-    observers = [
-        OBSERVERS[name](robot.model, section.frames, section.gain, rows, **section.settings(name))
-        for name in section.names
-    ]
-    inputs = known_inputs(log, robot, section.torque, air)
-    if calibration is not None:
-        inputs = calibration.applied(inputs, robot, flight_motion(log, robot, air))
-    estimates = {}
+        return _smoothed(record, progress)
+    observers, inputs, estimates = observers_of(record)[0], flight_inputs(record, calibration), {}
     for i, observer in enumerate(observers):
         if progress is not None:
             progress(i / len(observers))
         estimates[observer.name] = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     return inputs, estimates
+
+
+def flight_inputs(record: Record, calibration: Calibration | None) -> KnownInputs:
+    """Return the inputs of an observer of a whole flight, with a calibration that was `applied` to it, or without.
+
+    Raises:
+        CalibrationError: the record lacks the crank's angle.
+    """
+    forces, rows = KnownForces(record) if calibration is None else calibration.forces(record), record.robot.rows()
+    assert rows is not None
+    inputs = inputs_of(record, *record.parts[0], forces, rows)
+    if calibration is None:
+        return inputs
+    watch = CalibrationWatch(calibration)
+    watch.take(record, inputs, slice(0, len(inputs.tau)), ends=True)
+    return replace(inputs, calibration=watch.use())
 
 
 @guarded()

@@ -22,6 +22,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.aerobat.torque import RECORDED, Torque
+from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import LogChannel, Map, Record, Series, Spool, parse_map, series_of
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 EXTRA_CHANNELS = ("crank_angle", "crank_rate", "airspeed", "wind_W", "crank_torque")
 PLACE_SIZE = 7  # of the base in q
+LARGEST_TRUTH = 1.0e-3  # [N]: rms of a true force that counts as none
 RAW_KEYS = {  # channel of raw samples -> key
     "mocap_position": "base.position",
     "mocap_quaternion": "base.quaternion",
@@ -44,13 +46,36 @@ RAW_KEYS = {  # channel of raw samples -> key
 }
 
 
-def flight_record(log: FlightLog, robot: AerobatRobot, section: ObserverSection | None = None) -> Record:
+@guarded()
+def free_record(
+    log: FlightLog, robot: AerobatRobot, section: ObserverSection | None = None, label: str = "flight"
+) -> Record:
+    """Return the record of a flight without unknown forces, as `flight_record`, to be calibrated from.
+
+    Raises:
+        CalibrationError: the truth of a simulated log knows an unknown force.
+    """
+    if log.truth is not None and log.truth["force_W"].size:
+        sizes = np.sqrt(np.mean(np.sum(log.truth["force_W"].values ** 2, axis=2), axis=0))
+        at = int(np.argmax(sizes))
+        if sizes[at] > LARGEST_TRUTH:
+            raise CalibrationError(
+                f"{label}: an unknown force of {1e3 * sizes[at]:.0f} mN rms acts at {log.truth['point'].values[at]}: a "
+                "flight without unknown forces was expected"
+            )
+    return flight_record(log, robot, section, label)
+
+
+def flight_record(
+    log: FlightLog, robot: AerobatRobot, section: ObserverSection | None = None, label: str = "flight"
+) -> Record:
     """Return the measured channels of a flight log as a record; its true values are not used.
 
     Args:
         log: the flight log.
         robot: the assumed robot.
         section: the observers, and the frames at whose origins unknown forces act; the usual ones when omitted.
+        label: what messages and pages call the flight.
     """
     knots = series_of(Spool(), log.time)
     channels = flight_channels(log, robot.aerobat, knots)
@@ -71,6 +96,7 @@ def flight_record(log: FlightLog, robot: AerobatRobot, section: ObserverSection 
         parts,
         (),
         knots,
+        label=label,
     )
 
 

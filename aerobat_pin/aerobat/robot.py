@@ -6,7 +6,7 @@ simulated by assuming a robot or an air that differs from those that flew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import ClassVar
@@ -15,8 +15,9 @@ import numpy as np
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.believed_air import reconstructed_air
-from aerobat_pin.aerobat.calibration.parameters import PARAMETERS, changed_belief
+from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed, fault_of
+from aerobat_pin.aerobat.parameters import PARAMETERS, changed_belief, scaled_thrusters
 from aerobat_pin.aerobat.torque import (
     RECORDED,
     ROWS_OF_TORQUE,
@@ -25,12 +26,25 @@ from aerobat_pin.aerobat.torque import (
     modelled_torque,
     spread_crank_torque,
 )
-from aerobat_pin.errors import LogError
+from aerobat_pin.errors import CalibrationError, LogError
+from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records import EXTRA, Block, LogChannel, Parameter, PlainRobot, SmoothedMotion
+from aerobat_pin.records import (
+    EXTRA,
+    Agreement,
+    Block,
+    Extras,
+    LogChannel,
+    Parameter,
+    PlainRobot,
+    SmoothedMotion,
+)
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
+
+OF_THE_DAY = {"wind", "gust", "warm_up_cycles"}  # keys of the air that may differ from flight to flight
+LARGEST_OPENING = np.degrees(0.01)  # [deg]: rms difference of a joint from the linkage; encoders are 20 times better
 
 
 @dataclass(frozen=True)
@@ -43,6 +57,7 @@ class AerobatRobot(PlainRobot):
         kind: which joint torque is known.
         raw: what is assumed of raw samples.
         mount: place and turn of the accelerometer as a calibration found them; as stated when None.
+        thruster_scale: change of the known force of thrusters, as a calibration found it [-].
     """
 
     aerobat: Aerobat
@@ -50,9 +65,9 @@ class AerobatRobot(PlainRobot):
     kind: Torque
     raw: RawSection = field(default_factory=RawSection)
     mount: Mount | None = None
+    thruster_scale: float = 0.0
     moves_joints: ClassVar[bool] = True  # by its crank
     remembers: ClassVar[bool] = True  # the wake is that of all flaps before
-    parameters: ClassVar[Mapping[str, Parameter]] = PARAMETERS
 
     @classmethod
     def of(cls, robot: Aerobat, air: AirSection | None = None, kind: Torque = "measured") -> AerobatRobot:
@@ -72,7 +87,47 @@ class AerobatRobot(PlainRobot):
     def changed(self, values: Mapping[str, float]) -> AerobatRobot:
         """Return the robot with other parameters: parameter -> change."""
         robot, air = changed_belief(self.aerobat, self.air, values)
-        return replace(AerobatRobot.of(robot, air, self.kind), raw=self.raw, mount=self.mount)
+        return replace(
+            self, model=robot.model, aerobat=robot, air=air, thruster_scale=values.get("thruster_scale", 0.0)
+        )
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that flights can identify; a modelled torque changes with all of them."""
+        if self.kind != "modelled":
+            return PARAMETERS
+        return {name: parameter._replace(inertial=False) for name, parameter in PARAMETERS.items()}
+
+    @property
+    def assumptions(self) -> Mapping[str, str]:
+        """The believed air, but for what differs from flight to flight, and which torque is known."""
+        air = self.air.model_dump(exclude=OF_THE_DAY)
+        return {TORQUE: self.kind, **{f"air.{key}": str(value) for key, value in air.items()}}
+
+    def condition(self, block: Block) -> CrankCondition:
+        """Return phase and state of a completed block. Raises CalibrationError if the crank hardly turns."""
+        return crank_condition(Motion.of(block), self.aerobat, self.kind)
+
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
+        """Return where the accelerometer sits, from raw samples; None where records have configurations and velocities.
+
+        Raises:
+            CalibrationError: only some of the records have raw samples, or one has no accelerometer.
+        """
+        raw = [f"{EXTRA}encoder" in channels for _, channels in free]
+        if not any(raw):
+            return None
+        if not all(raw):
+            raise CalibrationError("calibrate: raw samples and logs of q and v: calibrate from one kind at a time")
+        from aerobat_pin.aerobat.raw.learn_mount import learn_mount  # compiles kernels that other records do not need
+
+        return learn_mount(free, points, self.aerobat, self.air, self.kind, self.raw)
+
+    def with_extras(self, values: Mapping[str, Array]) -> AerobatRobot:
+        """Return the robot with its accelerometer where it was found. Raises CalibrationError if that cannot be."""
+        return replace(self, mount=Mount.of_parts(values))
 
     def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
         """Return what is wrong with the channels of a log as a whole: see `motion.fault_of`."""
@@ -113,7 +168,29 @@ class AerobatRobot(PlainRobot):
         for name, values in block.extra.items():
             if name.startswith(RECORDED):
                 known[name.removeprefix(RECORDED)] = np.pad(values, ((0, 0), (0, self.model.nv - values.shape[1])))
-        return known
+        return scaled_thrusters(known, self.thruster_scale)
+
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return the joint angles beside those of the closed linkage at the crank angle, if both are measured."""
+        angles, crank = measured("joints.position"), measured(f"{EXTRA}crank_angle")
+        if angles is None or crank is None:
+            return ()
+        closure = self.aerobat.linkage.solve(crank[:, 0])
+        opening = Agreement(
+            "joints off the linkage",
+            ("joint positions", "crank angle"),
+            time,
+            np.degrees(angles),
+            np.degrees(np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)),
+            "values",
+            JOINTS,
+            "deg",
+            LARGEST_OPENING,
+            "the angle of the linkage at crank_angle was expected: check zero and sign of joints and crank, and the "
+            "believed linkage",
+            share=0.0,
+        )
+        return (opening,)
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
         """Return the motor's torque at the joints (m, nv): measured, modelled, or spread from the crank.

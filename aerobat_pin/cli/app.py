@@ -67,8 +67,8 @@ def run_command(
         )
         return
     from aerobat_pin import experiments
-    from aerobat_pin.aerobat import read_calibration
     from aerobat_pin.errors import SimulationError, output_folder
+    from aerobat_pin.estimation import read_calibration
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,10 +11,12 @@ import typer
 
 from aerobat_pin.cli.console import progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, Settings
-from aerobat_pin.cli.recordings import calibrate_by_map
+from aerobat_pin.cli.recordings import chosen_map
 
 if TYPE_CHECKING:
-    from aerobat_pin.aerobat import FreeFlight
+    from aerobat_pin.aerobat import FlightLog
+    from aerobat_pin.records import Record
+    from aerobat_pin.scenario import Scenario
 
 
 def calibrate_command(
@@ -56,41 +59,55 @@ def calibrate_command(
     --set takes keys of robot, air and observers, and flight.gravity. What is believed of a run is what its scenario
     says.
     """
-    from aerobat_pin.aerobat import calibrate, calibration_bytes
     from aerobat_pin.errors import MapError, check_file, write_files
+    from aerobat_pin.estimation import calibrate, calibration_bytes
 
     check_file(out, force=force)
-    if map_file is not None:
-        given_too = {"--morphology": morphology, "--set": settings, "--harmonics": harmonics, "--vary": vary}
-        wrong = [name for name, value in given_too.items() if value is not None]
-        if wrong:
-            raise MapError(f"calibrate: {wrong[0]} is for Aerobat's own flights, without --map")
-        calibrate_by_map(flights, map_file, identify or [], out)
-        return
     names = None if identify is None else [name for name in identify if name != "none"]
-    given = [_free_flight(path, morphology, settings or []) for path in flights]
+    if map_file is not None and (morphology is not None or settings is not None):
+        raise MapError(f"calibrate: {'--set' if morphology is None else '--morphology'} is for Aerobat's own flights")
     with progress_bar() as show:
-        found = calibrate(
-            given,
-            harmonics=6 if harmonics is None else harmonics,
-            vary=vary or [],
-            parameters=names,
-            progress=None if show is None else lambda share: show("identifying", share),
-        )
+        report = None if show is None else lambda share: show("identifying", share)
+        given = _recordings(flights, map_file) if map_file else _flights(flights, morphology, settings or [])
+        order = 6 if harmonics is None else harmonics
+        found = calibrate(given, harmonics=order, vary=vary or [], parameters=names, progress=report)
     for line in found.notes:
         typer.echo(line)
+    for line in found.warnings:
+        typer.echo(f"warning: {line}", err=True)
     write_files({out: calibration_bytes(found)})
     typer.echo(f"written to {out}")
 
 
-def _free_flight(path: Path, morphology: str | None, settings: list[str]) -> FreeFlight:
-    """Read a run or a log with the belief about it."""
-    from aerobat_pin.aerobat import FreeFlight, belief_about, describe_belief, read_log
-    from aerobat_pin.errors import LogError
+def _recordings(logs: list[Path], map_file: Path) -> list[Record]:
+    """Open recordings by their map."""
+    from aerobat_pin.records import open_record
+
+    chosen, folder = chosen_map(map_file, None, None, [])
+    return [open_record(log, chosen, folder) for log in logs]
+
+
+def _flights(paths: list[Path], morphology: str | None, settings: list[str]) -> list[Record]:
+    """Return the records of runs or logs with the belief about them."""
+    from aerobat_pin.aerobat import AerobatRobot, free_record
     from aerobat_pin.robot import believed_robot
+    from aerobat_pin.scenario import RawSection
+
+    found = []
+    for path in paths:
+        log, belief = _flight(path, morphology, settings)
+        robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
+        robot = replace(robot, raw=belief.observers.raw or RawSection())
+        found.append(free_record(log, robot, belief.observers, str(path)))
+    return found
+
+
+def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[FlightLog, Scenario]:
+    """Read a run or a log with the belief about it."""
+    from aerobat_pin.aerobat import belief_about, describe_belief, read_log
+    from aerobat_pin.errors import LogError
     from aerobat_pin.scenario import load_scenario
 
-    name = str(path)
     if os.path.isdir(path):  # unlike `path.is_dir()`, takes names of any length
         if not (path / "scenario.toml").is_file() or not (path / "flight.nc").is_file():
             raise LogError(f"{path} is not the folder of a run: scenario.toml and flight.nc were expected in it")
@@ -98,11 +115,8 @@ def _free_flight(path: Path, morphology: str | None, settings: list[str]) -> Fre
             raise LogError(
                 "calibrate: --morphology says which robot is believed to have flown a log; a log was expected"
             )
-        belief, log = load_scenario(str(path / "scenario.toml"), settings), read_log(path / "flight.nc")
-    else:
-        log = read_log(path)
-        belief = belief_about(log, path.stem, morphology, [], settings)
-        typer.echo(f"{name}: {describe_belief(belief, morphology, settings)}")
-    observers = belief.observers
-    robot, air = believed_robot(belief), belief.believed_air
-    return FreeFlight(name, log, robot, air, observers.torque, observers.frames, observers.raw)
+        return read_log(path / "flight.nc"), load_scenario(str(path / "scenario.toml"), settings)
+    log = read_log(path)
+    belief = belief_about(log, path.stem, morphology, [], settings)
+    typer.echo(f"{path}: {describe_belief(belief, morphology, settings)}")
+    return log, belief

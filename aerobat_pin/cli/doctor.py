@@ -32,7 +32,7 @@ print(json.dumps([p.__file__ or "", getattr(p, "__version__", "") if hasattr(p, 
 
 
 @dataclass(frozen=True)
-class Finding:
+class Verified:
     """The result of one check; `advice` is a line that says what to do if the result is not `ok`."""
 
     name: str
@@ -45,7 +45,7 @@ class Finding:
         return f"ok   {self.name}: {self.detail}" if self.ok else f"BAD  {self.name}: {self.detail}\n  -> {self.advice}"
 
 
-def check_installation() -> list[Finding]:
+def check_installation() -> list[Verified]:
     """Run all checks and return their findings; the installation works if every finding is `ok`."""
     findings = _run(_platform, _pinocchio, _search_paths, _requirements, _viewer, _description, _browser)
     if all(finding.ok for finding in findings if finding.name == "pinocchio"):  # the other checks import Pinocchio
@@ -53,14 +53,14 @@ def check_installation() -> list[Finding]:
     return findings
 
 
-def _run(*checks: Callable[[], Iterator[Finding]]) -> list[Finding]:
+def _run(*checks: Callable[[], Iterator[Verified]]) -> list[Verified]:
     findings = []
     for check in checks:
         try:
             findings += list(check())
         except Exception as error:  # a broken installation can raise anything
             name = check.__name__.strip("_")
-            findings.append(Finding(name, False, f"{type(error).__name__}: {error}", START_FRESH))
+            findings.append(Verified(name, False, f"{type(error).__name__}: {error}", START_FRESH))
     return findings
 
 
@@ -79,18 +79,18 @@ def _installed(name: str) -> str:
         return ""
 
 
-def _platform() -> Iterator[Finding]:
+def _platform() -> Iterator[Verified]:
     rule = str(metadata.metadata(PROJECT)["Requires-Python"]) if _installed(PROJECT) else ">=3.11"
     version = platform.python_version()
     detail = f"{version} at {sys.executable} (wanted: {rule})"
-    yield Finding("python", satisfies(version, rule), detail, f"use a Python {rule}")
+    yield Verified("python", satisfies(version, rule), detail, f"use a Python {rule}")
     libc, release = platform.libc_ver()
     good = sys.platform == "darwin" or (sys.platform == "linux" and libc == "glibc" and satisfies(release, ">=2.28"))
     advice = "pin has wheels for Linux with glibc 2.28 or later and for macOS: use one of these, a container or WSL"
-    yield Finding("platform", good, f"{sys.platform} {platform.machine()} {libc} {release}".strip(), advice)
+    yield Verified("platform", good, f"{sys.platform} {platform.machine()} {libc} {release}".strip(), advice)
 
 
-def _pinocchio() -> Iterator[Finding]:
+def _pinocchio() -> Iterator[Verified]:
     """Report which Pinocchio is imported, whether its version is right, and whether several are installed."""
     probe = subprocess.run([sys.executable, "-P", "-c", PINOCCHIO_PROBE], capture_output=True, text=True, check=False)
     if probe.returncode == 0:
@@ -100,28 +100,28 @@ def _pinocchio() -> Iterator[Finding]:
         crash = f"importing it ends the process with code {probe.returncode}"  # negative: number of the signal
         file, version, detail = "", "", (probe.stderr.strip().splitlines() or [crash])[-1]
     advice = f"pip install 'pin{PIN_RULE}'; if it is there, {START_FRESH}"
-    yield Finding("pinocchio", satisfies(version, PIN_RULE), detail, advice)
+    yield Verified("pinocchio", satisfies(version, PIN_RULE), detail, advice)
     clash = bool(file and _installed("pin")) and "cmeel.prefix" not in Path(file).parts
     origin = " of ROS" if "/opt/ros/" in file else " of conda" if Path(sys.prefix, "conda-meta").is_dir() else ""
     detail = f"the one{origin} in {Path(file).parent} hides pip's pin {_installed('pin')}" if clash else "no second one"
-    yield Finding("pinocchio's sources", not clash, detail, f"leave ROS and conda out of this shell, or {START_FRESH}")
+    yield Verified("pinocchio's sources", not clash, detail, f"leave ROS and conda out of this shell, or {START_FRESH}")
     namesake = satisfies(_installed("pinocchio"), "<1")  # a plugin of nose; the robot library's versions start at 1
     detail = "the package 'pinocchio' is another project, the robot library is 'pin'" if namesake else "not installed"
     advice = "pip uninstall pinocchio, then pip install --force-reinstall pin"
-    yield Finding("pinocchio's namesake", not namesake, detail, advice)
+    yield Verified("pinocchio's namesake", not namesake, detail, advice)
 
 
-def _search_paths() -> Iterator[Finding]:
+def _search_paths() -> Iterator[Verified]:
     """Search PYTHONPATH and LD_LIBRARY_PATH for other installations; folders that contain this package are skipped."""
     for variable, patterns in (("PYTHONPATH", FOREIGN_MODULES), ("LD_LIBRARY_PATH", FOREIGN_LIBRARIES)):
         folders = [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
         others = [folder for folder in folders if not (folder / "aerobat_pin").is_dir()]
         found = [str(path) for folder in others for pattern in patterns for path in folder.glob(pattern)]
         detail = f"brings {', '.join(found[:3])}" if found else "brings no second Pinocchio or numpy"
-        yield Finding(variable, not found, detail, f"unset {variable} in this shell (ROS' setup files set it)")
+        yield Verified(variable, not found, detail, f"unset {variable} in this shell (ROS' setup files set it)")
 
 
-def _requirements() -> Iterator[Finding]:
+def _requirements() -> Iterator[Verified]:
     """Compare the installed packages with the requirements of the project, without its extras."""
     from packaging.requirements import Requirement
 
@@ -129,20 +129,20 @@ def _requirements() -> Iterator[Finding]:
         if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
             name, rule, version = requirement.name, str(requirement.specifier), _installed(requirement.name)
             detail = f"{version or 'not installed'} (wanted: {rule or 'any'})"
-            yield Finding(name, satisfies(version, rule), detail, f"pip install '{name}{rule}'")
+            yield Verified(name, satisfies(version, rule), detail, f"pip install '{name}{rule}'")
 
 
-def _viewer() -> Iterator[Finding]:
+def _viewer() -> Iterator[Verified]:
     """Check what the replay needs: the page of meshcat, and the part of pyzmq that meshcat imports."""
     meshcat, loop = find_spec("meshcat"), find_spec("zmq.eventloop.ioloop")
     page = Path((meshcat and meshcat.origin) or "").parent / "viewer" / "dist" / "main.min.js"
     parts = {"meshcat's viewer/dist/main.min.js": page.is_file(), "pyzmq's zmq.eventloop.ioloop": loop is not None}
     missing = ", ".join(name for name, there in parts.items() if not there)
     advice = "pip install --force-reinstall meshcat 'pyzmq<28'; only the replay needs them"
-    yield Finding("viewer", not missing, f"missing: {missing}" if missing else "complete", advice)
+    yield Verified("viewer", not missing, f"missing: {missing}" if missing else "complete", advice)
 
 
-def _description() -> Iterator[Finding]:
+def _description() -> Iterator[Verified]:
     """Check every file of every morphology; an STL file of less than 200 bytes is no mesh (header or LFS pointer)."""
     from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
 
@@ -153,10 +153,10 @@ def _description() -> Iterator[Finding]:
         files += [folder / "meshes" / name for name in re.findall(r'/meshes/([^"]+)"', urdf.read_text("utf-8"))]
     bad = [path.name for path in files if not path.is_file() or (path.suffix == ".stl" and path.stat().st_size < 200)]
     detail = f"missing or empty: {', '.join(bad)}" if bad else f"{len(files)} files in {folder}"
-    yield Finding("description", not bad, detail, REINSTALL)
+    yield Verified("description", not bad, detail, REINSTALL)
 
 
-def _browser() -> Iterator[Finding]:
+def _browser() -> Iterator[Verified]:
     """Check what is needed to take pictures of a replay; this is optional, as any browser can show the replay."""
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     for name, found, advice in (
@@ -164,10 +164,10 @@ def _browser() -> Iterator[Finding]:
         ("playwright", _installed("playwright"), f"pip install '{PROJECT}[frames]'"),
     ):
         missing = f"not installed: only `aerobat play --frames` and the tests want it (`{advice}`)"
-        yield Finding(name, True, found or missing, advice)
+        yield Verified(name, True, found or missing, advice)
 
 
-def _urdf() -> Iterator[Finding]:
+def _urdf() -> Iterator[Verified]:
     """Load the URDF with Pinocchio, and compare its mass with that of the morphology."""
     import pinocchio as pin
 
@@ -177,10 +177,10 @@ def _urdf() -> Iterator[Finding]:
     model = pin.buildModelFromUrdf(URDF_PATH, pin.JointModelFreeFlyer())
     mass, expected = float(pin.computeTotalMass(model)), Morphology.load("aerobat").mass
     detail = f"{1e3 * mass:.3f} g, nv = {model.nv} (wanted: {1e3 * expected:.3f} g, nv = 10)"
-    yield Finding("URDF", abs(mass - expected) < 1e-9 * expected and model.nv == 10, detail, REINSTALL)
+    yield Verified("URDF", abs(mass - expected) < 1e-9 * expected and model.nv == 10, detail, REINSTALL)
 
 
-def _kernels() -> Iterator[Finding]:
+def _kernels() -> Iterator[Verified]:
     """Report the folder in which numba keeps the compiled kernels, and remove those that are damaged."""
     from aerobat_pin.aerobat import estimate_log  # noqa: F401  # imports all kernels
     from aerobat_pin.flight import advance_stage
@@ -192,7 +192,7 @@ def _kernels() -> Iterator[Finding]:
     if removed:
         state += f"; {len(removed)} damaged files were removed, the next run compiles them again"
     detail = f"{folder}, {state}" if folder else "nowhere to write: every start compiles for about 20 s"
-    yield Finding("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")
+    yield Verified("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")
     if left:
         detail = f"{left[0]} is damaged and cannot be removed"
-        yield Finding("damaged kernels", False, detail, f"remove {left[0].parent} as the user who owns it")
+        yield Verified("damaged kernels", False, detail, f"remove {left[0].parent} as the user who owns it")

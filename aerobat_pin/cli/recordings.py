@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,17 +25,6 @@ def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observe
     return with_options(parse_map({"robot": {"urdf": robot}}, "of the options"), robot, names, observers), Path.cwd()
 
 
-def is_aerobats(log: Path) -> bool:
-    """Return whether a log looks like a flight of Aerobat, or like nothing at all, which its own reader explains."""
-    if os.path.isdir(log) or log.suffix.lower() in (".mcap", ".db3", ".bag"):
-        return False
-    if log.suffix.lower() != ".csv" or not os.path.isfile(log):  # also False for names that no file can have
-        return True
-    with log.open(encoding="utf-8", errors="replace") as file:
-        header = file.readline(100_000)
-    return not header.strip() or any(name in header for name in ("crank_angle", "left_shoulder"))
-
-
 def estimate_by_map(
     log: Path,
     chosen: Map,
@@ -51,12 +39,12 @@ def estimate_by_map(
     """Estimate, print what was found, and write the results."""
     from aerobat_pin import experiments
     from aerobat_pin.errors import check_file, output_folder
-    from aerobat_pin.estimation import estimate_recording, read_map_calibration
+    from aerobat_pin.estimation import estimate_recording, read_calibration
     from aerobat_pin.experiments import write_mcap
 
     if mcap is not None:
         check_file(mcap, force=force)
-    learnt = None if calibration is None else read_map_calibration(calibration)
+    learnt = None if calibration is None else read_calibration(calibration)
     with output_folder(target, force=force, replaces=experiments.RECORDED_RESULTS) as work, progress_bar() as show:
         report = None if show is None else lambda share: show("estimating", share)
         found = estimate_recording(log, chosen, folder, report, trust, learnt)
@@ -73,21 +61,6 @@ def estimate_by_map(
         typer.echo(f"  {mcap}")
 
 
-def calibrate_by_map(logs: list[Path], map_file: Path, identify: list[str], out: Path) -> None:
-    """Learn from a recording without unknown forces, print what was found, and write the file."""
-    from aerobat_pin.errors import MapError, write_files
-    from aerobat_pin.estimation import calibrate_recording, map_calibration_bytes
-
-    if len(logs) != 1:
-        raise MapError(f"calibrate: {len(logs)} recordings: with --map one was expected")
-    chosen, folder = chosen_map(map_file, None, None, [])
-    found = calibrate_recording(logs[0], chosen, folder, [name for name in identify if name != "none"])
-    for line in found.notes:
-        typer.echo(line)
-    write_files({out: map_calibration_bytes(found)})
-    typer.echo(f"written to {out}")
-
-
 def print_recording(found: RecordingEstimate) -> None:
     """Print robot, notes, findings, fits, forces and scores."""
     record = found.record
@@ -102,6 +75,8 @@ def print_recording(found: RecordingEstimate) -> None:
         typer.echo(f"{mark} {finding}")
     for fit in found.forces.fits:
         typer.echo(f"fit: {fit}")
+    if found.use is not None:
+        typer.echo(found.use.words)
     for estimate in found.stored.values():
         typer.echo(str(estimate))
     for name, side in found.compared.items():
@@ -111,5 +86,8 @@ def print_recording(found: RecordingEstimate) -> None:
             typer.echo(
                 f"{name} against the sensor, {side.point}.{label}: {r2}{outside}, difference {score.rmse:.3g} rms"
             )
+    for name in found.stored:
+        for event in found.events(name) or []:
+            typer.echo(f"{name}: {event}")
     for text in found.warnings:
         typer.echo(f"warning: {text}", err=True)

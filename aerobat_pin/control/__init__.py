@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance
-from aerobat_pin.control.margins import Margins, loop_margins
 from aerobat_pin.control.nominal import Nominal, nominal_flight
-from aerobat_pin.control.summary import ControlSummary, control_summary, course_rms
+from aerobat_pin.control.summary import ControlSummary, Margins, control_summary, course_rms, loop_margins
 
 if TYPE_CHECKING:
     from aerobat_pin.control.environment import AerobatEnv as AerobatEnv

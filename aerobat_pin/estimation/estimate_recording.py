@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.balance import effort_findings
-from aerobat_pin.estimation.checks.kinematics import motion_findings
-from aerobat_pin.estimation.checks.result import result_findings
-from aerobat_pin.estimation.checks.stamps import stamp_findings
-from aerobat_pin.estimation.findings import LogFinding, refuse_if_certain
+from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
+from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.map_calibration import MapCalibration
-from aerobat_pin.estimation.run_observers import observers_of, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
 from aerobat_pin.estimation.sensor_scores import Compared, compared
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import warnings_about
+from aerobat_pin.estimation.trust import FoundEvent, found_events, warnings_about
+from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate, Observer
 from aerobat_pin.records import Map, Record, open_record
@@ -40,14 +38,16 @@ class RecordingEstimate:
         findings: what the checks found.
         notes: what was left out or assumed.
         compared: observer -> estimate beside the sensor; empty without a sensor.
+        use: how a calibration was used; None without one.
     """
 
     record: Record
     forces: KnownForces
     stored: dict[str, StoredEstimate]
-    findings: tuple[LogFinding, ...]
+    findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     compared: dict[str, Compared]
+    use: CalibrationUse | None = None
 
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
@@ -57,7 +57,9 @@ class RecordingEstimate:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimate."""
-        lines = [str(finding) for finding in self.findings if finding.verdict in ("warning", "refused")]
+        lines = [str(finding) for finding in self.findings if finding.warns]
+        if self.use is not None and self.use.verdict == "faded":
+            lines.append(self.use.words)
         for name, estimate in self.stored.items():
             if estimate.redundancy.verdict == "inconsistent":
                 lines.append(f"{name}: {estimate.redundancy.describe()}")
@@ -83,8 +85,19 @@ class RecordingEstimate:
                 {**asdict(fit), "outside": _or_none(fit.outside), "before": _or_none(fit.before)}
                 for fit in self.forces.fits
             ],
+            "calibration": None if self.use is None else self.use.verdict,
             "observers": {name: self._observer(name, estimate) for name, estimate in self.stored.items()},
         }
+
+    def events(self, name: str) -> list[FoundEvent] | None:
+        """Return the contacts with the force that an observer finds there; None where they were not sought."""
+        if self.use is None or self.use.contacts is None:
+            return None
+        stored, found = self.stored[name], list[FoundEvent]()
+        for contact in self.use.contacts:
+            end = len(stored) if contact.end is None else stored.index(contact.end)
+            found += found_events(stored.between(max(stored.index(contact.onset) - 1, 0), end), [contact])
+        return found
 
     def _observer(self, name: str, estimate: StoredEstimate) -> dict[str, Any]:
         head, found, innovation = estimate.head, estimate.head.identifiability, estimate.innovation
@@ -98,6 +111,7 @@ class RecordingEstimate:
             "mean": dict(zip(found.components, estimate.mean.tolist(), strict=True)),
             "redundancy": estimate.redundancy.to_json(),
             "innovation": None if innovation is None else asdict(innovation),
+            "events": None if (events := self.events(name)) is None else [asdict(event) for event in events],
         }
         if name in self.compared:
             side = self.compared[name]
@@ -109,7 +123,7 @@ class RecordingEstimate:
 def estimate(
     record: Record,
     observers: Sequence[str | Observer] = (),
-    calibration: MapCalibration | None = None,
+    calibration: Calibration | None = None,
     *,
     trust: bool = False,
     progress: ShareDone | None = None,
@@ -133,12 +147,13 @@ def estimate(
         record = calibration.applied(record)
     given = [one for one in observers if isinstance(one, Observer)]
     made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
-    findings = [*stamp_findings(record), *motion_findings(record)]
+    findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
-    findings += effort_findings(record, forces)
-    estimates = run_observers(record, forces, given or made, progress)
+    findings += effort_findings(record, inputs_between(record, forces), findings)
+    watch = None if calibration is None else CalibrationWatch(calibration)
+    estimates = run_observers(record, forces, given or made, progress, watch)
     sides = {name: compared(record, estimate) for name, estimate in estimates.items()}
     there = {name: side for name, side in sides.items() if side is not None}
     findings += result_findings(record, forces, estimates, there)
@@ -146,7 +161,8 @@ def estimate(
         findings.append(calibration.finding())
     if not trust:
         refuse_if_certain(name, findings)
-    return RecordingEstimate(record, forces, estimates, tuple(findings), (*record.notes, *notes), there)
+    use = None if watch is None else watch.use()
+    return RecordingEstimate(record, forces, estimates, tuple(findings), (*record.notes, *notes), there, use)
 
 
 def estimate_recording(
@@ -155,7 +171,7 @@ def estimate_recording(
     folder: Path,
     progress: ShareDone | None = None,
     trust: bool = False,
-    calibration: MapCalibration | None = None,
+    calibration: Calibration | None = None,
 ) -> RecordingEstimate:
     """Open a recording by its map, and estimate."""
     return estimate(open_record(log, chosen, folder), (), calibration, trust=trust, progress=progress)

@@ -1,4 +1,4 @@
-"""What a check found about a recording: a measured figure and a verdict."""
+"""What a check found about a record: a measured figure and a verdict."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ FindingVerdict = Literal["good", "note", "warning", "refused"]
 
 
 @dataclass(frozen=True)
-class LogFinding:
+class Finding:
     """One line of the report.
 
     Attributes:
-        check: name of the check, such as `gyro against pose`.
+        check: name of the check, such as `gyro against attitude`.
         verdict: `good`, `note` (a figure without judgement), `warning`, or `refused` (certainly wrong).
         text: the measured figure in words.
         value: the figure.
@@ -29,11 +29,16 @@ class LogFinding:
     value: float | None = None
     unit: str = ""
 
+    @property
+    def warns(self) -> bool:
+        """Whether it spoils the estimate."""
+        return self.verdict in ("warning", "refused")
+
     def __str__(self) -> str:
         return f"{self.check}: {self.text}"
 
 
-def refuse_if_certain(log: str, findings: Iterable[LogFinding]) -> None:
+def refuse_if_certain(log: str, findings: Iterable[Finding]) -> None:
     """Raise LogError with all findings that are certainly wrong."""
     certain = [str(finding) for finding in findings if finding.verdict == "refused"]
     if certain:

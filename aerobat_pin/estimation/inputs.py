@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.known_forces import CALIBRATION, KnownForces
 from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-from aerobat_pin.records import Record
+from aerobat_pin.records import Condition, Record
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,6 +28,7 @@ class KnownInputs:
             known for `motor_torque`.
         calibration: how a calibration was used, if there is one.
         crank: (m + 1,) crank angle [rad], if it was estimated together with the motion; else None.
+        condition: phase and state of the intervals, where a calibration needs them; else None.
     """
 
     time: Array
@@ -38,6 +40,21 @@ class KnownInputs:
     source: Mapping[str, str]
     calibration: CalibrationUse | None = None
     crank: Array | None = None
+    condition: Condition | None = None
+
+    def between(self, first: int, last: int) -> KnownInputs:
+        """Return the inputs from one index of the samples to another, inclusive."""
+        samples, intervals = slice(first, last + 1), slice(first, last)
+        known = {name: force[intervals] for name, force in self.known.items()}
+        return replace(
+            self,
+            time=self.time[samples],
+            q=self.q[samples],
+            v=self.v[samples],
+            tau=self.tau[intervals],
+            known=known,
+            crank=None if self.crank is None else self.crank[samples],
+        )
 
     def __repr__(self) -> str:
         sources = ", ".join(f"{name} {source}" for name, source in self.source.items())
@@ -50,9 +67,16 @@ def inputs_of(record: Record, first: int, last: int, forces: KnownForces, rows: 
 
     Raises:
         LogError, LinkageError: the robot cannot complete this stretch, or its known forces cannot be computed there.
+        CalibrationError: a calibration needs a phase that this stretch does not show.
     """
     block = record.block(first, last)
     known = forces.known(block)
     tau = forces.torque(replace(block, tau=record.robot.torque(block, known)))
-    source = {**block.source, **{name: block.source.get(name, "reconstructed") for name in known}}
-    return KnownInputs(block.time, block.q, block.v, tau, known, rows, source)
+    condition = None
+    if forces.series is not None:
+        condition = record.robot.condition(block)
+        if condition is None:
+            raise CalibrationError(f"{record.title}: the calibration follows a phase, and this robot has none")
+        known[CALIBRATION] = forces.series.faded(condition)
+    source = {**block.source, **{name: block.source.get(name, "reconstructed") for name in known}, **forces.sources}
+    return KnownInputs(block.time, block.q, block.v, tau, known, rows, source, condition=condition)

@@ -1,21 +1,26 @@
 """Known forces of a recording: thrust from commands, measured wrenches, and friction.
 
 A polynomial's force is sum_k c_k U^p_k along a direction, with U the sum of all commands over full scale, times or over
-the supply. Coefficients and friction are given, fitted (`fit_known_forces.py`), or learnt from another recording.
+the supply. Coefficients and friction are given, fitted (`fit_known_forces.py`), or learnt from another recording, as is
+a series over the robot's phase.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.calibration.harmonics import Harmonics
 from aerobat_pin.estimation.inverse_dynamics import turned
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Block, KnownSection, Record, world_turn
+
+CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
 
 
 @dataclass(frozen=True)
@@ -78,11 +83,15 @@ class KnownForces:
         record: the record, whose robot already has the mass of the values.
         values: coefficients, friction and factors of efforts.
         tare: name of a wrench -> mean (k,) that is taken off.
+        series: what a calibration found that repeats itself with the robot's phase; None if there is none.
+        sources: name of a known force -> where it comes from, of those that a calibration gives.
     """
 
     record: Record
     values: FittedValues = FittedValues()
     tare: dict[str, Array] = field(default_factory=dict)
+    series: Harmonics | None = None
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -98,15 +107,14 @@ class KnownForces:
         return tau
 
     def known(self, block: Block) -> dict[str, Array]:
-        """Return the known generalised forces of a block: name -> (m, nv), interval means."""
+        """Return the known generalised forces of a block but for the series: name -> (m, nv), interval means."""
         forces = dict(self.record.robot.known(block))
         forces |= {name: self._force(name, section, block) for name, section in self.record.map.known.items()}
         if self.values.friction is not None:
-            v = 0.5 * (block.v[1:] + block.v[:-1])[:, self._rows]
-            a = np.diff(block.v, axis=0)[:, self._rows] * self.record.rate
             found = np.zeros_like(block.tau)
-            found[:, self._rows] = self.values.friction.torque(v, a)
-            forces["friction"] = found
+            motion = mean_motion(self.record, block.time, block.v[:, self._rows])
+            found[:, self._rows] = self.values.friction.torque(*motion)
+            forces[FRICTION] = found
         return forces
 
     def thrust(self, name: str, block: Block) -> Array:
@@ -132,6 +140,15 @@ class KnownForces:
             if section.axes == "world":
                 wrench = turned(wrench, world_turn(self.record.map))
         return frame_wrench(self.record, section, block, wrench)
+
+
+def mean_motion(record: Record, time: Array, v: Array) -> tuple[Array, Array]:
+    """Return mean rates and accelerations (m, n) between samples v (m + 1, n) of rates at common times (m + 1,)."""
+    change = np.diff(v, axis=0)
+    if record.knots is None:
+        return 0.5 * (v[1:] + v[:-1]), change * record.rate
+    dt = np.diff(time)[:, None]
+    return 0.5 * (v[1:] + v[:-1]), np.divide(change, dt, out=np.zeros_like(change), where=dt > 0.0)
 
 
 def command_sum(record: Record, name: str, time: Array) -> Array:

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.map_calibration import MapCalibration
 from aerobat_pin.estimation.run_observers import built_observers, rows_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Observer
@@ -67,7 +67,7 @@ class OnlineEstimator:
         chosen: the map; its check tables, fits, parts and known forces of commands are not used online.
         folder: where relative paths of the map begin.
         heard: called with each estimate, in place of collecting what `push` and `message` return.
-        calibration: friction, factors of efforts and mass from a recording (`calibrate_recording`).
+        calibration: friction, factors of efforts and mass from a recording (`calibrate`).
 
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
@@ -81,16 +81,18 @@ class OnlineEstimator:
         chosen: Map,
         folder: Path,
         heard: Callable[[OnlineSample], None] | None = None,
-        calibration: MapCalibration | None = None,
+        calibration: Calibration | None = None,
     ) -> None:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map, self._heard = chosen, heard
-        self._values = FittedValues() if calibration is None else calibration.values
+        self._values = FittedValues() if calibration is None else calibration.fitted
         names = chosen.joints.names or tuple(name for name in self.robot.joints if name not in chosen.joints.held)
         self.joints = names
         if calibration is not None:
-            calibration.refuse_other(chosen, self.robot, names)
-            self.robot = self.robot.heavier(calibration.values.mass)
+            calibration.belief.refuse_other(belief_of(chosen, self.robot, names))
+            if calibration.series is not None:
+                raise MapError("online: a calibration with a series over a phase needs a whole record")
+            self.robot = calibration.believed(self.robot)
         asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
         self._requests = {request.key: request for request in asked}
         self._check()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation.inputs import inputs_of
+from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
@@ -19,6 +21,15 @@ from aerobat_pin.records import Map, PlainRobot, Record, Spool
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
+
+
+class Watch(Protocol):
+    """What follows a record on its way to the observers; it needs `settling` seconds before what counts."""
+
+    settling: float
+
+    def take(self, record: Record, inputs: KnownInputs, kept: slice, *, ends: bool) -> None:
+        """Take the inputs of a block, of which the intervals `kept` count; with them a part may end."""
 
 
 def observers_of(record: Record, names: Sequence[str] = ()) -> tuple[list[Observer], tuple[str, ...]]:
@@ -89,11 +100,26 @@ def rows_of(
 
 
 def run_observers(
-    record: Record, forces: KnownForces, observers: Sequence[Observer], progress: Callable[[float], None] | None = None
+    record: Record,
+    forces: KnownForces,
+    observers: Sequence[Observer],
+    progress: Callable[[float], None] | None = None,
+    watch: Watch | None = None,
 ) -> dict[str, StoredEstimate]:
-    """Estimate the unknown forces on all parts of a record: name of the observer -> estimate."""
-    gain = float(record.map.observer.gain)
-    lead = int(np.ceil(LEAD / gain * record.rate)) + 1
+    """Estimate the unknown forces on all parts of a record.
+
+    Args:
+        record: the record.
+        forces: its known forces.
+        observers: the observers.
+        progress: called with the share that is done.
+        watch: is given what the observers are given.
+
+    Returns:
+        Name of the observer -> estimate.
+    """
+    wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
+    lead = int(np.ceil(wait * record.rate)) + 1
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     spool = Spool()
     found = {observer.name: StoredEstimate(spool) for observer in observers}
@@ -102,6 +128,8 @@ def run_observers(
         for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
             early, late = max(first, begin - lead), min(last, end + lead)
             inputs = inputs_of(record, early, late, forces, rows)
+            if watch is not None:
+                watch.take(record, inputs, slice(begin - early, end - early), ends=end == last)
             for observer in observers:
                 if progress is not None:
                     progress(done / total)
@@ -111,6 +139,23 @@ def run_observers(
     if progress is not None:
         progress(1.0)
     return found
+
+
+def inputs_between(record: Record, forces: KnownForces) -> Callable[[int, int], KnownInputs]:
+    """Return the function of first and last index, in one part of a record, that gives an observer's inputs there."""
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    if not record.robot.remembers:
+        return lambda first, last: inputs_of(record, first, last, forces, rows)
+
+    @cache
+    def whole(begin: int, end: int) -> KnownInputs:
+        return inputs_of(record, begin, end, forces, rows)
+
+    def between(first: int, last: int) -> KnownInputs:
+        begin, end = next(part for part in record.parts if part[0] <= first and last <= part[1])
+        return whole(begin, end).between(first - begin, last - begin)
+
+    return between
 
 
 def blocks_of(first: int, last: int) -> Iterator[tuple[int, int]]:

@@ -47,7 +47,7 @@ class ComponentSize:
 
 @dataclass(frozen=True)
 class FoundEvent:
-    """A contact as `calibration.use.Contact`, with the largest force estimated during it [N]."""
+    """A contact as `estimation/inputs.py:Contact`, with the largest force estimated during it [N]."""
 
     point: str
     onset: float

@@ -16,17 +16,16 @@ import pandas as pd
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import (
-    Calibration,
+    AerobatRobot,
     FlightLog,
-    calibration_bytes,
     check_names,
-    contradictions,
     estimate_log,
+    flight_findings,
     truth_of,
 )
 from aerobat_pin.control import Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import observer_scores
+from aerobat_pin.estimation import Calibration, calibration_bytes, observer_scores
 from aerobat_pin.experiments.flight_summary import flight_summary
 from aerobat_pin.experiments.metrics import TABLE_HEADER, Scores
 from aerobat_pin.experiments.notes import flight_note, recorded_note
@@ -177,6 +176,8 @@ def _estimated(
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
     inputs, estimates = estimate_log(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    robot = AerobatRobot.of(believed, belief.believed_air, belief.observers.torque)
+    findings = flight_findings(log, robot, inputs)
     scores = Scores(
         scenario=belief.name,
         seed=None,
@@ -188,7 +189,7 @@ def _estimated(
             name: observer_scores(estimate, truth_of(log), inputs.calibration) for name, estimate in estimates.items()
         },
         calibration=inputs.calibration,
-        contradictions=tuple(contradictions(log, believed)),
+        findings=tuple(str(finding) for finding in findings if finding.warns),
     )
     drawn = log_with_motion(log, inputs.q, inputs.v, inputs.crank)
     return Experiment(belief, believed, log, estimates, scores, drawn, calibration)

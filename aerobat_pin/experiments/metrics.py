@@ -28,7 +28,7 @@ class Scores:
         inputs: input of the observers -> its source, such as `measured`.
         note: a line about the flight.
         observers: name -> scores of the observer.
-        contradictions: a line of text about each of those between the channels of the log.
+        findings: lines of text about what the checks of the log warn of.
         calibration: how a calibration was used; None without one.
         flight: summary of the flight; None for a recorded flight.
         changed: dotted key -> value that differs from the shipped scenario of this name.
@@ -44,7 +44,7 @@ class Scores:
     inputs: Mapping[str, str]
     note: str
     observers: Mapping[str, ObserverScores]
-    contradictions: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
     calibration: CalibrationUse | None = None
     flight: FlightSummary | None = None
     changed: Mapping[str, Any] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class Scores:
         values["observers"] = {name: found.to_json() for name, found in self.observers.items()}
         values["warnings"] = self.warnings
         values["calibration"] = None if self.calibration is None else self.calibration.verdict
-        del values["contradictions"], values["notices"], values["noisy"]
+        del values["findings"], values["notices"], values["noisy"]
         flight, control = values.pop("flight"), values.pop("control")
         if control is not None:
             values["control"] = dict(control)
@@ -76,7 +76,7 @@ class Scores:
     @property
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
-        lines = [*self.notices, *self.contradictions]
+        lines = [*self.notices, *self.findings]
         if self.calibration is not None and self.calibration.verdict == "faded":
             lines.append(self.calibration.words)
         lines += [
@@ -118,7 +118,7 @@ class Scores:
         lines = [
             self.title,
             *filter(None, [self.changes]),
-            *(f"warning: {contradiction}" for contradiction in self.contradictions),
+            *(f"warning: {finding}" for finding in self.findings),
         ]
         if any(found.points for found in self.observers.values()):
             lines.append(_line(TABLE_HEADER))

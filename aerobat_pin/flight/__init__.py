@@ -7,11 +7,10 @@ from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import Sensing
-from aerobat_pin.flight.shown_motion import log_with_motion
+from aerobat_pin.flight.shown import Wake, log_with_motion, wake_of
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.flight.trim import Trim, find_trim
-from aerobat_pin.flight.wake import Wake, wake_of
 
 __all__ = [
     "KNOWN",

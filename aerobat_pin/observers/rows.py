@@ -22,14 +22,12 @@ import pinocchio as pin
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded, shown
 
-HINGES = [f"R{axis}" for axis in "XYZ"] + [f"RUB{axis}" for axis in "XYZ"] + [f"H{axis}" for axis in "XYZ"]
 MOMENT_ARM = 0.05  # [m]
 UNSEEN_SHARE = 1.0e-3  # part of a component in an unseen unit pattern from which it counts as unseen itself
 BASE_ROWS = 6  # rows of a free-flyer base
 TIED = 3  # integer by which the kernels identify tied rows
 ROWS = ("all", "base", "base+power")  # a name's index is the integer by which the kernels identify it
-
-
+HINGES = [f"{kind}{axis}" for kind in ("R", "RUB", "H") for axis in "XYZ"]
 HINGES += ["RevoluteUnaligned", "RevoluteUnboundedUnaligned", "HelicalUnaligned"]
 SLIDES = ["PX", "PY", "PZ", "PrismaticUnaligned"]
 # Rows of a joint: F is a force [N], M a moment [N m].

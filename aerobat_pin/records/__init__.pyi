@@ -1,7 +1,10 @@
+from .agreement import LARGEST_DELAY as LARGEST_DELAY
+from .agreement import Agreement as Agreement
 from .block import Block as Block
 from .block import SmoothedMotion as SmoothedMotion
 from .channel import LogChannel as LogChannel
 from .channels import EXTRA as EXTRA
+from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .channels import factor_of as factor_of
@@ -10,6 +13,9 @@ from .channels import requests_of as requests_of
 from .columns import Columns as Columns
 from .columns import in_step as in_step
 from .file_source import open_record as open_record
+from .learnable import Condition as Condition
+from .learnable import Extras as Extras
+from .learnable import Parameter as Parameter
 from .map_file import describe_map as describe_map
 from .map_file import load_map as load_map
 from .map_file import parse_map as parse_map
@@ -41,7 +47,6 @@ from .resample import slopes as slopes
 from .resample import turn_rates as turn_rates
 from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
-from .robots import Parameter as Parameter
 from .robots import PlainRobot as PlainRobot
 from .robots import robot_of_map as robot_of_map
 from .spool import EXTENT as EXTENT

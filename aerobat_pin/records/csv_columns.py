@@ -134,7 +134,7 @@ def _check_rising(path: Path, stamps: Array, last: float, before: int) -> None:
 def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str:
     """Return the decimal sign of a column so far. Raises LogError if rows from `first` on have another one."""
     found = decimal_sign(cells)
-    if str(cells.iloc[0]).startswith("[") or found in ("", before):
+    if found in ("", before) or str(cells.iloc[0]).startswith("["):
         return before
     if before or len(found) > 1:
         raise LogError(

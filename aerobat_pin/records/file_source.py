@@ -64,10 +64,9 @@ def open_record(path: Path, chosen: Map, folder: Path, robot: PlainRobot | None 
     if (fault := robot.fault(channels)) is not None:
         raise LogError(f"log {path}: {fault}")
     start, rate, end, knots = _common_times(path, chosen, channels, columns)
+    parts, dropped = _parts(chosen, columns, channels, start, rate, end, knots)
     if knots is not None and robot.smooths(channels):
         parts, dropped = ((0, len(knots) - 1),), ()
-    else:
-        parts, dropped = _parts(chosen, columns, channels, start, rate, end, knots)
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
     driven = next((one.joints for one in asked if one.key == "joints.effort" and one.key in channels), ())

@@ -47,6 +47,7 @@ class Record:
         knots: (n + 1,) common times of a record that has its own, which can be uneven; None where they are even.
         log: the columns that it was read from, without their samples; None if it was not read from a file.
         folder: where relative paths of the map begin.
+        label: what messages and pages call a record that was not read from a file.
     """
 
     map: Map
@@ -61,11 +62,12 @@ class Record:
     knots: Series | None = None
     log: Columns | None = None
     folder: Path = Path()
+    label: str = "flight"
 
     @property
     def title(self) -> str:
-        """What messages and pages call the record: the name of its file, or that it is a flight."""
-        return "flight" if self.log is None else self.log.path.name
+        """What messages and pages call the record: the name of its file, or its label."""
+        return self.label if self.log is None else self.log.path.name
 
     @property
     def dt(self) -> float:

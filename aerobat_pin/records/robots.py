@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from types import MappingProxyType
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -21,19 +20,14 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, read_robot
 from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.learnable import Condition, Extras, Parameter
 from aerobat_pin.records.map_tables import RobotTable
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
-
-
-class Parameter(NamedTuple):
-    """A parameter of a robot's belief: unit of its change, `1` for a factor, and the deviation expected of it."""
-
-    unit: str
-    expected: float
 
 
 @dataclass(frozen=True)
@@ -53,7 +47,39 @@ class PlainRobot:
     title: str
     moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
-    parameters: ClassVar[Mapping[str, Parameter]] = MappingProxyType({})  # that a calibration can identify
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters that a calibration can identify."""
+        return {}
+
+    @property
+    def assumptions(self) -> Mapping[str, str]:
+        """What is believed beside the model, such as `air.density`, in words: a calibration belongs to all of it."""
+        return {}
+
+    def condition(self, block: Block) -> Condition | None:
+        """Return phase and state of a completed block, on which errors may depend; None for a robot without a phase.
+
+        Raises:
+            CalibrationError: the robot has a phase, but this block does not show it.
+        """
+        return None
+
+    def learn_extras(
+        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
+    ) -> Extras | None:
+        """Return what only this robot learns from free records; None, as here, where the rest is to be learnt.
+
+        Args:
+            free: common times [s] and channels of each record.
+            points: frames at which forces would be sought.
+        """
+        return None
+
+    def with_extras(self, values: Mapping[str, Array]) -> PlainRobot:
+        """Return the robot with what `learn_extras` found. Raises CalibrationError if that cannot be."""
+        return self
 
     def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
         """Return what is wrong with the channels of a log as a whole, in words; None, as here, if nothing is.
@@ -74,6 +100,15 @@ class PlainRobot:
             block: a stretch of the record, completed.
         """
         return {}
+
+    def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
+        """Return series that must agree whatever forces act, beyond those of every record.
+
+        Args:
+            time: (m,) increasing common times of the record [s].
+            measured: key of a channel -> (m, k) samples at these times; None if there is no such channel.
+        """
+        return ()
 
     def torque(self, block: Block, known: Mapping[str, Array]) -> Array:
         """Return the joint torques (m, nv) that are known in a block, given the other known forces; else its `tau`."""

@@ -36,7 +36,7 @@ def check_rows(path: Path, separator: str, columns: int) -> None:
             cut = text.rfind(b"\n") + 1
             lines, rest = text[:cut], text[cut:]
             if len(rest) > BYTES_AT_ONCE:
-                raise LogError(f"log {path}: row {row} has more than {BYTES_AT_ONCE} bytes: a table was expected")
+                raise LogError(f"log {path}, line {row}: more than {BYTES_AT_ONCE} bytes: a table was expected")
             if b'"' in lines:
                 return
             row += _check_lines(path, lines, separator, columns, row)
@@ -53,7 +53,7 @@ def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: 
     wrong = filled & (cells != columns)
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise LogError(f"log {path}: row {first + k} has {cells[k]} cells: {columns}, as in the header, were expected")
+        raise LogError(f"log {path}, line {first + k}: {cells[k]} cells: {columns}, as in the header, were expected")
     return len(ends)
 
 

@@ -25,8 +25,8 @@ import tiago
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import MapCalibration, RecordingEstimate, calibrate_recording, estimate_recording
-from aerobat_pin.records import load_map, parse_map
+from aerobat_pin.estimation import Calibration, RecordingEstimate, calibrate, estimate_recording
+from aerobat_pin.records import load_map, open_record, parse_map
 from aerobat_pin.visualization import save_figure
 from aerobat_pin.visualization.figures.recording import draw_recording
 
@@ -53,7 +53,7 @@ def read(
     log: Path,
     name: str,
     friction: dict[str, Any] | None = None,
-    calibration: MapCalibration | None = None,
+    calibration: Calibration | None = None,
     **robot: Any,
 ) -> RecordingEstimate:
     """Estimate a log by a map of examples/recordings, with friction fitted or given, or changed keys of its robot."""
@@ -74,7 +74,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
     hopper.convert(folder / "mim_estimation", table)
     hopper.convert(folder / "mim_estimation", hop, "config/demos_and_tests/hopper_data")
     fitted = read(table, "hopper_friction")
-    learnt = calibrate_recording(table, load_map(MAPS / "hopper_friction.toml"), MAPS)
+    learnt = calibrate([open_record(table, load_map(MAPS / "hopper_friction.toml"), MAPS)])
     whole = {"fit": [0.0, 3.0], "to": "check.wrench", "scale": True}
     all_of_it = read(hop, "hopper_hop", friction=whole)
     first, second = "2019-07-04_16-25-06, 23 s", "hopper_data, 3 s"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from support.calibrated import FREE, SIX_ERRORS, believed, free_flight, learnt, seen_with, with_six_errors
+from support.calibrated import FREE, SIX_ERRORS, FreeFlight, believed, free_flight, learnt, seen_with, with_six_errors
 from support.error_tables import (
     QUASI_STEADY,
     SEEDS,
@@ -21,7 +21,7 @@ from support.error_tables import (
 from support.mismatch import MISMATCHES, NOISY, Seen, estimated, flown, made_up, scores, seen
 from support.pages import HOLE, ROOT, Part, run
 
-from aerobat_pin.aerobat import Calibration, FreeFlight, calibrate
+from aerobat_pin.estimation import Calibration, calibrate
 from aerobat_pin.observers import OBSERVERS
 
 PAGE = "docs/structural_error.md"
@@ -91,9 +91,9 @@ def identified() -> tuple[str, str]:
     """Return what six errors at once become: the report of `aerobat calibrate`, and R2 on a held-out flight."""
     log, _ = flown("no force", 101, (*FREE, *NOISY))
     free = believed(log, SIX_ERRORS, with_six_errors)
-    found = calibrate([free])
+    found = calibrate([free.record()])
     other = ("flight.velocity=[3.6,0,0]", "crank.frequency=5.5")
-    nothing = Calibration(found.belief, found.learnt, None)
+    nothing = Calibration(found.belief, found.records)
     lines = ["| | " + " | ".join(("R2 of the signal, `force_level`", "`smoother`")) + " |", "|---|---|---|"]
     for words, one in (("as believed", nothing), ("identified", found)):
         flight = seen_with(one, free, "signal", 1, other)
@@ -112,9 +112,9 @@ def varied() -> str:
     several = [flight(more) for more in LEARNT_FLIGHTS]
     linear = ["speed", "frequency", "attitude"]
     ways = {
-        "one flight at 3 m/s, 4.75 Hz": calibrate([flight(())], parameters=[]),
-        "seven flights": calibrate(several, parameters=[]),
-        "seven flights, coefficients linear": calibrate(several, parameters=[], vary=linear),
+        "one flight at 3 m/s, 4.75 Hz": calibrate([flight(()).record()], parameters=[]),
+        "seven flights": calibrate([one.record() for one in several], parameters=[]),
+        "seven flights, coefficients linear": calibrate([one.record() for one in several], parameters=[], vary=linear),
     }
     lines = ["| learnt from | " + " | ".join(OTHER_FLIGHTS) + " |", "|---" * (1 + len(OTHER_FLIGHTS)) + "|"]
     for words, found in ways.items():

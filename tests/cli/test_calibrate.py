@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from support.commands import call
 
-from aerobat_pin.aerobat import FlightLog, read_calibration, write_csv
+from aerobat_pin.aerobat import FlightLog, write_csv
+from aerobat_pin.estimation import read_calibration
 
 QUICK = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4", "--set", "air.warm_up_cycles=1"]
 BELIEF = ["--set", "believed.air.density=1.47"]
@@ -30,7 +31,7 @@ def test_a_free_run_calibrates_another_run_and_its_log(
     printed = capsys.readouterr().out
     assert "density" in printed
     assert "6 harmonics of the crank" in printed
-    assert read_calibration(tmp_path / "c.nc").values["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
+    assert read_calibration(tmp_path / "c.nc").changes["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
     assert fly(monkeypatch, "used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
     metrics = json.loads((tmp_path / "used" / "metrics.json").read_text())
     assert metrics["calibration"] == "inside"

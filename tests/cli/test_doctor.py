@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from aerobat_pin.cli import doctor
-from aerobat_pin.cli.doctor import Finding, check_installation, satisfies
+from aerobat_pin.cli.doctor import Verified, check_installation, satisfies
 
 FAKE = "__version__ = {version!r}\ndef crba(): ...\n"
 
@@ -21,19 +21,19 @@ def clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(variable, raising=False)
 
 
-def by_name(findings: list[Finding]) -> dict[str, Finding]:
+def by_name(findings: list[Verified]) -> dict[str, Verified]:
     """Return findings by name; two of one name would hide one."""
     named = {one.name: one for one in findings}
     assert len(named) == len(findings)
     return named
 
 
-def found() -> dict[str, Finding]:
+def found() -> dict[str, Verified]:
     """Check this installation."""
     return by_name(check_installation())
 
 
-def assert_bad(finding: Finding, *detail: str, advice: str = "") -> None:
+def assert_bad(finding: Verified, *detail: str, advice: str = "") -> None:
     """Check that a finding is bad, with these words in its detail and its advice."""
     assert not finding.ok
     assert [word for word in detail if word not in finding.detail] == []
@@ -67,8 +67,8 @@ def test_this_installation_is_healthy() -> None:
 
 def test_a_finding_prints_its_advice_only_when_it_is_needed() -> None:
     """One line if well, two if not."""
-    assert str(Finding("numpy", True, "2.4", "pip install numpy")) == "ok   numpy: 2.4"
-    assert str(Finding("numpy", False, "1.0", "pip install numpy")) == "BAD  numpy: 1.0\n  -> pip install numpy"
+    assert str(Verified("numpy", True, "2.4", "pip install numpy")) == "ok   numpy: 2.4"
+    assert str(Verified("numpy", False, "1.0", "pip install numpy")) == "BAD  numpy: 1.0\n  -> pip install numpy"
 
 
 @pytest.mark.parametrize(

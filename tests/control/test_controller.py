@@ -12,7 +12,7 @@ from aerobat_pin.aerobat.air_stream import AirStream
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import moved
-from aerobat_pin.control.margins import loop_margins
+from aerobat_pin.control.summary import loop_margins
 from aerobat_pin.errors import ControlWarning, ScenarioError
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics import Array

@@ -36,12 +36,12 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     come_in, place = "aerobat_pin.records.", "aerobat_pin.estimation."
     for module in ("spool", "columns", "channels", "file_source"):
         monkeypatch.setattr(f"{come_in}{module}.EXTENT", 200)
-    monkeypatch.setattr(f"{place}checks.stamps.EXTENT", 200)
+    monkeypatch.setattr(f"{place}checks.samples.EXTENT", 200)
     monkeypatch.setattr(f"{come_in}spool.IN_MEMORY", 1)
     monkeypatch.setattr(f"{come_in}csv_columns.ROWS_AT_ONCE", 200)
     monkeypatch.setattr(f"{come_in}table_cells.BYTES_AT_ONCE", 20_000)
     monkeypatch.setattr(f"{place}run_observers.BLOCK", 500)
-    monkeypatch.setattr(f"{place}checks.kinematics.MOST_SAMPLES", 500)
+    monkeypatch.setattr(f"{place}checks.record.MOST_SAMPLES", 500)
     for name in ("MANY", "MOST_SAMPLES"):
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
     for module in ("stored_estimate", "run_observers"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -14,17 +15,40 @@ import tomli_w
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
-from support.swinging_arm import COULOMB, HEAVIER, OFFSET, RATE, ROTOR, VISCOUS, arm, arm_map, recording
+from support.swinging_arm import (
+    COULOMB,
+    HEAVIER,
+    OFFSET,
+    RATE,
+    ROTOR,
+    VISCOUS,
+    arm,
+    arm_map,
+    recording,
+)
 
 from aerobat_pin.errors import AerobatError, CalibrationError, MapError
 from aerobat_pin.estimation import (
+    Calibration,
     OnlineEstimator,
-    calibrate_recording,
+    calibrate,
+    calibration_bytes,
+    estimate,
     estimate_recording,
-    map_calibration_bytes,
-    read_map_calibration,
+    read_calibration,
 )
-from aerobat_pin.records import parse_map, read_netcdf
+from aerobat_pin.records import (
+    Block,
+    Condition,
+    Map,
+    PlainRobot,
+    Record,
+    netcdf_bytes,
+    open_record,
+    parse_map,
+    read_netcdf,
+    robot_of_map,
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +59,23 @@ def arms(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     (folder / "map.toml").write_text(tomli_w.dumps(arm_map()))
     recording(folder, "free", pushed=False, seed=1)
     return folder, recording(folder, "pushed", pushed=True, seed=2)
+
+
+class GearedArm(PlainRobot):
+    """The arm, whose first joint's gear has a phase: what a user writes for a robot that repeats itself."""
+
+    def condition(self, block: Block) -> Condition:
+        """Return the gear's angle, and its rate, which holds within a tenth."""
+        row, rate = self.q_index("turn"), block.v[:, [self.v_index("turn")]]
+        angle, rates = (0.5 * (values[1:] + values[:-1]) for values in (block.q[:, row], rate))
+        mean = np.full_like(rates, np.mean(rates))
+        return Condition("the gear", angle, mean, {"rate": "rad/s"}, {"rate": ("rate",)}, 0.1 * np.abs(mean[0]))
+
+
+def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str) -> Calibration:
+    """Return what a recording of a folder shows by a map."""
+    chosen: Map = parse_map(values, "of the test")
+    return calibrate([open_record(folder / f"{name}.csv", chosen, folder)], parameters=parameters)
 
 
 def test_a_free_swing_makes_the_force_of_another_recording_right(
@@ -48,9 +89,9 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     said = capsys.readouterr().out
     assert re.search(r"fit: mass: times 1\.06\d*, deviation 0\.0", said)
     assert re.search(r"error bar, rms where nothing was fitted: tool\.Fx \d\S* N \(without \d", said)
-    learnt = read_map_calibration(Path("arm.nc"))
-    assert learnt.values.mass == pytest.approx(HEAVIER, abs=0.01)
-    friction = learnt.values.friction
+    learnt = read_calibration(Path("arm.nc"))
+    assert learnt.fitted.mass == pytest.approx(HEAVIER, abs=0.01)
+    friction = learnt.fitted.friction
     assert friction is not None
     for found, true in (
         (friction.coulomb, COULOMB),
@@ -81,7 +122,7 @@ def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, n
     """Where it is ten times the usual one; with the usual one a viscous part would stand in for it."""
     folder, _ = arms
     recording(folder, "late", pushed=False, seed=3, rate=0.2)
-    found = calibrate_recording(folder / "late.csv", parse_map(arm_map(), "of the test"), folder, ["mass"]).values
+    found = calibrated(folder, "late", arm_map(), "mass").fitted
     assert found.friction is not None
     assert found.friction.rate == 0.2
     assert found.fits[1].values["rate"] == 0.2
@@ -94,20 +135,24 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
     folder, _ = arms
     values = arm_map()
     values["joints"]["friction"]["law"] = "coulomb+viscous"
-    found = calibrate_recording(folder / "free.csv", parse_map(values, "of the test"), folder)
-    content = map_calibration_bytes(found)
+    found = calibrated(folder, "free", values)
+    content = calibration_bytes(found)
     (folder / "again.nc").write_bytes(content)
-    again = read_map_calibration(folder / "again.nc")
-    assert (again.fingerprint, again.notes, again.log) == (found.fingerprint, found.notes, found.log)
-    assert [str(fit) for fit in again.values.fits] == [str(fit) for fit in found.values.fits]
-    assert again.values.friction is not None
-    assert found.values.friction is not None
-    np.testing.assert_array_equal(again.values.friction.coulomb, found.values.friction.coulomb)
-    assert map_calibration_bytes(again) == content
+    again = read_calibration(folder / "again.nc")
+    assert (again.belief, again.notes, again.records) == (found.belief, found.notes, found.records)
+    assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
+    assert again.fitted.friction is not None
+    assert found.fitted.friction is not None
+    np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
+    assert calibration_bytes(again) == content
     for damaged in (content[: len(content) // 2], content.replace(b"friction_rate", b"friction_rote")):
         (folder / "damaged.nc").write_bytes(damaged)
         with pytest.raises(CalibrationError):
-            read_map_calibration(folder / "damaged.nc")
+            read_calibration(folder / "damaged.nc")
+    older = read_netcdf(folder / "again.nc", "calibration")[""].assign_attrs(kind="aerobat calibration by a map 1")
+    (folder / "older.nc").write_bytes(netcdf_bytes(older))
+    with pytest.raises(CalibrationError, match=r"older\.nc: an older version wrote it .*: calibrate again with"):
+        read_calibration(folder / "older.nc")
 
 
 def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> None:
@@ -115,15 +160,15 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     flight().to_csv(tmp_path / "first.csv", index=False)
     flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
     chosen = parse_map(DRONE, "of the test")
-    learnt = calibrate_recording(tmp_path / "first.csv", chosen, tmp_path)
-    (tmp_path / "drone.nc").write_bytes(map_calibration_bytes(learnt))
+    learnt = calibrate([open_record(tmp_path / "first.csv", chosen, tmp_path)])
+    (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
     blind = copy.deepcopy(DRONE)
     del blind["check"]
     found = estimate_recording(
         tmp_path / "second.csv",
         parse_map(blind, "of the test"),
         tmp_path,
-        calibration=read_map_calibration(tmp_path / "drone.nc"),
+        calibration=read_calibration(tmp_path / "drone.nc"),
     )
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
     assert found.forces.fits[0].log == "first.csv"
@@ -137,7 +182,7 @@ def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, n
     """Sample by sample the same forces as the recording as a whole, but for the first ones."""
     folder, _ = arms
     chosen = parse_map(arm_map(), "of the test")
-    learnt = calibrate_recording(folder / "free.csv", chosen, folder, ["mass"])
+    learnt = calibrated(folder, "free", arm_map(), "mass")
     whole = estimate_recording(folder / "pushed.csv", chosen, folder, calibration=learnt).estimates["force_level"]
     with pytest.raises(MapError, match="friction can come from a calibration"):
         OnlineEstimator(chosen, folder)
@@ -148,13 +193,70 @@ def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, n
     np.testing.assert_allclose(list(heard[-1].components.values()), whole.components[398], atol=1e-6)
 
 
+def test_a_knock_is_found_by_what_a_free_swing_shows(
+    arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """8 N from 1.5 to 1.7 s: found within a sample of 2 ms, with its size; nothing in another free swing."""
+    folder, _ = arms
+    monkeypatch.chdir(folder)
+    recording(folder, "knocked", pushed=False, seed=4, knock=(1.5, 1.7))
+    recording(folder, "still_free", pushed=False, seed=5)
+    learnt = calibrated(folder, "free", arm_map(), "mass")
+    (folder / "knock.nc").write_bytes(calibration_bytes(learnt))
+    words = ["--map", "map.toml", "--calibration", "knock.nc", "--out"]
+    assert call(monkeypatch, "estimate", "knocked.csv", *words, "knocked") == 0
+    assert "force_level: contact at tool from 1.498 s to 1.700 s" in capsys.readouterr().out
+    metrics = json.loads((folder / "knocked" / "metrics.json").read_text())
+    assert metrics["calibration"] == "inside"
+    [event] = metrics["observers"]["force_level"]["events"]
+    assert event["point"] == "tool"
+    assert [event[key] for key in ("onset", "alarm", "end")] == pytest.approx([1.5, 1.5, 1.7], abs=2.1e-3)
+    assert event["size"] == pytest.approx(8.0, abs=0.1)
+    assert call(monkeypatch, "estimate", "still_free.csv", *words, "still") == 0
+    metrics = json.loads((folder / "still" / "metrics.json").read_text())
+    assert metrics["observers"]["force_level"]["events"] == []
+
+
+def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
+    """A gear's ripple of 0.5 N m: a plug-in says what turns, and a twentieth of it is left in another recording."""
+    (tmp_path / "arm.urdf").write_text(arm())
+    for name, seed, turning in (("free", 1, 5.0), ("again", 2, 5.0), ("faster", 3, 9.0)):
+        recording(tmp_path, name, False, seed, turning=turning, ripple=0.5)
+    chosen = parse_map(arm_map(), "of the test")
+    plain = robot_of_map(chosen.robot, tmp_path)
+    geared = GearedArm(plain.model, plain.free, plain.joints, plain.title)
+
+    def opened(name: str, robot: PlainRobot) -> Record:
+        return open_record(tmp_path / f"{name}.csv", chosen, tmp_path, robot)
+
+    found = {robot: calibrate([opened("free", robot)], parameters=["mass"]) for robot in (plain, geared)}
+    assert found[plain].series is None
+    assert any("6 harmonics of the gear" in note for note in found[geared].notes)
+    (tmp_path / "gear.nc").write_bytes(calibration_bytes(found[geared]))
+    found[geared] = read_calibration(tmp_path / "gear.nc")
+    without, with_it = (
+        estimate(opened("again", robot), calibration=learnt).estimates["force_level"].residual[100:, 0]
+        for robot, learnt in found.items()
+    )
+    assert np.std(without) > 0.35
+    assert np.std(with_it) < 0.025
+    for robot, bar in ((plain, 0.6), (geared, 0.05)):
+        assert found[robot].error_bar["tool.Fx"][1] == pytest.approx(bar, rel=0.2)
+    faster = estimate(opened("faster", geared), calibration=found[geared])
+    assert faster.use is not None
+    assert faster.use.verdict == "faded"
+    assert "rate 8.97 rad/s, learnt from 5.05" in faster.use.words
+    with pytest.raises(CalibrationError, match="this robot has none"):
+        estimate(opened("again", plain), calibration=found[geared])
+
+
 def test_what_cannot_be_learnt_or_used_is_refused(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Each with its reason."""
     folder, _ = arms
     monkeypatch.chdir(folder)
-    learnt = calibrate_recording(folder / "free.csv", parse_map(arm_map(), "of the test"), folder)
+    learnt = calibrated(folder, "free", arm_map())
 
     def said(change: dict[str, Any], identify: tuple[str, ...] = (), use: bool = False) -> str:
         values = arm_map()
@@ -168,24 +270,24 @@ def test_what_cannot_be_learnt_or_used_is_refused(
             if use:
                 estimate_recording(Path("pushed.csv"), chosen, folder, calibration=learnt)
             else:
-                calibrate_recording(Path("free.csv"), chosen, folder, identify)
+                calibrate([open_record(Path("free.csv"), chosen, folder)], parameters=identify)
         except AerobatError as error:
             return str(error)
         return ""
 
     (folder / "heavy.urdf").write_text(arm().replace('value="1.5"', 'value="1.6"'))
-    assert "belongs to the robot arm, not to heavy" in said({"robot.urdf": "heavy.urdf"}, use=True)
-    assert "1.6 N m per unit of the effort of turn: not 2" in said(
+    assert "belongs to the robot 'arm', not to 'heavy'" in said({"robot.urdf": "heavy.urdf"}, use=True)
+    assert "the effort of turn = 1.6 N m per unit, but 2 N m per unit is believed" in said(
         {"joints.effort.torque_per_unit": {"*": 2.0}}, use=True
     )
     assert "cannot be told apart" in said({"joints.friction": {"scale": True}}, ("mass",))
-    assert "nothing to learn" in said({"joints.friction": None})
-    assert "--identify drag: of recordings by a map `mass`" in said({}, ("drag",))
+    assert "parameters has 'drag': of mass some were expected; joints.friction and" in said({}, ("drag",))
     with pytest.raises(MapError, match=r"joints\.friction\.fit: from and to .* or --calibration FILE"):
         estimate_recording(Path("pushed.csv"), parse_map(arm_map(), "of the test"), folder)
     for words, reason in (
         (["calibrate", "free.csv", "pushed.csv", "--map", "map.toml", "--out", "x.nc"], "2 recordings"),
-        (["calibrate", "free.csv", "--map", "map.toml", "--harmonics", "2", "--out", "x.nc"], "--harmonics is for"),
+        (["calibrate", "free.csv", "--map", "map.toml", "--vary", "speed", "--out", "x.nc"], "this robot has no phase"),
+        (["calibrate", "free.csv", "--map", "map.toml", "--morphology", "aerobat", "--out", "x.nc"], "--morphology is"),
         (["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.urdf"], "cannot be read as NetCDF-4"),
     ):
         assert call(monkeypatch, *words) == 2

@@ -14,7 +14,7 @@ from support.elsewhere import as_believed, elsewhere, seen_elsewhere
 from support.mismatch import estimated, made_up, scores
 from support.other_plant import fly_elsewhere
 
-from aerobat_pin.aerobat import calibrate
+from aerobat_pin.estimation import calibrate
 
 
 def test_both_plants_agree_on_rigid_bodies_in_a_vacuum() -> None:
@@ -24,9 +24,9 @@ def test_both_plants_agree_on_rigid_bodies_in_a_vacuum() -> None:
         return np.array([0.1, 0.2, 0.3]) * np.sin(20.0 * time)
 
     log, force = fly_elsewhere(0.15, push, settle=0.05, air=0.0)
-    given = as_believed(log).inputs
-    vacuum = replace(given, known={"thrusters": given.known["thrusters"]})
-    flight = seen_elsewhere((log, force), None)._replace(inputs=vacuum)
+    flight = seen_elsewhere((log, force), None)
+    vacuum = replace(flight.inputs, known={"thrusters": flight.inputs.known["thrusters"]})
+    flight = flight._replace(inputs=vacuum)
     found = estimated("force_level", flight, 1e9)
     np.testing.assert_allclose(found.force, flight.truth, atol=3e-4)
     assert found.redundancy.rms < 1e-4
@@ -35,7 +35,7 @@ def test_both_plants_agree_on_rigid_bodies_in_a_vacuum() -> None:
 def test_a_calibration_holds_on_flights_of_another_simulator() -> None:
     """Two seconds of free flight; then an impulse, a push and a step are found, and little is made up."""
     free = as_believed(elsewhere("nothing", 2.0)[0])
-    found = calibrate([free], parameters=[])
+    found = calibrate([free.record()], parameters=[])
     pushed = elsewhere("contacts", 1.0)
     plain, learnt = (seen_elsewhere(pushed, one) for one in (None, found))
     before, after = (estimated("force_level", one) for one in (plain, learnt))

@@ -13,8 +13,8 @@ import pytest
 from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import calibrate_recording, estimate_recording
-from aerobat_pin.records import parse_map
+from aerobat_pin.estimation import calibrate, estimate_recording
+from aerobat_pin.records import open_record, parse_map
 
 NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
 
@@ -154,10 +154,11 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
     knee = fitted.forces.fits[1].values
     assert knee["effort times"] == pytest.approx(0.9, abs=0.02)
     assert knee["coulomb"] == pytest.approx(0.12, abs=0.02)
-    learnt = calibrate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
-    assert learnt.values.friction is not None
-    assert not np.any(learnt.values.friction.offset)  # which is also the sensor's tare
-    assert learnt.values.fits[1].values == {**knee, "offset": 0.0}
+    learnt = calibrate([open_record(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)])
+    assert learnt.fitted.friction is not None
+    assert not np.any(learnt.fitted.friction.offset)  # which is also the sensor's tare
+    assert learnt.fitted.fits[1].values == {**knee, "offset": 0.0}
+    assert learnt.detection is None  # it was pushed all the time
     assert any("offsets" in note for note in learnt.notes)
 
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, calibrate, flight_motion, known_inputs, true_force
+from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record, free_record, true_force
+from aerobat_pin.aerobat.estimate import flight_inputs
+from aerobat_pin.aerobat.torque import Torque
+from aerobat_pin.estimation import Calibration, calibrate
+from aerobat_pin.records import Record
 from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
-from aerobat_pin.scenario import load_scenario
+from aerobat_pin.scenario import AirSection, load_scenario
 from support.detection_bound import detectability, earliest
 from support.mismatch import MISMATCHES, Seen, flown, heavier, shifted
 
@@ -41,8 +45,26 @@ def with_six_errors(model: pin.Model) -> None:
         change(model)
 
 
+@dataclass(frozen=True)
+class FreeFlight:
+    """A flight without unknown forces, and what is believed of it."""
+
+    log: FlightLog
+    robot: Aerobat
+    air: AirSection
+    torque: Torque = "measured"
+
+    def plugged(self) -> AerobatRobot:
+        """Return the believed robot in its air."""
+        return AerobatRobot.of(self.robot, self.air, self.torque)
+
+    def record(self) -> Record:
+        """Return the flight as a record to calibrate from."""
+        return free_record(self.log, self.plugged(), label="free")
+
+
 def believed(
-    log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None, **more: Any
+    log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None, torque: Any = "measured"
 ) -> FreeFlight:
     """Return a flight of `paper` with a belief: settings, and a change of the model."""
     scenario = load_scenario("paper", ["unknown_force=[]", *settings])
@@ -50,7 +72,7 @@ def believed(
     if change is not None:
         robot = replace(robot, model=robot.model.copy())
         change(robot.model)
-    return FreeFlight("free", log, robot, scenario.believed_air, **{"torque": "measured", **more})
+    return FreeFlight(log, robot, scenario.believed_air, torque)
 
 
 @cache
@@ -64,7 +86,7 @@ def free_flight(row: str, sensors: tuple[str, ...] = (), seed: int = 101, more: 
 @cache
 def learnt(row: str, sensors: tuple[str, ...] = (), seed: int = 101) -> Calibration:
     """Return what the harmonics of the crank show in such a flight."""
-    return calibrate([free_flight(row, sensors, seed)], parameters=[])
+    return calibrate([free_flight(row, sensors, seed).record()], parameters=[])
 
 
 def seen_with(
@@ -72,12 +94,11 @@ def seen_with(
 ) -> Seen:
     """Return a flight as observers with the belief of a free flight, and a calibration, see it."""
     log, scenario = flown(flight, seed, more)
-    robot, air = calibration.believed(free.robot, free.air)
-    inputs = known_inputs(log, robot, free.torque, air)
-    inputs = calibration.applied(inputs, robot, flight_motion(log, robot, air))
+    record = calibration.applied(flight_record(log, free.plugged()))
+    inputs = flight_inputs(record, calibration)
     pushed = {force.frame for force in scenario.unknown_force}
     truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
-    return Seen(robot.model, inputs, np.stack(truth, axis=1))
+    return Seen(record.robot.model, inputs, np.stack(truth, axis=1))
 
 
 def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:

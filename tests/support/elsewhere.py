@@ -6,8 +6,11 @@ from functools import cache
 
 import numpy as np
 
-from aerobat_pin.aerobat import Calibration, FlightLog, FreeFlight, belief_about, flight_motion, known_inputs
+from aerobat_pin.aerobat import FlightLog, belief_about, flight_record
+from aerobat_pin.aerobat.estimate import flight_inputs
+from aerobat_pin.estimation import Calibration
 from aerobat_pin.robot import believed_robot
+from support.calibrated import FreeFlight
 from support.mismatch import Seen
 from support.other_plant import Push, crank_at, fly_elsewhere
 from support.other_robot import ELBOW, SHOULDER, series_at
@@ -53,14 +56,13 @@ def elsewhere(
 def as_believed(log: FlightLog) -> FreeFlight:
     """Return a flight with the plain belief about its robot."""
     belief = belief_about(log, "elsewhere", None, [], [])
-    return FreeFlight("elsewhere", log, believed_robot(belief), belief.believed_air, "measured")
+    return FreeFlight(log, believed_robot(belief), belief.believed_air)
 
 
 def seen_elsewhere(flight: tuple[FlightLog, np.ndarray], calibration: Calibration | None) -> Seen:
     """Return a flight as observers see it, with or without a calibration."""
     log, force = flight
-    one = as_believed(log)
-    inputs = known_inputs(log, one.robot, "measured", one.air)
-    if calibration is not None:
-        inputs = calibration.applied(inputs, one.robot, flight_motion(log, one.robot, one.air))
-    return Seen(one.robot.model, inputs, np.stack([force, np.zeros_like(force)], axis=1))
+    record = flight_record(log, as_believed(log).plugged())
+    record = record if calibration is None else calibration.applied(record)
+    inputs = flight_inputs(record, calibration)
+    return Seen(record.robot.model, inputs, np.stack([force, np.zeros_like(force)], axis=1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerobat import calibrate
+from aerobat_pin.estimation import calibrate
 from aerobat_pin.observers import moving_weight
 from support.calibrated import PUSHED, false_alarms, free_flight, ideal_latencies, latencies, learnt
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
@@ -42,7 +42,7 @@ def contact_table() -> str:
                 free = free_flight(QUASI_STEADY, noise, 100 + seed)
                 found = learnt(QUASI_STEADY, noise, 100 + seed)
                 if words == "none":
-                    found = calibrate([free], parameters=[], harmonics=-1)
+                    found = calibrate([free.record()], parameters=[], harmonics=-1)
                 threshold = 1e3 * float(found.detection.threshold[2])
                 rows.append((threshold, latencies(found, free, seed, noise), false_alarms(found, free, seed, noise)))
             late = np.max([row[1] for row in rows], axis=0)
@@ -100,7 +100,7 @@ def benchmark_score(name: str, walk: float, noisy: Condition) -> float:
 def other_plant() -> str:
     """Return what a calibration gives back on flights of a simulator that shares no code with the package."""
     free = as_believed(elsewhere("nothing", 4.0)[0])
-    six, ten = (calibrate([free], parameters=[], harmonics=count) for count in (6, 10))
+    six, ten = (calibrate([free.record()], parameters=[], harmonics=count) for count in (6, 10))
     lines = [
         "| flight | | `force_level` | six harmonics | ten harmonics | `smoother` | six harmonics |",
         "|---" * 7 + "|",

@@ -38,11 +38,22 @@ def arm() -> str:
 
 
 def recording(
-    folder: Path, name: str, pushed: bool, seed: int, rate: float = 0.02, seconds: float = 10.0
+    folder: Path,
+    name: str,
+    pushed: bool,
+    seed: int,
+    rate: float = 0.02,
+    seconds: float = 10.0,
+    *,
+    turning: float = 0.0,
+    ripple: float = 0.0,
+    knock: tuple[float, float] = (0.0, 0.0),
 ) -> np.ndarray:
     """Write a table of the arm, which is heavier than its URDF says; return the force (n, 3) at its tool [N].
 
-    The table has the force, too, as a sensor would show it (`fx`, `fy`, `fz`); `arm_map` does not use it.
+    The table has the force, too, as a sensor would show it (`fx`, `fy`, `fz`); `arm_map` does not use it. The first
+    joint turns with a mean rate `turning` [rad/s]; its gear's torque repeats with every turn, and half as much twice a
+    turn, by `ripple` [N m]. From and to the times of `knock` [s] 8 N push upwards.
     """
     model = pin.buildModelFromXML(arm())
     for k, inertia in enumerate(model.inertias.tolist()):
@@ -55,11 +66,14 @@ def recording(
     v = np.sum(size * speed[:, None] * np.cos(angle), axis=0)
     a = np.sum(-size * speed[:, None] ** 2 * np.sin(angle), axis=0)
     force = np.stack([4 * np.sin(time), 3 * np.cos(1.4 * time), 8 + 5 * np.sin(0.7 * time)], axis=1) * pushed
+    force[(time >= knock[0]) & (time < knock[1]), 2] += 8.0
+    q[:, 0], v[:, 0] = q[:, 0] + turning * time, v[:, 0] + turning
     tau = np.empty_like(q)
     for k in range(len(time)):
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool"), pin.LOCAL_WORLD_ALIGNED)[:3]
         tau[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k]
     tau += COULOMB * np.tanh(v / rate) + VISCOUS * v + ROTOR * a + OFFSET
+    tau[:, 0] += ripple * (np.cos(q[:, 0] + 0.7) + 0.5 * np.sin(2.0 * q[:, 0]))
     columns = {"t": time}
     for k, joint in enumerate(JOINTS):
         columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k]}

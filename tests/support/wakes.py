@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.flight.wake import Wake
+from aerobat_pin.flight.shown import Wake
 
 
 def wake_at(wake: Wake, time: float) -> tuple[np.ndarray, np.ndarray]:

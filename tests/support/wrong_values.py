@@ -118,8 +118,8 @@ def calls() -> dict[str, Call]:
     blank = {"robot": bat, "scenario": paper, "log": log, "air": paper.air}
     quick = ["unknown_force=[]", "simulation.dt=5e-3", "simulation.duration=0.2", "crank.frequency=20", *short[1:]]
     free_paper = api.load_scenario("paper", quick)
-    free = {"robot": api.believed_robot(free_paper), "air": free_paper.air, "torque": "measured"}
-    free_flight = api.FreeFlight(name="free", log=api.simulate(free_paper), **free)
+    free = {"robot": api.AerobatRobot.of(api.believed_robot(free_paper), free_paper.air), "section": None}
+    free_flight = api.free_record(api.simulate(free_paper), **free)
     learnt = api.calibrate([free_flight], harmonics=1, parameters=["friction"])
     (folder / "calibration.nc").write_bytes(api.calibration_bytes(learnt))
     joints = {"q": np.outer(noise[:50], np.ones(2)), "v": np.ones((50, 2)), "a": np.ones((50, 2))}
@@ -211,10 +211,11 @@ def calls() -> dict[str, Call]:
             api.belief_about,
             {"log": log, "name": "log", "morphology": "aerobat", "names": ["momentum"], "settings": []},
         ),
-        "FreeFlight": (api.FreeFlight, {"name": "free", "log": log, **free}),
+        "free_record": (api.free_record, {"log": api.simulate(free_paper), "label": "free", **free}),
         "calibrate": (
             api.calibrate,
-            {"flights": [free_flight], "harmonics": 1, "vary": ["speed"], "parameters": [], "progress": None},
+            {"records": [free_flight], "harmonics": 1, "vary": ["speed"], "parameters": [], "trust": False}
+            | {"progress": None},
         ),
         "calibration_bytes": (api.calibration_bytes, {"calibration": learnt}),
         "read_calibration": (api.read_calibration, {"path": folder / "calibration.nc"}),
@@ -269,16 +270,7 @@ def _recordings(
     (folder / "map.toml").write_text(tomli_w.dumps(values))
     found = api.estimate_recording(folder / "drone.csv", read, folder)
     data = api.estimate_dataset(done.estimates)
-    fitted = api.parse_map(drone.MAP, "here")
-    learnt = api.calibrate_recording(folder / "drone.csv", fitted, folder)
-    (folder / "drone.nc").write_bytes(api.map_calibration_bytes(learnt))
     return {
-        "calibrate_recording": (
-            api.calibrate_recording,
-            {"log": folder / "drone.csv", "chosen": fitted, "folder": folder, "identify": [], "trust": False},
-        ),
-        "map_calibration_bytes": (api.map_calibration_bytes, {"calibration": learnt}),
-        "read_map_calibration": (api.read_map_calibration, {"path": folder / "drone.nc"}),
         "parse_map": (api.parse_map, {"values": values, "source": "here"}),
         "load_map": (api.load_map, {"path": folder / "map.toml"}),
         "with_options": (
@@ -318,13 +310,13 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """Belief Calibration CalibrationUse MapCalibration
+RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 AxisScore FlightSummary KnownInputs ObserverScores Scores Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample RecordingEstimate StoredEstimate Compared LogChannel StoredVariable
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact CalibrationParts"""  # made by other functions
+Contact"""  # made by other functions
 TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
 SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
@@ -332,10 +324,10 @@ HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
-INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run contradictions joint_series
+INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run flight_findings joint_series
 moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction ClosedLoop
 LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture changed_keys
-changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score lines_of warnings_about
+changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score warnings_about belief_of
 described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())

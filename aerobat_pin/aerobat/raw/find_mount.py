@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.raw.channels import RawRecord
-from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
+from aerobat_pin.aerobat.raw.smoother import JointSmoother
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
@@ -35,8 +35,8 @@ def mounted(record: RawRecord, mount: Mount) -> RawRecord:
 
 def find_mount(
     records: Sequence[RawRecord], robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection
-) -> tuple[Mount, list[JointEstimate]]:
-    """Find place and turn of the accelerometer; also return the last estimate of each flight.
+) -> Mount:
+    """Find place and turn of the accelerometer.
 
     Args:
         records: flights without unknown forces.
@@ -69,4 +69,4 @@ def find_mount(
         if np.all(np.abs(step[:3]) < SETTLED_PLACE) and np.all(np.abs(step[3:]) < SETTLED_TURN):
             break
         settings = settings.model_copy(update=found[0].tuning.stated())  # chosen once
-    return mount, found
+    return mount

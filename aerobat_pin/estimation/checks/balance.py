@@ -8,15 +8,15 @@ mass) follow by least squares: 1 for each effort and 0 for the mass if map and r
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
-from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, AllBut
@@ -30,6 +30,17 @@ EXPLAINED = 0.5  # share of the imbalance that the factors must explain before t
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
 SWAP = 0.5  # of the imbalance that is left if two efforts change places
 RANK = 1e-6
+HARMLESS = (  # warnings that leave the motion as it is, but for some ms
+    "held channel",
+    "interpolated channel",
+    "late channel",
+    "gap",
+    "repeated stamps",
+    "time goes back",
+    "recorder clock",
+    "duplicate file",
+    "accelerometer against gravity",
+)
 
 
 @dataclass(frozen=True)
@@ -42,14 +53,22 @@ class Balance:
     base: Array
 
 
-def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]:
-    """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them."""
-    if "joints.effort" not in record.channels:
+def effort_findings(
+    record: Record, inputs: Callable[[int, int], KnownInputs], before: Sequence[Finding]
+) -> Iterator[Finding]:
+    """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them.
+
+    Args:
+        record: the record.
+        inputs: function of first and last index of the common times: what an observer is given there.
+        before: what was found before; efforts are not compared with a motion that is misread.
+    """
+    if "joints.effort" not in record.channels or any(one.warns and one.check not in HARMLESS for one in before):
         return
-    found = _balance(record, forces)
+    found = _balance(record, inputs)
     if found is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
-        yield LogFinding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
+        yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
         return
     b, B = found.needed, found.efforts
     size = float(np.sum(b * b))
@@ -59,7 +78,7 @@ def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
-    yield LogFinding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
+    yield Finding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
     pair, left = _best_swap(found)
     if pair is not None and left < SWAP * here and share > 0.005:
         names = " and ".join(record.driven[j] for j in pair)
@@ -67,12 +86,12 @@ def effort_findings(record: Record, forces: KnownForces) -> Iterator[LogFinding]
             f"efforts of {names} in exchanged columns leave {100.0 * np.sqrt(left / size):.1f} %, as "
             f"mapped {100.0 * np.sqrt(share):.1f} %"
         )
-        yield LogFinding("swapped joints", "warning", what, float(np.sqrt(left / size)), "1")
+        yield Finding("swapped joints", "warning", what, float(np.sqrt(left / size)), "1")
         return
     yield from _factors(record, found, here)
 
 
-def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding]:
+def _factors(record: Record, found: Balance, here: float) -> Iterator[Finding]:
     """Yield factors of efforts and of the base's mass that differ from what the map says."""
     b, B = found.needed, found.efforts
     with_base = record.robot.free and bool(np.any(found.base))
@@ -99,25 +118,25 @@ def _factors(record: Record, found: Balance, here: float) -> Iterator[LogFinding
             f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
             "another order of joints, another robot"
         )
-        yield LogFinding("effort against motion", "warning", what, rest, "%")
+        yield Finding("effort against motion", "warning", what, rest, "%")
         return
     if with_base and seen[n] and abs(factors[n]) > 0.05 and sure[n] * SURE < abs(factors[n]):
         what = f"the record wants {1.0 + factors[n]:.2f} times the believed mass of the base link"
-        yield LogFinding("mass", "warning", what, 1.0 + float(factors[n]), "1")
+        yield Finding("mass", "warning", what, 1.0 + float(factors[n]), "1")
     if good and len(off) == len(good) and float(np.ptp(factors[good])) < 0.15 * abs(float(np.mean(factors[good]))):
         c = float(np.mean(factors[good]))
         what = (
             f"all efforts would have to be {c:.3g} times as large: their unit (A, N m), or all masses "
             f"{c:.3g} times too large"
         )
-        yield LogFinding("effort unit or mass", "warning", what, c, "1")
+        yield Finding("effort unit or mass", "warning", what, c, "1")
         return
     for k in off:
         what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large"
         reason = "its sign" if factors[k] < 0.0 else "its unit (A, N m): torque_per_unit"
         if 0.0 < factors[k] < 1.0:
             reason += "; or friction, of which a joint that carries little shows nothing else: joints.friction"
-        yield LogFinding(
+        yield Finding(
             "effort sign" if factors[k] < 0.0 else "effort unit", "warning", f"{what}: {reason}", float(factors[k]), "1"
         )
 
@@ -136,42 +155,34 @@ def _best_swap(found: Balance) -> tuple[tuple[int, int] | None, float]:
     return best, smallest
 
 
-def _balance(record: Record, forces: KnownForces) -> Balance | None:
+def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balance | None:
     """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
-    model = record.robot.model
+    model, free = record.robot.model, record.map.use.free
     ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
     weight = np.array([1.0 if _is_force(record, i) else 1.0 / MOMENT_ARM for i in rows])
     at = [record.robot.v_index(joint) for joint in record.driven]
+    unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
     lighter = _heavier_base(model) if record.robot.free else None
     needed, efforts, base = [], [], []
-    free = record.map.use.free
-    for block in _force_free_stretches(record):
+    data = model.createData()
+    for stretch in _force_free_stretches(record):
+        given = inputs(*stretch)
+        block = Block(given.time, given.q, given.v, given.tau)
         a = accelerations(block, record)
-        whole = required_torque(record, block, a)
-        for force in forces.known(block).values():
-            whole = whole - force
-        tau = forces.torque(block)
-        middle = range(len(tau) // 10, len(tau) - len(tau) // 10, max(1, len(tau) * STRETCHES // INSTANTS))
-        data = model.createData()
-        for k in middle:
+        whole = required_torque(record, block, a) - sum(given.known.values())
+        count = len(given.tau)
+        for k in range(count // 10, count - count // 10, max(1, count * STRETCHES // INSTANTS)):
             Q = np.eye(len(rows)) if free is not None else _beyond_forces(record, data, block.q[k], rows, weight)
             if Q.shape[1] == 0:
                 return None
             project = Q.T * weight
             needed.append(project @ whole[k, rows])
-            unit = np.zeros((len(rows), len(at)))
-            for j, row in enumerate(at):
-                if row in rows:
-                    unit[rows.index(row), j] = 1.0
-            columns = project @ unit
-            efforts.append(columns[:, :, None] * tau[k, at][None, None, :])
+            efforts.append((project @ unit)[:, :, None] * given.tau[k, at])
+            base.append(np.zeros(Q.shape[1]))
             if lighter is not None:
                 v = 0.5 * (block.v[k] + block.v[k + 1])
-                light = pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])
-                base.append(project @ light[rows])
-            else:
-                base.append(np.zeros(Q.shape[1]))
+                base[-1] = project @ pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])[rows]
     per_joint = np.concatenate(efforts)
     return Balance(np.concatenate(needed), np.einsum("njj->nj", per_joint).copy(), per_joint, np.concatenate(base))
 
@@ -192,8 +203,8 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     return alone
 
 
-def _force_free_stretches(record: Record) -> Iterator[Block]:
-    """Yield short blocks, spread over the used parts, or the stretch that the map calls free."""
+def _force_free_stretches(record: Record) -> Iterator[tuple[int, int]]:
+    """Yield first and last index of short stretches, spread over the used parts or what the map calls free."""
     free = record.map.use.free
     length = max(40, round(0.5 * record.rate))
     if free is not None:
@@ -211,7 +222,7 @@ def _force_free_stretches(record: Record) -> Iterator[Block]:
             if place <= last - first:
                 middle = first + place
                 low = max(first, min(middle - length // 2, last - length))
-                yield record.block(low, min(last, low + length))
+                yield low, min(last, low + length)
                 break
             place -= last - first
 

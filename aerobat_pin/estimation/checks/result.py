@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.estimation.checks.kinematics import CONFUSED, FOLLOWS, MOST_SAMPLES, checked_times
-from aerobat_pin.estimation.findings import LogFinding
+from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
+from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
+from aerobat_pin.estimation.checks.record import MOST_SAMPLES, checked_part
+from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.run_observers import rms_in, settled
 from aerobat_pin.estimation.sensor_scores import Compared
@@ -18,7 +19,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
-WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
+FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 MANY = 20_000  # intervals of which the power is taken
@@ -26,7 +27,7 @@ MANY = 20_000  # intervals of which the power is taken
 
 def result_findings(
     record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate], sides: Mapping[str, Compared]
-) -> Iterator[LogFinding]:
+) -> Iterator[Finding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
@@ -38,7 +39,7 @@ def result_findings(
         good = settled(record, block.time[:-1])
         sums, count = sums + block.components[good].sum(axis=0), count + int(good.sum())
     if not count:
-        yield LogFinding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
+        yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
     if estimate.head.are_world_forces:
         yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
@@ -47,61 +48,61 @@ def result_findings(
         yield from _free_stretch(record, estimates)
 
 
-def fit_findings(forces: KnownForces) -> Iterator[LogFinding]:
+def fit_findings(forces: KnownForces) -> Iterator[Finding]:
     """Yield fits that do not hold on the part of the record that they did not use."""
     for fit in forces.fits:
         if np.isnan(fit.outside):
-            yield LogFinding(
+            yield Finding(
                 "fit",
                 "note",
                 f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it",
             )
-        elif fit.outside > fit.before or fit.outside > WORSE * fit.inside:
+        elif fit.outside > fit.before or fit.outside > FIT_WORSE * fit.inside:
             sizes = (
                 f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
                 f"{fit.before:.3g} without"
             )
-            yield LogFinding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
+            yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
 
 
-def _sensor_findings(record: Record, side: Compared) -> Iterator[LogFinding]:
+def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
     """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
     k = side.liveliest
     one, other = side.sample(MOST_SAMPLES)
-    found = compare(one[:, [k]], other[:, [k]], record.dt)
-    if found is None:
+    found = compare(one[:, [k]], other[:, [k]], np.arange(len(one)) * record.dt)
+    if found is None or not found.swings.all():
         return
+    factor, correlation = float(found.factor[0]), float(found.correlation[0])
+    good, why = abs(factor - 1.0) < 0.15, ""
+    if correlation < -FOLLOWS:
+        good, why = False, ": check.wrench.sign"
+    elif abs(correlation) < CONFUSED:
+        good, why = False, ": other axes, another point"
     name = f"{side.point}.{side.labels[k]}"
-    text = f"the sensor's {name} is {found.factor:.3g} times the estimate, correlation {found.correlation:.2f}"
-    if found.correlation < -FOLLOWS:
-        yield LogFinding("sensor against estimate", "warning", f"{text}: check.wrench.sign", found.factor, "1")
-    elif abs(found.correlation) < CONFUSED:
-        yield LogFinding("sensor against estimate", "warning", f"{text}: other axes, another point", found.factor, "1")
-    else:
-        good = abs(found.factor - 1.0) < 0.15
-        yield LogFinding("sensor against estimate", "good" if good else "warning", text, found.factor, "1")
+    text = f"the sensor's {name} is {factor:.3g} times the estimate, correlation {correlation:.2f}{why}"
+    yield Finding("sensor against estimate", "good" if good else "warning", text, factor, "1")
 
 
-def _check_commands(record: Record, forces: KnownForces) -> Iterator[LogFinding]:
+def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
     """Yield how late the acceleration follows each thrust's commands."""
     if "check.specific_force" not in record.channels:
         return
-    time = checked_times(record)
+    time = record.times(*checked_part(record))
     for name, section in record.map.known.items():
         if section.powers:
             measured = (record.means("check.specific_force", time) @ unit_direction(section))[:, None]
-            found = compare(command_sum(record, name, time)[:, None], measured, record.dt)
-            if found is None or found.correlation < FOLLOWS:
+            found = compare(command_sum(record, name, time)[:, None], measured, time[:-1])
+            if found is None or found.correlation[0] < FOLLOWS:
                 continue
             text = (
                 f"known.{name} leads the acceleration by {1e3 * found.lag:.0f} ms beyond its delay "
                 f"of {1e3 * section.delay:.0f} ms"
             )
             late = abs(found.lag) > max(LATE_COMMAND, record.dt)
-            yield LogFinding("lag of command", "warning" if late else "good", text, found.lag, "s")
+            yield Finding("lag of command", "warning" if late else "good", text, found.lag, "s")
 
 
-def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[LogFinding]:
+def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[Finding]:
     """Yield the mean (3,) of all forces together over the weight, for a robot whose base is free."""
     if not record.robot.free or record.map.base.held:
         return
@@ -111,18 +112,18 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[L
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
     off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
     if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
-        yield LogFinding(
+        yield Finding(
             "mean force", "refused", f"{text}: about 2 if the attitude is misread and thrust points down", off, "1"
         )
     elif off > 0.5:
-        yield LogFinding(
+        yield Finding(
             "mean force", "warning", f"{text}; {'the weight' if expected else 'little'} was expected", off, "1"
         )
     else:
-        yield LogFinding("mean force", "good", text, off, "1")
+        yield Finding("mean force", "good", text, off, "1")
 
 
-def _power(record: Record, estimate: StoredEstimate) -> Iterator[LogFinding]:
+def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     """Yield the mean power of each force at its point: positive drives the robot, negative brakes it."""
     model = record.robot.model
     first, last = record.parts[0]
@@ -146,12 +147,12 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[LogFinding]:
     if count:
         yield from _held_still(record, frames, np.sqrt(moved / np.maximum(pushed, 1e-12)))
         means = ", ".join(f"{frame} {power / count:.3g} W" for frame, power in zip(frames, powers, strict=True))
-        yield LogFinding(
+        yield Finding(
             "power", "note", f"mean power of the force at its point: {means}", float(powers.sum()) / count, "W"
         )
 
 
-def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[LogFinding]:
+def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[Finding]:
     """Yield points that move where they carry force, though something that the map holds still may move instead.
 
     Args:
@@ -171,19 +172,19 @@ def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Itera
             f"points move where they carry force: {words}. A foot on the ground stands; does what the map holds still "
             f"move in its place ({', '.join(held)})? Then its position belongs into the map"
         )
-        yield LogFinding("held still", "note", text, max(speed for _, speed in fast), "m/s")
+        yield Finding("held still", "note", text, max(speed for _, speed in fast), "m/s")
 
 
-def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> Iterator[LogFinding]:
+def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> Iterator[Finding]:
     """Yield the force that is found where the map says that nothing touches the robot."""
     free = record.map.use.free
     assert free is not None
     for name, estimate in estimates.items():
         sizes = rms_in(record, estimate, free)
         if sizes is None:
-            yield LogFinding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
+            yield Finding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
         labels, units = estimate.head.identifiability.components, estimate.head.units
         words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
-        yield LogFinding("stretch without contact", "note", text, float(sizes.max()), "N")
+        yield Finding("stretch without contact", "note", text, float(sizes.max()), "N")

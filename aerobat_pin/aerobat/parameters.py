@@ -34,19 +34,18 @@ SCALED_FORCE = "thrusters"  # the known force that `thruster_scale` changes
 
 
 PARAMETERS = {
-    "mass": Parameter("1", 0.1),
-    "distal_mass": Parameter("1", 0.2),
-    "com_x": Parameter("m", 5e-3),
-    "com_y": Parameter("m", 5e-3),
-    "com_z": Parameter("m", 5e-3),
-    "wing_offset": Parameter("m", 1e-2),
-    "density": Parameter("1", 0.2),
-    "lift_slope": Parameter("1", 0.2),
-    "drag": Parameter("1", 0.5),
-    "added_mass": Parameter("1", 0.3),
+    "mass": Parameter("1", 0.1, usual=True, inertial=True),
+    "distal_mass": Parameter("1", 0.2, usual=True, inertial=True),
+    "com_x": Parameter("m", 5e-3, usual=True, inertial=True),
+    "com_y": Parameter("m", 5e-3, inertial=True),
+    "com_z": Parameter("m", 5e-3, usual=True, inertial=True),
+    "wing_offset": Parameter("m", 1e-2, usual=True),
+    "density": Parameter("1", 0.2, usual=True),
+    "lift_slope": Parameter("1", 0.2, usual=True),
+    "drag": Parameter("1", 0.5, usual=True),
+    "added_mass": Parameter("1", 0.3, usual=True),
     "thruster_scale": Parameter("1", 0.1),
 }
-OF_MASS = ("mass", "distal_mass", "com_x", "com_y", "com_z")  # these change nothing but the model's inertias
 
 
 def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float]) -> tuple[Aerobat, AirSection]:
@@ -79,9 +78,9 @@ def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float])
     return changed, air.model_copy(update={"density": density, "added_mass": added})
 
 
-def scaled_thrusters(known: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, Array]:
-    """Return known forces with those of thrusters changed as `thruster_scale` says."""
-    factor = 1.0 + values.get("thruster_scale", 0.0)
+def scaled_thrusters(known: Mapping[str, Array], change: float) -> dict[str, Array]:
+    """Return known forces with those of thrusters changed by `thruster_scale`."""
+    factor = 1.0 + change
     return {name: factor * force if name == SCALED_FORCE else force for name, force in known.items()}
 
 

@@ -1,9 +1,10 @@
-"""The wake shed during a flight, for figures and mean values: where each strip shed vorticity, and how much.
+"""What figures and replays show of a flight: the motion of a log without configurations, and the wake that was shed.
 
-When a strip's bound circulation Gamma changes, the wake receives the opposite change (Kelvin): between samples k and
-k + 1 a strip sheds a vortex of strength -(Gamma_k+1 - Gamma_k) across the flow, at its trailing edge. Where the
-circulation differs between neighbouring strips i - 1 and i, a vortex of strength Gamma_i - Gamma_i-1 trails along the
-flow; outside the tips the circulation counts as zero.
+The wake tells where each strip shed vorticity, and how much. When a strip's bound circulation Gamma changes, the wake
+receives the opposite change (Kelvin): between samples k and k + 1 a strip sheds a vortex of strength
+-(Gamma_k+1 - Gamma_k) across the flow, at its trailing edge. Where the circulation differs between neighbouring strips
+i - 1 and i, a vortex of strength Gamma_i - Gamma_i-1 trails along the flow; outside the tips the circulation counts as
+zero.
 
 The wake is frozen: it drifts with the wind and does not move itself, so it does not roll up. This wake is computed
 after the flight. The forces in flight come from the lifting line's own wake model (Wagner and Prandtl), in which the
@@ -16,13 +17,45 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+import xarray as xr
 
-from aerobat_pin.aerobat import FlightLog, robot_air, wind_of
+from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, filled, robot_air, wind_of
 from aerobat_pin.aerodynamics import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import LINKS, Aerobat
 from aerobat_pin.scenario import AirSection
+
+
+@guarded(q="any", v="any", crank="any")
+def log_with_motion(
+    log: FlightLog, q: Array | None = None, v: Array | None = None, crank: Array | None = None
+) -> FlightLog:
+    """Return a log with q and v, and a crank angle in place of raw samples; a log that has q and v stays as it is.
+
+    The true motion of raw samples is shown where the log has it.
+
+    Args:
+        log: the flight log.
+        q: (m + 1, nq) estimated configurations.
+        v: (m + 1, nv) estimated velocities.
+        crank: (m + 1,) estimated crank angle [rad].
+    """
+    if {"q", "v"} <= set(log.measured) or not (log.is_raw or (q is not None and v is not None)):
+        return log
+    labels = {dim: list(LABELS[dim]) for dim in ("q_axis", "v_axis")}
+    if not log.is_raw:
+        motion = {name: filled(name, values) for name, values in (("q", q), ("v", v)) if values is not None}
+        return FlightLog(log.measured.assign_coords(labels).assign(motion), log.truth)
+    truth = log.truth
+    exact = {} if truth is None else {name: truth[name].values for name in ("q", "v", "crank_angle") if name in truth}
+    values = {"q": q, "v": v, "crank_angle": crank} | exact
+    measured = log.measured[[str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN)]]
+    measured = measured.drop_dims([dim for dim in measured.dims if dim not in ("time", "interval", "v_axis")])
+    made = {name: filled(name, value) for name, value in values.items() if value is not None}
+    coords = {name: log.measured[name] for name in ("time", "interval")}
+    kept = {name: values.variable for name, values in measured.data_vars.items()}
+    return FlightLog(xr.Dataset({**kept, **made}, coords={**coords, **labels}, attrs=log.measured.attrs), truth)
 
 
 @dataclass(frozen=True)

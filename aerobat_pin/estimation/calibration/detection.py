@@ -1,32 +1,34 @@
-"""Find contacts in a flight: thresholds learnt from free flights, above which a force is an event.
+"""Find contacts: thresholds learnt from free runs of any robot, above which a force is a contact.
 
 The detector is a Kalman filter whose forces walk slowly, a third of the robot's weight per root second: with noisy
 sensors it sees a step of 0.1 N on a robot of 0.9 N within 3 ms, where the usual walk, seven times as fast, needs a
 threshold above the step. Excursions are counted in the deviations that the filter states, which change within a wing
 beat; so counted, noise is nearly normal. A component's threshold is 5.3 times the root mean square of its excursions in
-the free flights, which noise does not pass in hours, but no more than 1.6 times the largest of them, as what repeats
+the free runs, which noise does not pass in hours, but no more than 1.6 times the largest of them, as what repeats
 itself with the wings has no such tails; and at least 1.2 % of the weight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
-from aerobat_pin.estimation import Contact, KnownInputs
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.use import Contact
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import KalmanObserver, LevelDetector, moving_weight
 
 DETECTOR_WALK = 0.33  # of the robot's weight per root second
-ABOVE_USUAL, ABOVE_LARGEST = 5.3, 1.6  # threshold, in usual and largest excursions of the free flights; the lower one
+ABOVE_USUAL, ABOVE_LARGEST = 5.3, 1.6  # threshold, in usual and largest excursions of the free runs; the lower one
 LEAST_THRESHOLD = 0.012  # of the robot's weight
-SETTLING = 0.1  # [s] at the start of a flight in which the filter still learns its sensors
-FLOOR = 0.5  # of the threshold: where an event is said to begin
+SETTLING = 0.1  # [s] at the start of a run in which the filter still learns its sensors
+FLOOR = 0.5  # of the threshold: where a contact is said to begin
 ECHO = 0.25  # of a contact, in thresholds, below which an overlapping one elsewhere is its echo
-JOINED = 0.02  # [s]: events with shorter pauses are one
+JOINED = 0.02  # [s]: contacts with shorter pauses are one
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,9 @@ class Detection:
 
     Attributes:
         frames: points at which forces are sought.
-        bias: (3 n,) mean of the detector's forces in the free flights, world axes [N].
-        threshold: (3 n,) distance from it at which an event is found [N], where the filter is as sure as usual.
-        deviation: (3 n,) root mean square of the standard deviation that the filter states in the free flights [N];
+        bias: (3 n,) mean of the detector's forces in the free runs, world axes [N].
+        threshold: (3 n,) distance from it at which a contact is found [N], where the filter is as sure as usual.
+        deviation: (3 n,) root mean square of the standard deviation that the filter states in the free runs [N];
             thresholds are in proportion to what it states.
     """
 
@@ -46,17 +48,26 @@ class Detection:
     threshold: Array
     deviation: Array
 
-    def contacts(self, model: pin.Model, inputs: KnownInputs, near: Array) -> tuple[Contact, ...]:
-        """Return the contacts of a flight in the order of their onsets, sought in the intervals `near` (m,) alone."""
-        sought = near & (inputs.time[:-1] - inputs.time[0] >= SETTLING)
+    def excess(self, model: pin.Model, inputs: KnownInputs, near: NDArray[np.bool_] | None = None) -> Array:
+        """Return the excess (m, n) of each point over its threshold; 0 where none is sought, 1 where one is found.
+
+        Args:
+            model: the believed robot.
+            inputs: inputs of a stretch, with all that was learnt among the known forces.
+            near: (m,) the intervals in which contacts are sought; all of them when omitted.
+        """
+        sought = settled_intervals(inputs) if near is None else near & settled_intervals(inputs)
         force, deviation = _detected(model, self.frames, inputs)
         least = LEAST_THRESHOLD * moving_weight(model)
         over = np.abs(force - self.bias) / np.maximum(self.threshold * deviation / self.deviation, least)
+        return np.where(sought[:, None], np.max(over.reshape(len(over), -1, 3), axis=2), 0.0)
+
+    def contacts(self, time: Array, excess: Array) -> tuple[Contact, ...]:
+        """Return the contacts between times (m + 1,) [s] in the order of their onsets, from their `excess` (m, n)."""
         found: list[tuple[Contact, float]] = []
-        for i, frame in enumerate(self.frames):
-            statistic = np.where(sought, np.max(over[:, 3 * i : 3 * i + 3], axis=1), 0.0)
+        for frame, statistic in zip(self.frames, excess.T, strict=True):
             joined: list[tuple[Contact, float]] = []
-            for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(inputs.time, statistic):
+            for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(time, statistic.copy()):
                 contact, size = Contact(frame, event.onset, event.alarm, event.end), event.peak
                 if joined and joined[-1][0].end is not None and event.onset - joined[-1][0].end < JOINED:
                     before, larger = joined.pop()
@@ -73,12 +84,17 @@ def _hides(other: Contact, large: float, one: Contact, size: float) -> bool:
     return other.frame != one.frame and not apart and size < ECHO * large
 
 
-def learn_detection(frames: Sequence[str], flights: Sequence[tuple[pin.Model, KnownInputs]]) -> Detection:
-    """Return the thresholds that free flights show, given the model and the calibrated inputs of each."""
-    parts = []
-    for model, inputs in flights:
-        settled = inputs.time[:-1] - inputs.time[0] >= SETTLING
-        parts.append(_detected(model, frames, inputs)[:, settled])
+def settled_intervals(inputs: KnownInputs) -> NDArray[np.bool_]:
+    """Return in which intervals (m,) the detector has settled."""
+    return np.asarray(inputs.time[:-1] - inputs.time[0] >= SETTLING)
+
+
+def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, KnownInputs]]) -> Detection:
+    """Return the thresholds that free runs show, given the model and the calibrated inputs of each."""
+    parts, weights = [], []
+    for model, inputs in runs:
+        parts.append(_detected(model, frames, inputs)[:, settled_intervals(inputs)])
+        weights.append(moving_weight(model))
     forces, deviations = np.concatenate(parts, axis=1)
     seen, bias = np.isfinite(deviations), np.mean(forces, axis=0)
     excursions = np.abs(forces - bias) / deviations
@@ -86,7 +102,7 @@ def learn_detection(frames: Sequence[str], flights: Sequence[tuple[pin.Model, Kn
     allowed = np.minimum(ABOVE_USUAL * size, ABOVE_LARGEST * largest)
     mean = np.mean(np.square(deviations, where=seen, out=np.zeros_like(deviations)), axis=0)
     usual = np.sqrt(np.where(mean > 0.0, mean / np.maximum(np.mean(seen, axis=0), 1e-9), 1.0))
-    least = LEAST_THRESHOLD * moving_weight(flights[0][0])
+    least = LEAST_THRESHOLD * weights[0]
     return Detection(tuple(frames), bias, np.maximum(allowed * usual, least), usual)
 
 

@@ -1,1 +1,0 @@
-"""Learn from flights without unknown forces what a belief gets wrong, and use that as a known input."""

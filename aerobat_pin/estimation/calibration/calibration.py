@@ -1,0 +1,216 @@
+"""A calibration: what free runs showed about a belief, and its use on other records with the same belief."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.calibration.detection import SETTLING, Detection
+from aerobat_pin.estimation.calibration.error_bar import bar_words
+from aerobat_pin.estimation.calibration.harmonics import LOST_UNNOTICED, Harmonics
+from aerobat_pin.estimation.calibration.identify import Identified
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.fit_known_forces import fitted_forces
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
+from aerobat_pin.estimation.use import CalibrationUse, Contact
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, factor_of
+
+TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
+LESS = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}  # torque -> usable with
+
+
+@dataclass(frozen=True)
+class Belief:
+    """The belief that a calibration belongs to.
+
+    Attributes:
+        robot: title of the robot.
+        fingerprint: a number made of all values of the robot.
+        settings: what else was believed -> its value in words, such as `air.density` or `the effort of knee`.
+    """
+
+    robot: str
+    fingerprint: str
+    settings: Mapping[str, str]
+
+    def refuse_other(self, other: Belief) -> None:
+        """Raise CalibrationError if this is not the belief that a record is to be estimated with."""
+        if (self.robot, self.fingerprint) != (other.robot, other.fingerprint):
+            same = " with other values" if self.robot == other.robot else f", not to '{other.robot}'"
+            raise CalibrationError(
+                f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
+            )
+        for key, value in self.settings.items():
+            found = other.settings.get(key, "nothing of that name")
+            if found not in (LESS.get(value, (value,)) if key == TORQUE else (value,)):
+                raise CalibrationError(
+                    f"the calibration was learnt with {key} = {value}, but {found} is believed: calibrate again with "
+                    "this belief"
+                )
+
+
+def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
+    """Return what is believed of a record: its robot, what the robot assumes, and what the map's numbers mean.
+
+    Args:
+        chosen: the map.
+        robot: the robot as believed at first.
+        joints: those that have channels.
+    """
+    effort, settings = chosen.joints.effort, dict(robot.assumptions)
+    if effort is not None:
+        factor = factor_of("joints.effort", effort.unit, "torque")
+        settings |= {f"the effort of {name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
+    settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
+    return Belief(robot.title, robot.fingerprint(), settings)
+
+
+def _law(known: KnownSection) -> str:
+    """Return what the coefficients of a thrust multiply, in words."""
+    supply = ""
+    if known.supply is not None:
+        supply = f", {'divided by' if known.supply.divide else 'times'} its supply"
+    where = f"along {list(known.direction)} of {known.frame or 'the base'} in {known.axes} axes"
+    return f"{known.law} of commands over {known.full_scale:g}{supply}, {where}"
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was learnt from free runs.
+
+    Attributes:
+        belief: the belief whose errors were learnt.
+        records: names of the records.
+        identified: values of parameters, with their covariance; None if none were sought.
+        fitted: friction, factors of efforts, coefficients of thrust, and the mass.
+        series: error that is left, over a phase; None if the robot has none, or if it was not fitted.
+        detection: what is normal where nothing pushes; None if that was not learnt.
+        extras: what only the robot itself reads, such as an accelerometer's place.
+        error_bar: component -> rms error without and with the calibration, where it was not fitted [N, N m].
+        remainder: row -> rms of what the calibration leaves unexplained [N, N m].
+        warnings: what makes the calibration doubtful, in words.
+        notes: what was found, in words.
+    """
+
+    belief: Belief
+    records: tuple[str, ...]
+    identified: Identified | None = None
+    fitted: FittedValues = field(default_factory=FittedValues)
+    series: Harmonics | None = None
+    detection: Detection | None = None
+    extras: Mapping[str, Array] = field(default_factory=dict)
+    error_bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    remainder: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def changes(self) -> Mapping[str, float]:
+        """Parameter -> change, of the parameters that the calibration changes."""
+        return {} if self.identified is None else self.identified.used
+
+    @property
+    def origin(self) -> str:
+        """Where it comes from, in words."""
+        return (
+            f"learnt from {self.records[0]}" if len(self.records) == 1 else f"learnt from {len(self.records)} records"
+        )
+
+    def applied(self, record: Record) -> Record:
+        """Return a record whose robot has the learnt parameters, and whose map fits nothing that was learnt.
+
+        Raises:
+            CalibrationError: the calibration belongs to another robot, or to a map that means something else.
+        """
+        self.belief.refuse_other(belief_of(record.map, record.robot, record.joints))
+        return replace(record, map=self.without_fits(record.map), robot=self.believed(record.robot))
+
+    def believed(self, robot: PlainRobot) -> PlainRobot:
+        """Return a robot with all that was learnt about it."""
+        robot = robot.changed(self.changes) if self.changes else robot
+        robot = robot.with_extras(self.extras) if self.extras else robot
+        return robot if self.fitted.mass == 1.0 else robot.heavier(self.fitted.mass)
+
+    def without_fits(self, chosen: Map) -> Map:
+        """Return a map that has the learnt coefficients of thrust, and fits no friction that was learnt."""
+        known, joints = dict(chosen.known), chosen.joints
+        for name, found in self.fitted.coefficients.items():
+            known[name] = known[name].model_copy(update={"coefficients": tuple(found.tolist()), "fit": None})
+        if self.fitted.friction is not None:
+            joints = joints.model_copy(update={"friction": None})
+        return chosen.model_copy(update={"known": known, "joints": joints})
+
+    def forces(self, record: Record) -> KnownForces:
+        """Return the known forces of a record that `applied` returned: what the map still fits, and what was learnt."""
+        forces, mine = fitted_forces(record), self.fitted
+        own, fits = forces.values, tuple(replace(fit, log=fit.log or self.records[0]) for fit in mine.fits)
+        sources = {} if self.series is None else {CALIBRATION: self.origin}
+        if mine.friction is not None:
+            own = replace(own, joints=mine.joints, friction=mine.friction, scale=mine.scale)
+            sources[FRICTION] = "calibrated"
+        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits))
+        return replace(forces, values=values, series=self.series, sources=sources)
+
+    def finding(self) -> Finding:
+        """Return what a report says about the calibration."""
+        return Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
+
+
+class CalibrationWatch:
+    """Follows a record on its way to the observers: where a calibration holds, and what pushes."""
+
+    settling = SETTLING
+
+    def __init__(self, calibration: Calibration) -> None:
+        """Begin with nothing seen."""
+        self._series, self._detection = calibration.series, calibration.detection
+        self._excess: list[tuple[Array, Array]] = []
+        self._contacts: list[Contact] = []
+        self._count, self._lost, self._near = 0, 0.0, 0
+        self._farthest, self._where = 0.0, ""
+
+    def take(self, record: Record, inputs: KnownInputs, kept: slice, *, ends: bool) -> None:
+        """Take the inputs of a block.
+
+        Args:
+            record: the record, whose robot has what was learnt.
+            inputs: the inputs, with a lead before the intervals that count.
+            kept: the intervals that count.
+            ends: whether a part of the record ends with them.
+        """
+        near = np.ones(len(inputs.tau), bool)
+        if self._series is not None and inputs.condition is not None:
+            learnt, condition = self._series.learnt, inputs.condition
+            near = learnt.near(condition)
+            self._lost += float(np.sum(1.0 - learnt.weight(condition)[kept]))
+            if (farthest := float(np.max(learnt.excess(condition)))) >= self._farthest:
+                self._farthest, self._where = farthest, learnt.describe(condition)
+        self._count, self._near = self._count + len(near[kept]), self._near + int(np.sum(near[kept]))
+        if self._detection is None:
+            return
+        excess = self._detection.excess(record.robot.model, inputs, near)
+        self._excess.append((inputs.time[kept.start : kept.stop + 1], excess[kept]))
+        if ends:
+            times, sizes = zip(*self._excess, strict=True)
+            time = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
+            self._contacts += self._detection.contacts(time, np.concatenate(sizes))
+            self._excess = []
+
+    def use(self) -> CalibrationUse:
+        """Return how the calibration was used."""
+        lost, near = self._lost / self._count, self._near / self._count
+        use = CalibrationUse("inside", "calibration: holds for any motion, as it has no series over a phase")
+        if self._series is not None and lost <= LOST_UNNOTICED:
+            use = CalibrationUse("inside", "calibration: inside the range that was learnt")
+        elif self._series is not None:
+            words = f"{lost:.0%} faded out, as the motion leaves the range that was learnt: {self._where}"
+            use = CalibrationUse("faded", f"calibration: {words}")
+        if self._detection is None or near == 0.0:
+            return use
+        words = "" if near == 1.0 else f"; contacts are sought in the {near:.0%} that are near to it"
+        return replace(use, words=use.words + words, contacts=tuple(self._contacts))

@@ -1,0 +1,233 @@
+"""The file of a calibration: NetCDF, whose parts are checked as they are read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from aerobat_pin.errors import CalibrationError, LogError
+from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
+from aerobat_pin.estimation.calibration.detection import Detection
+from aerobat_pin.estimation.calibration.harmonics import Harmonics, LearntRange
+from aerobat_pin.estimation.calibration.identify import Identified
+from aerobat_pin.estimation.known_forces import Fit, FittedValues
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
+from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
+
+KIND, OLDER_KINDS = "aerobat calibration 2", ("aerobat calibration 1", "aerobat calibration by a map 1")
+LARGEST_LEARNT = 1.0e9  # of any number in a file
+EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
+MOST_POWERS = 3  # of a thrust's polynomial
+
+
+@guarded()
+def calibration_bytes(calibration: Calibration) -> bytes:
+    """Return the content of a calibration's file."""
+    fitted, belief, found = calibration.fitted, calibration.belief, calibration.identified
+    parts: dict[str, Any] = {
+        "record": ("file", _lines(calibration.records)),
+        "note": ("line", _lines(calibration.notes)),
+        "warning": ("doubt", _lines(calibration.warnings)),
+        "remainder": ("row", list(calibration.remainder.values()), {"long_name": "rms that is left unexplained"}),
+        "mass": ((), fitted.mass, {"long_name": "factor of all masses and inertias", "units": "1"}),
+    }
+    coords: dict[str, Any] = {"row": list(calibration.remainder)}
+    if found is not None:
+        parts["change"] = ("parameter", found.values)
+        parts["covariance"] = (("parameter", "other"), found.covariance)
+        parts["parameter_unit"] = ("parameter", [one.unit for one in found.parameters.values()])
+        parts["expected"] = ("parameter", [one.expected for one in found.parameters.values()])
+        parts["error"] = (("stage", "share"), np.array([found.before, found.after]))
+        coords |= {"parameter": list(found.parameters), "stage": ["before", "after"], "share": ["fitted", "held_out"]}
+    if fitted.friction is not None:
+        table = np.column_stack([getattr(fitted.friction, name) for name in FRICTION_COEFFICIENTS])
+        parts["friction"] = (("joint", "coefficient"), table)
+        parts["friction_deviation"] = (("joint", "coefficient"), fitted.friction.deviation)
+        parts["effort_factor"] = ("joint", fitted.scale)
+        coords |= {"joint": list(fitted.joints), "coefficient": list(FRICTION_COEFFICIENTS)}
+    if fitted.coefficients:
+        table = np.full((len(fitted.coefficients), MOST_POWERS), np.nan)
+        for row, values in zip(table, fitted.coefficients.values(), strict=True):
+            row[: len(values)] = values
+        parts["thrust"] = (("known", "term"), table, {"units": "N"})
+        coords |= {"known": list(fitted.coefficients)}
+    if calibration.series is not None:
+        series = calibration.series
+        parts["coefficients"] = (("factor", "harmonic", "v_axis"), series.coefficients)
+        parts["scaling"] = (("factor", "moment"), np.column_stack([[0.0, *series.centre], [1.0, *series.spread]]))
+        parts["range"] = (
+            ("state", "bound"),
+            np.column_stack([series.learnt.low, series.learnt.high, series.learnt.margin]),
+        )
+        parts["state_unit"] = ("state", list(series.learnt.states.values()))
+        coords |= {"factor": ["one", *series.varied], "moment": ["centre", "spread"]}
+        coords |= {"state": list(series.learnt.states), "bound": ["low", "high", "margin"]}
+        terms = range(1, series.order + 1)
+        coords["harmonic"] = ["mean", *(f"{kind}{k}" for kind in ("cos", "sin") for k in terms)]
+    if calibration.detection is not None:
+        normal = calibration.detection
+        limits = {"bias": normal.bias, "threshold": normal.threshold, "deviation": normal.deviation}
+        parts["normal"] = (("component", "limit"), np.column_stack(list(limits.values())))
+        parts["frame"] = ("point", _lines(normal.frames))
+        coords["limit"] = list(limits)
+    if calibration.error_bar:
+        parts["error_bar"] = (("force", "without_with"), np.array(list(calibration.error_bar.values())))
+        coords |= {"force": list(calibration.error_bar), "without_with": ["without", "with"]}
+    for name, values in calibration.extras.items():
+        parts[f"{EXTRA_PART}{name}"] = (tuple(f"{name}_{axis}" for axis in range(values.ndim)), values)
+    attributes = {
+        "kind": KIND,
+        "robot": belief.robot,
+        "fingerprint": belief.fingerprint,
+        "settings": json.dumps(dict(belief.settings)),
+        "fits": json.dumps([asdict(fit) for fit in fitted.fits]),
+        "kept": int(found is not None and found.kept),
+        "allowed": 0.0 if found is None else found.allowed,
+        "friction_rate": 0.0 if fitted.friction is None else fitted.friction.rate,
+    }
+    return netcdf_bytes(xr.Dataset(parts, coords, attributes))
+
+
+@guarded()
+def read_calibration(path: Path) -> Calibration:
+    """Read a calibration's file. Raises CalibrationError if it is missing, damaged, older or something else."""
+    name = f"calibration {path}"
+    try:
+        data = read_netcdf(path, "calibration")[""]
+    except LogError as error:
+        raise CalibrationError(str(error)) from error
+    kind = str(data.attrs.get("kind", ""))
+    if kind in OLDER_KINDS:
+        raise CalibrationError(f"{name}: an older version wrote it ({kind}): calibrate again with `aerobat calibrate`")
+    if kind != KIND:
+        raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
+    try:
+        return _Parts(data).calibration()
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
+
+
+def _lines(texts: Sequence[str]) -> list[str]:
+    """Return texts as a part of a file, which cannot be empty."""
+    return list(texts) or [""]
+
+
+class _Parts:
+    """The parts of a file; one that is not as it should be is a KeyError or ValueError."""
+
+    def __init__(self, data: xr.Dataset) -> None:
+        self._data, self._noted = data, data.attrs
+
+    def calibration(self) -> Calibration:
+        """Return the calibration."""
+        noted, extras = self._noted, {}
+        for key in map(str, self._data.data_vars):
+            if key.startswith(EXTRA_PART):
+                extras[key.removeprefix(EXTRA_PART)] = self._numbers(key, *self._data[key].shape)
+        settings = self._object("settings", dict)
+        if not all(isinstance(value, str) for value in settings.values()):
+            raise ValueError("settings: names and their values in words were expected")
+        rows, bar = self._texts("row"), self._texts("force")
+        bars = self._numbers("error_bar", len(bar), 2, finite=False).tolist() if bar else []
+        return Calibration(
+            belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), settings),
+            records=self._texts("record"),
+            identified=self._identified() if "change" in self._data else None,
+            fitted=self._fitted(),
+            series=self._series() if "coefficients" in self._data else None,
+            detection=self._detection() if "normal" in self._data else None,
+            extras=extras,
+            error_bar={label: (before, after) for label, (before, after) in zip(bar, bars, strict=True)},
+            remainder=dict(zip(rows, self._numbers("remainder", len(rows)).tolist(), strict=True)),
+            warnings=self._texts("warning"),
+            notes=self._texts("note"),
+        )
+
+    def _identified(self) -> Identified:
+        names, units = self._texts("parameter"), self._texts("parameter_unit")
+        values, expected = self._numbers("change", len(names)), self._numbers("expected", len(names))
+        if np.any(values <= -1.0):
+            raise ValueError("change of -1 or less: of a factor, more than -1 was expected")
+        before, after = self._numbers("error", 2, 2).tolist()
+        return Identified(
+            parameters={name: Parameter(*one) for name, *one in zip(names, units, expected.tolist(), strict=True)},
+            values=values,
+            covariance=self._numbers("covariance", len(names), len(names)),
+            kept=bool(self._noted["kept"]),
+            before=(before[0], before[1]),
+            after=(after[0], after[1]),
+            allowed=float(self._noted["allowed"]),
+        )
+
+    def _fitted(self) -> FittedValues:
+        joints, known = self._texts("joint"), self._texts("known")
+        friction: JointFriction | None = None
+        scale: Array = np.ones(0)
+        if "friction" in self._data:
+            shape = len(joints), len(FRICTION_COEFFICIENTS)
+            coulomb, viscous, inertia, offset = self._numbers("friction", *shape).T
+            deviation, rate = self._numbers("friction_deviation", *shape, finite=False), self._noted["friction_rate"]
+            friction = JointFriction(coulomb, viscous, inertia, offset, float(rate), deviation)
+            scale = self._numbers("effort_factor", len(joints))
+        table = self._numbers("thrust", len(known), MOST_POWERS, finite=False) if known else np.zeros((0, MOST_POWERS))
+        coefficients = {name: row[np.isfinite(row)] for name, row in zip(known, table, strict=True)}
+        mass = float(self._numbers("mass"))
+        if not 0.0 < mass:
+            raise ValueError(f"mass {mass:g}: a factor above 0 was expected")
+        fits = tuple(_fit_of(entry) for entry in self._object("fits", list))
+        return FittedValues(coefficients, joints, friction, scale, mass, fits)
+
+    def _series(self) -> Harmonics:
+        states, varied = self._texts("state"), self._texts("factor")[1:]
+        if not set(varied) <= set(states):
+            raise ValueError(f"factors {', '.join(varied)}: some of {', '.join(states)} were expected")
+        terms = (int(self._data.sizes["harmonic"]) - 1) | 1  # mean, and as many sines as cosines
+        centre, spread = self._numbers("scaling", 1 + len(varied), 2)[1:].T
+        coefficients = self._numbers("coefficients", 1 + len(varied), terms, int(self._data.sizes["v_axis"]))
+        units = dict(zip(states, self._texts("state_unit"), strict=True))
+        learnt = LearntRange(units, *self._numbers("range", len(states), 3).T)
+        return Harmonics((terms - 1) // 2, varied, centre, spread, coefficients, learnt)
+
+    def _detection(self) -> Detection:
+        frames = self._texts("frame")
+        bias, threshold, deviation = self._numbers("normal", 3 * len(frames), 3).T
+        if not np.all(deviation > 0.0):
+            raise ValueError("normal: deviations above 0 were expected")
+        return Detection(frames, bias, threshold, deviation)
+
+    def _texts(self, key: str) -> tuple[str, ...]:
+        """Return texts; none if there is no such part."""
+        return (
+            tuple(str(text) for text in np.atleast_1d(self._data[key].values) if str(text)) if key in self._data else ()
+        )
+
+    def _numbers(self, key: str, *shape: int, finite: bool = True) -> Array:
+        """Return numbers of a shape, all finite and within bounds unless they need not be."""
+        values = np.asarray(self._data[key].values, float)
+        if values.shape != shape:
+            raise ValueError(f"{key} has shape {values.shape}: {shape} was expected")
+        if finite and not np.all(np.abs(values) <= LARGEST_LEARNT):
+            raise ValueError(f"{key} holds a number that is not finite, or beyond {LARGEST_LEARNT:g}")
+        return values
+
+    def _object(self, key: str, kind: type) -> Any:
+        """Return what an attribute says in JSON."""
+        found = json.loads(str(self._noted[key]))
+        if not isinstance(found, kind):
+            raise ValueError(f"{key}: a {kind.__name__} in JSON was expected")
+        return found
+
+
+def _fit_of(entry: dict[str, Any]) -> Fit:
+    """Return a fit of its entry in a file."""
+    values = {str(key): float(value) for key, value in entry["values"].items()}
+    before, inside, outside = (float(entry[key]) for key in ("before", "inside", "outside"))
+    return Fit(str(entry["name"]), values, str(entry["unit"]), before, inside, outside, str(entry["log"]))

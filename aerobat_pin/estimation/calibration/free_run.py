@@ -1,0 +1,161 @@
+"""A run without unknown forces: what is believed of it, what that leaves unexplained, and whether it was free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerobat_pin.estimation.fit_joint_friction import MOST_FITTED
+from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import rows_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import (
+    MOMENT_ARM,
+    AllBut,
+    ForceLevelObserver,
+    MomentumObserver,
+    Redundancy,
+    moving_weight,
+    redundancy_of,
+    row_names,
+    slow_part,
+)
+from aerobat_pin.records import FREE_NV, Condition, Record
+
+AT_ONCE = 1.0e9  # [1/s]: with so large a gain the filter of an observer passes every interval unchanged
+HELD_OUT = 0.25  # share of each run, at its end, that checks the result
+LEFT_BEHIND = 8.0  # typical sizes of what the calibration leaves: a longer or larger one is a contact
+LEAST_LEFT_BEHIND = 0.02  # of the robot's weight
+STEADY = 3.0  # times the error of the belief: forces that are larger are hardly made up by it
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """A stretch of a record in which no unknown force acts.
+
+    Attributes:
+        record: the record, whose robot is as believed so far.
+        forces: its known forces.
+        stretch: first and last index of the record's common times.
+        inputs: those of an observer, with all that is known so far.
+        residual: (m, nv) mean generalised force that this leaves unexplained in each interval [N, N m], not filtered.
+        condition: phase and state; None where the robot has no phase.
+        weight: of the robot as it was believed at first [N].
+    """
+
+    record: Record
+    forces: KnownForces
+    stretch: tuple[int, int]
+    inputs: KnownInputs
+    residual: Array
+    condition: Condition | None
+    weight: float
+
+    @classmethod
+    def of(cls, record: Record, forces: KnownForces, stretch: tuple[int, int]) -> FreeRun:
+        """Return a run as it is believed with some known forces."""
+        inputs = _inputs(record, forces, stretch)
+        condition, model = record.robot.condition(record.block(*stretch)), record.robot.model
+        return cls(record, forces, stretch, inputs, _residual(record, inputs), condition, moving_weight(model))
+
+    @property
+    def name(self) -> str:
+        """Name of the record."""
+        return self.record.title
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Points at which contacts would be sought."""
+        return (*self.record.map.robot.points, *self.record.map.robot.wrenches)
+
+    @property
+    def fitted(self) -> slice:
+        """The intervals that are not held out."""
+        return slice(0, round((1.0 - HELD_OUT) * len(self.residual)))
+
+    def with_values(self, values: Mapping[str, float]) -> FreeRun:
+        """Return the run with parameters of its robot changed."""
+        robot = self.record.robot
+        record, known = replace(self.record, robot=robot.changed(values)), robot.parameters
+        inputs, forces = self.inputs, replace(self.forces, record=record)
+        if any(value != 0.0 and not known[name].inertial for name, value in values.items()):
+            inputs = _inputs(record, forces, self.stretch)
+        return replace(self, record=record, forces=forces, inputs=inputs, residual=_residual(record, inputs))
+
+    def explained(self, name: str, force: Array) -> FreeRun:
+        """Return what is left once a generalised force (m, nv) is known."""
+        inputs = replace(self.inputs, known={**self.inputs.known, name: force})
+        return replace(self, inputs=inputs, residual=self.residual - force)
+
+    def rows(self) -> Array:
+        """Return the rows (m, k) of the residual in which all torques are known [N]; moments over 50 mm."""
+        model, rows = self.record.robot.model, self.inputs.rows
+        kept = rows.kept(model) if isinstance(rows, AllBut) else range(model.nv if rows == "all" else FREE_NV)
+        arms = np.array([1.0 if unit == "N" else MOMENT_ARM for unit in row_names(model).values()])
+        return np.asarray(self.residual[:, list(kept)] / arms[list(kept)])
+
+    def judged(self, part: slice = slice(None)) -> Redundancy:
+        """Judge what is left in a part: in a free run no force explains anything, so all rows count."""
+        start, stop, _ = part.indices(len(self.residual))
+        rows = self.rows()[start:stop]
+        return redundancy_of(self.inputs.time[start : stop + 1], rows, rows.shape[1] + 1, 1, self.weight, ())
+
+    def size(self, part: slice = slice(None)) -> float:
+        """Return the rms of what is left in a part [N per row], without what the sensors' noise explains."""
+        return self.judged(part).belief
+
+
+def free_runs(record: Record, forces: KnownForces) -> list[FreeRun]:
+    """Return the runs of a record: its parts, or of a long one stretches at even distances."""
+    stretches = record.parts if record.robot.remembers else record.spread(MOST_FITTED)
+    return [FreeRun.of(record, forces, stretch) for stretch in stretches]
+
+
+def _inputs(record: Record, forces: KnownForces, stretch: tuple[int, int]) -> KnownInputs:
+    return inputs_of(record, *stretch, forces, rows_of(record.map, record.robot, record.joints, record.channels)[0])
+
+
+def _residual(record: Record, inputs: KnownInputs) -> Array:
+    observer = MomentumObserver(record.robot.model, (), AT_ONCE)
+    return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
+
+
+def pushes(run: FreeRun) -> Iterator[str]:
+    """Yield a warning where something seems to push for a while, given what a calibration leaves.
+
+    A free run repeats itself with its phase, so little is left of it, and as much in one cycle as in another.
+    """
+    size = np.sqrt(np.mean(slow_part(run.inputs.time, run.rows()) ** 2, axis=1))
+    at, usual = int(np.argmax(size)), float(np.median(size))
+    small = size[at] <= max(LEFT_BEHIND * usual, LEAST_LEFT_BEHIND * run.weight)
+    if not small or run.judged().verdict == "inconsistent":
+        yield (
+            f"{run.name}: {1e3 * size[at]:.0f} mN a row are left at t = {run.inputs.time[at]:.3f} s, and "
+            f"{1e3 * usual:.1f} mN usually: did something push, did the motion change, or are the torques so noisy? A "
+            "free, steady run was expected"
+        )
+
+
+def steady_forces(run: FreeRun) -> Iterator[str]:
+    """Yield a warning where forces are found that are too large for the error of the belief.
+
+    A force that repeats with every cycle cannot be told from an error of the belief by its repetition. But what the
+    belief gets wrong is seldom explained by point forces alone: their redundancy shows it too. If it shows little, and
+    the forces found are large, they are real, or an error that looks like forces at these very points.
+    """
+    inputs = run.inputs
+    observer = ForceLevelObserver(run.record.robot.model, run.frames, AT_ONCE, inputs.rows)
+    found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    check, count = found.redundancy, found.components.shape[1]
+    if check.verdict != "consistent":
+        return
+    force = redundancy_of(inputs.time, found.components, count + 1, 1, run.weight, ())
+    if force.belief > STEADY * max(check.belief, check.allowed):
+        yield (
+            f"{run.name}: forces of {1e3 * force.belief:.0f} mN are found while the belief is right within "
+            f"{1e3 * check.allowed:.1f} mN a row: either something pushed, or the masses at {' and '.join(run.frames)} "
+            "are wrong"
+        )

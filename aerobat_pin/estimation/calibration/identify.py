@@ -1,0 +1,199 @@
+"""Identify parameters of a belief from free runs, by least squares on what the belief leaves unexplained.
+
+The generalised residual of every interval is computed anew for each guess: known forces and momentum from the changed
+robot. Both low-passes of the redundancy take the derivative of the sensors' noise out; then every 5 ms a sample counts,
+moments over 50 mm. Each parameter is expected to be near its believed value, which decides where the runs do not: what
+they cannot tell apart is shared out instead of growing without bound.
+
+    minimise   n_eff / n sum |L^T low-passed phi(theta)|^2 / allowed^2   +   sum (theta / expected)^2
+
+n_eff is the number of independent samples that n samples of a periodic run are worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerobat_pin.estimation.calibration.free_run import HELD_OUT, FreeRun
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import slow_part
+from aerobat_pin.records import Parameter
+
+SPACING = 0.005  # [s] between samples that count
+INDEPENDENT = 50.0  # samples of one row that a run is worth: twice the harmonics that errors of the air have
+IDENTIFICATION_STEP = 0.02  # of the expected deviation: difference for the derivatives
+MOST_LINEARISATIONS = 8
+FACTORS, SHIFT_LIMITS = (-0.7, 2.0), 0.04  # within which changes are sought: of factors [-], of lengths both ways [m]
+SETTLED_COST = 1.0e-4  # relative change of the cost at which the search ends
+UNSURE = 0.5  # of the deviation expected beforehand: a parameter that is known less well is not identifiable
+SAME_EFFECT = 0.8  # correlation from which two parameters are said to do the same
+BEYOND = 3.0  # expected deviations: a larger change is taken for the error of something else
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Parameters that were identified; errors in N per row with moments over 50 mm.
+
+    Attributes:
+        parameters: name -> unit and expected deviation of each of the n parameters.
+        values: (n,) their changes.
+        covariance: (n, n) of the changes.
+        kept: whether the calibration uses them.
+        before: rms of what the belief leaves unexplained, in the runs' first part and in the part held out.
+        after: the same with the changed parameters.
+        allowed: largest error that counts as explained.
+    """
+
+    parameters: Mapping[str, Parameter]
+    values: Array
+    covariance: Array
+    kept: bool
+    before: tuple[float, float]
+    after: tuple[float, float]
+    allowed: float
+
+    @property
+    def used(self) -> dict[str, float]:
+        """Parameter -> change, as the calibration uses it."""
+        return dict(zip(self.parameters, self.values.tolist(), strict=True)) if self.kept else {}
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations (n,) of the changes."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def explains(self) -> bool:
+        """Whether the changes explain the part of the runs that was held out."""
+        return self.after[1] <= self.allowed
+
+    @property
+    def unidentifiable(self) -> dict[str, list[str]]:
+        """Parameter that the runs do not show -> those that do the same."""
+        deviations, names = self.deviations, list(self.parameters)
+        alike = np.abs(self.covariance) / np.outer(deviations, deviations) > SAME_EFFECT
+        return {
+            name: [other for j, other in enumerate(names) if j != i and alike[i, j]]
+            for i, name in enumerate(names)
+            if deviations[i] > UNSURE * self.parameters[name].expected
+        }
+
+    @property
+    def fudge(self) -> list[str]:
+        """Parameters that took up the error of something else: all of them unless they explain, else the far ones."""
+        far = np.abs(self.values) > BEYOND * np.array([one.expected for one in self.parameters.values()])
+        return [name for name, wide in zip(self.parameters, far, strict=True) if wide or not self.explains]
+
+    def describe(self) -> list[str]:
+        """Return the result in lines of text."""
+        lines = [
+            f"belief off by {_both(self.before)}; with other parameters {_both(self.after)} "
+            f"({1e3 * self.allowed:.2g} mN count as explained)"
+        ]
+        hidden = self.unidentifiable
+        for (name, parameter), value, deviation in zip(
+            self.parameters.items(), self.values, self.deviations, strict=True
+        ):
+            unit, factor = ("mm", 1e3) if parameter.unit == "m" else ("%", 1e2)
+            line = f"  {name:<15} {factor * value:+8.2f} {unit:<2}  deviation {factor * deviation:.2g} {unit}"
+            if name in hidden:
+                line += "   not identifiable" + (f": {', '.join(hidden[name])} does the same" if hidden[name] else "")
+            lines.append(line)
+        if not self.explains:
+            lines.append(
+                "  these numbers do not explain the runs: they are fudge for an error of another kind, and are "
+                + ("used because they were asked for by name" if self.kept else "not used")
+            )
+        elif self.fudge:
+            lines.append(f"  far from what was expected, so perhaps fudge for another error: {', '.join(self.fudge)}")
+        return lines
+
+
+def identify(
+    runs: Sequence[FreeRun],
+    parameters: Mapping[str, Parameter],
+    *,
+    always: bool,
+    progress: Callable[[float], None] | None,
+) -> Identified:
+    """Identify parameters from free runs.
+
+    Args:
+        runs: the runs, as believed at first.
+        parameters: what is sought.
+        always: whether the calibration uses the result even if it does not explain the runs.
+        progress: called with the share that is done.
+    """
+    from scipy.optimize import least_squares
+
+    expected = np.array([one.expected for one in parameters.values()])
+    allowed = max(one.judged().allowed for one in runs)
+    known: dict[bytes, list[Array]] = {}
+
+    def rows(x: Array) -> list[Array]:
+        """Return the rows of every run, low-passed and thinned, with parameters x in expected deviations."""
+        key = x.tobytes()
+        if key not in known:
+            values = dict(zip(parameters, (expected * x).tolist(), strict=True))
+            known[key] = [_thinned(one.with_values(values)) for one in runs]
+            if progress is not None:
+                progress(min(0.95, len(known) / (4.0 * (len(parameters) + 1))))
+        return known[key]
+
+    def cost(x: Array) -> Array:
+        parts = [x]
+        for series in rows(x):
+            learnt = series[: _split(series)]
+            parts.append(np.ravel(learnt) * np.sqrt(INDEPENDENT / len(learnt)) / allowed)
+        return np.concatenate(parts)
+
+    def slopes(x: Array) -> Array:
+        here = cost(x)
+        return np.column_stack(
+            [(cost(x + IDENTIFICATION_STEP * unit) - here) / IDENTIFICATION_STEP for unit in np.eye(len(x))]
+        )
+
+    factor = np.array([one.unit == "1" for one in parameters.values()])
+    bounds = [
+        np.where(factor, end, side * SHIFT_LIMITS) / expected for end, side in zip(FACTORS, (-1.0, 1.0), strict=True)
+    ]
+    found = least_squares(
+        cost,
+        np.zeros(len(parameters)),
+        slopes,
+        bounds,
+        max_nfev=MOST_LINEARISATIONS,
+        ftol=SETTLED_COST,
+        xtol=SETTLED_COST,
+    )
+    normal = np.linalg.inv(found.jac.T @ found.jac)
+    before, after = (_rms_of_both(rows(x)) for x in (np.zeros(len(parameters)), found.x))
+    scale = max(1.0, (after[0] / allowed) ** 2)
+    covariance = scale * normal * np.outer(expected, expected)
+    result = Identified(dict(parameters), expected * found.x, covariance, True, before, after, allowed)
+    return replace(result, kept=always or result.explains)
+
+
+def _thinned(run: FreeRun) -> Array:
+    """Return the rows of a run, low-passed, every `SPACING`."""
+    series, time = slow_part(run.inputs.time, run.rows()), run.inputs.time
+    return series[:: max(1, round(SPACING * len(series) / (time[-1] - time[0])))]
+
+
+def _split(series: Array) -> int:
+    """Return the number of samples that are not held out."""
+    return max(1, int((1.0 - HELD_OUT) * len(series)))
+
+
+def _rms_of_both(runs: Sequence[Array]) -> tuple[float, float]:
+    """Return the rms of all rows in the runs' first parts, and in the parts held out."""
+    learnt = np.concatenate([np.ravel(series[: _split(series)]) for series in runs])
+    kept = np.concatenate([np.ravel(series[_split(series) :]) for series in runs])
+    return float(np.sqrt(np.mean(learnt**2))), float(np.sqrt(np.mean(kept**2)))
+
+
+def _both(errors: tuple[float, float]) -> str:
+    return f"{1e3 * errors[0]:.2g} mN a row, {1e3 * errors[1]:.2g} mN where held out"

@@ -1,0 +1,312 @@
+"""Learn a calibration from records of any robot in which no unknown force acts.
+
+What the map asks for comes first (friction, factors of efforts, thrust, the mass), as no other force is known without
+it; then the parameters that the robot knows, after which the map's fits are done again; then what repeats itself with
+the robot's phase, what is normal where nothing pushes, and the error bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.calibration.calibration import TORQUE, Belief, Calibration, belief_of
+from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
+from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar
+from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs, pushes, steady_forces
+from aerobat_pin.estimation.calibration.harmonics import Harmonics, fit_harmonics
+from aerobat_pin.estimation.calibration.identify import Identified, identify
+from aerobat_pin.estimation.calibration.map_fits import (
+    fit_notes,
+    fits_anything,
+    fits_thrust,
+    fits_to_sensor,
+    fitted_by_map,
+    kept_of,
+    taken_as_free,
+)
+from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
+from aerobat_pin.estimation.fit_known_forces import given_forces
+from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
+from aerobat_pin.estimation.run_observers import inputs_between
+from aerobat_pin.numerics import guarded, shown
+from aerobat_pin.observers import JointFriction, fit_friction, row_names
+from aerobat_pin.records import Extras, Record
+
+HARMONICS, MOST_HARMONICS = 6, 40
+FEWEST_TURNS = 3.0  # that a series over the phase can be learnt from
+MASS_NAME = "mass"  # what can be identified of a robot that knows no parameters
+
+
+@guarded()
+def calibrate(
+    records: Sequence[Record],
+    *,
+    harmonics: int = HARMONICS,
+    vary: Sequence[str] = (),
+    parameters: Sequence[str] | None = None,
+    trust: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Calibration:
+    """Learn from records without unknown forces what the belief about them gets wrong.
+
+    Args:
+        records: records without unknown forces, all with one belief. What their map asks for is fitted
+            (`joints.friction`, `known.NAME.fit`), where it leaves the stretch out on the first three quarters.
+        harmonics: order of the Fourier series of what is left, of a robot that has a phase; 0 learns its mean alone,
+            and -1 nothing.
+        vary: groups of states on which the coefficients of the series depend linearly.
+        parameters: parameters to identify, and `friction`; of a robot that knows no parameters `mass`. They are used
+            even if they do not explain the records. When omitted, the usual parameters are sought where the belief is
+            not consistent, and used only if they explain the records.
+        trust: calibrate also what the checks would refuse.
+        progress: called with the share that is done.
+
+    Raises:
+        CalibrationError: there is no record, one is too short, beliefs differ, or a name is unknown.
+        LogError, MapError: a check is certain that a map is wrong, or a fit lacks something.
+    """
+    if not records:
+        raise CalibrationError("calibrate: records = []: one without unknown forces was expected, or several")
+    belief = _common_belief(records)
+    free = [(one.times(*one.parts[0]), one.channels) for one in records]
+    extras = records[0].robot.learn_extras(free, records[0].map.robot.points)
+    if extras is not None:
+        return _of_extras(records, belief, extras, parameters)
+    mass = _check_names(records, belief, harmonics, parameters)
+    records = [taken_as_free(one) for one in records]
+    findings = _findings(records, trust=trust)
+    plain = [None if fits_thrust(one.map) else given_forces(one) for one in records]
+    forces = [fitted_by_map(one, mass=mass) for one in records]
+    runs = [] if fits_to_sensor(records[0].map) else [run for one in forces for run in free_runs(one.record, one)]
+    _check_runs(runs, vary)
+    warnings, notes = [line for run in runs for line in steady_forces(run)], list[str]()
+    if runs:
+        notes.append(f"as {'fitted' if fits_anything(records[0].map) else 'believed'}: {_sizes(runs)} unexplained")
+    found = _identified(runs, parameters, progress)
+    if found is not None:
+        notes += found.describe()
+        if found.kept:
+            records = [replace(one, robot=one.robot.changed(found.used)) for one in records]
+            forces = [fitted_by_map(one, mass=mass) for one in records]
+            runs = [run.with_values(found.used) for run in runs]
+            if fits_anything(records[0].map):
+                runs = [run for one in forces for run in free_runs(one.record, one)]
+    if parameters is not None and FRICTION in parameters:
+        friction = _fit_to_residual(runs)
+        notes += _friction_lines(friction, records[0].robot.joints)
+        runs = [_with_friction(run, friction) for run in runs]
+        forces = [_knowing(one, friction) for one in forces]
+    series = trial = None
+    if harmonics >= 0 and runs and all(run.condition is not None for run in runs):
+        series, trial, words = _learnt_series(runs, harmonics, vary)
+        notes.append(words)
+        if series is not None:
+            runs = _without(runs, series)
+        warnings += [line for run in runs for line in pushes(run)]
+    values = kept_of(records[0], forces[0].values)
+    bar = error_bar([(one, replace(two, series=trial)) for one, two in zip(plain, forces, strict=True)])
+    for one in forces:
+        findings += [*effort_findings(one.record, inputs_between(one.record, one), findings), *fit_findings(one)]
+    doubtful = [str(one) for one in findings if one.warns]
+    return Calibration(
+        belief=_belief_that_counts(belief, records[0], values),
+        records=tuple(one.title for one in records),
+        identified=found,
+        fitted=values,
+        series=series,
+        detection=_detection(runs),
+        error_bar=bar,
+        remainder=_remainder(runs),
+        warnings=(*doubtful, *warnings),
+        notes=(
+            *(_what_is_learnt_from(one.record) for one in forces),
+            *(line for one in records for line in one.notes),
+            *fit_notes(records[0], values),
+            *notes,
+            *(
+                [f"as calibrated: {_sizes(runs)} unexplained"]
+                if runs
+                else ["contacts: not learnt, as something pushed"]
+            ),
+            bar_words(bar),
+        ),
+    )
+
+
+def _common_belief(records: Sequence[Record]) -> Belief:
+    beliefs = [belief_of(one.map, one.robot, one.joints) for one in records]
+    for other in beliefs:
+        beliefs[0].refuse_other(other)
+    return beliefs[0]
+
+
+def _of_extras(
+    records: Sequence[Record], belief: Belief, extras: Extras, parameters: Sequence[str] | None
+) -> Calibration:
+    """Return a calibration of what only the robot learns."""
+    if parameters:
+        known = ", ".join(extras.values)
+        raise CalibrationError(f"calibrate: '{parameters[0]}' cannot be learnt from these records: only {known} can")
+    return Calibration(belief, tuple(one.title for one in records), extras=extras.values, notes=extras.notes)
+
+
+def _belief_that_counts(belief: Belief, record: Record, values: FittedValues) -> Belief:
+    """Return a belief without what a map says of efforts and thrusts from which nothing was learnt."""
+    kept = {*record.robot.assumptions, *(f"known.{name}" for name in values.coefficients)}
+    kept |= {f"the effort of {joint}" for joint in values.joints}
+    return replace(belief, settings={key: value for key, value in belief.settings.items() if key in kept})
+
+
+def _check_names(records: Sequence[Record], belief: Belief, harmonics: int, parameters: Sequence[str] | None) -> bool:
+    """Check what was asked for; return whether the mass is a fit by the map."""
+    if not -1 <= harmonics <= MOST_HARMONICS:
+        raise CalibrationError(f"calibrate: harmonics = {shown(harmonics)}: from -1 to {MOST_HARMONICS} was expected")
+    names, robot = parameters or (), records[0].robot
+    known = [*robot.parameters, FRICTION] if robot.parameters else [MASS_NAME]
+    for name in names:
+        if name not in known:
+            keys = "" if robot.parameters else "; joints.friction and known.NAME.fit are keys of the map"
+            raise CalibrationError(
+                f"calibrate: parameters has '{name}': of {', '.join(known)} some were expected{keys}"
+            )
+    if FRICTION in names and belief.settings.get(TORQUE, "measured") != "measured":
+        raise CalibrationError("calibrate: friction is seen in measured joint torques only: torque = measured expected")
+    mass = MASS_NAME in names and not robot.parameters
+    if len(records) > 1 and (mass or fits_anything(records[0].map)):
+        raise CalibrationError(
+            f"calibrate: {len(records)} recordings: what a map or the mass asks for is fitted to one"
+        )
+    return mass
+
+
+def _check_runs(runs: Sequence[FreeRun], vary: Sequence[str]) -> None:
+    groups = list(runs[0].condition.groups) if runs and runs[0].condition is not None else []
+    for name in vary:
+        if name not in groups:
+            expected = f"of {', '.join(groups)} some were expected" if groups else "this robot has no phase"
+            raise CalibrationError(f"calibrate: vary has '{name}': {expected}")
+    for run in runs:
+        if run.condition is not None and run.condition.turns < FEWEST_TURNS:
+            raise CalibrationError(
+                f"{run.name}: {run.condition.turns:.1f} turns of {run.condition.cycle}: {FEWEST_TURNS:g} or more were "
+                "expected"
+            )
+
+
+def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:
+    """Return what the checks find in recordings. Raises LogError where one is certain that the map is wrong."""
+    found: list[Finding] = []
+    for one in records:
+        if one.log is not None:
+            own = list(record_findings(one))
+            if not trust:
+                refuse_if_certain(str(one.log.path), own)
+            found += own
+    return found
+
+
+def _what_is_learnt_from(record: Record) -> str:
+    return f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {record.title}"
+
+
+def _identified(
+    runs: Sequence[FreeRun], names: Sequence[str] | None, progress: Callable[[float], None] | None
+) -> Identified | None:
+    """Identify what was asked for; without names, the usual parameters if the belief is not consistent."""
+    known = runs[0].record.robot.parameters if runs else {}
+    if names is not None:
+        sought = {name: known[name] for name in names if name in known}
+        return identify(runs, sought, always=True, progress=progress) if sought else None
+    usual = {name: one for name, one in known.items() if one.usual}
+    if not usual or all(one.judged().verdict == "consistent" for one in runs):
+        return None
+    return identify(runs, usual, always=False, progress=progress)
+
+
+def _fit_to_residual(runs: Sequence[FreeRun]) -> JointFriction:
+    """Fit the friction of all joints to what is left of their rows."""
+    parts = []
+    for run in runs:
+        robot = run.record.robot
+        at_q, at_v = ([index(joint) for joint in robot.joints] for index in (robot.q_index, robot.v_index))
+        motion = mean_motion(run.record, run.inputs.time, run.inputs.v[:, at_v])
+        parts.append((run.inputs.q[:-1, at_q], *motion, run.residual[:, at_v]))
+    q, v, a, torque = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return fit_friction(q, v, a, torque)
+
+
+def _with_friction(run: FreeRun, friction: JointFriction) -> FreeRun:
+    rows = [run.record.robot.v_index(joint) for joint in run.record.robot.joints]
+    force = np.zeros_like(run.residual)
+    force[:, rows] = friction.torque(*mean_motion(run.record, run.inputs.time, run.inputs.v[:, rows]))
+    return run.explained(FRICTION, force)
+
+
+def _knowing(forces: KnownForces, friction: JointFriction) -> KnownForces:
+    joints = forces.record.robot.joints
+    values = replace(forces.values, joints=joints, friction=friction, scale=np.ones(len(joints)))
+    return replace(forces, values=values)
+
+
+def _friction_lines(friction: JointFriction, joints: Sequence[str]) -> list[str]:
+    lines = [
+        f"  friction of {joint}: Coulomb {1e3 * coulomb:.2f} mN m, viscous {1e3 * viscous:.3f} mN m s/rad, rotor "
+        f"{1e9 * inertia:.3g} g mm2, offset {1e3 * offset:+.2f} mN m"
+        for joint, coulomb, viscous, inertia, offset in zip(
+            joints, friction.coulomb, friction.viscous, friction.inertia, friction.offset, strict=True
+        )
+    ]
+    return lines + [f"  not seen: {', '.join(friction.unseen)}"] * bool(friction.unseen)
+
+
+def _learnt_series(
+    runs: Sequence[FreeRun], order: int, vary: Sequence[str]
+) -> tuple[Harmonics | None, Harmonics | None, str]:
+    """Return the series over the phase if it lowers the error where held out, the trial that shows it, and words."""
+    conditions = [one.condition for one in runs if one.condition is not None]
+    cycle, varied = conditions[0].cycle, [state for group in vary for state in conditions[0].groups[group]]
+    residuals, fitted = [one.residual for one in runs], [one.fitted for one in runs]
+    trial = fit_harmonics(conditions, residuals, fitted, order, varied)
+    before, after = (
+        _mean_of([one.size(slice(part.stop, None)) for one, part in zip(many, fitted, strict=True)])
+        for many in (runs, _without(runs, trial))
+    )
+    words = f"{order} harmonics of {cycle}: {_size_of(before)} becomes {_size_of(after)} in the part held out"
+    if after >= before:
+        return None, None, f"{words}; what does not repeat itself with {cycle} is not used"
+    return fit_harmonics(conditions, residuals, [slice(None)] * len(runs), order, varied), trial, words
+
+
+def _without(runs: Sequence[FreeRun], series: Harmonics) -> list[FreeRun]:
+    return [one.explained(CALIBRATION, series.force(one.condition)) for one in runs if one.condition is not None]
+
+
+def _detection(runs: Sequence[FreeRun]) -> Detection | None:
+    if not runs:
+        return None
+    return learn_detection(runs[0].frames, [(one.record.robot.model, one.inputs) for one in runs])
+
+
+def _remainder(runs: Sequence[FreeRun]) -> dict[str, float]:
+    """Return row -> rms of what is left [N, N m]."""
+    if not runs:
+        return {}
+    left = np.sqrt(np.mean([np.mean(one.residual**2, axis=0) for one in runs], axis=0))
+    return dict(zip(row_names(runs[0].record.robot.model), left.tolist(), strict=True))
+
+
+def _mean_of(sizes: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(sizes))))
+
+
+def _sizes(runs: Sequence[FreeRun]) -> str:
+    return _size_of(_mean_of([one.size() for one in runs]))
+
+
+def _size_of(force: float) -> str:
+    return f"{1e3 * force:.2g} mN a row" if force < 0.0995 else f"{1e3 * force:.0f} mN a row"

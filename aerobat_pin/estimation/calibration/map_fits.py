@@ -1,0 +1,108 @@
+"""What a map's own keys ask a calibration to fit: friction, factors of efforts, thrust; and the mass of all bodies.
+
+The code is that of `estimate` (`joints.friction`, `known.NAME.fit`), but the whole recording is taken as one without
+unknown forces, or with those that `joints.friction.to` names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.estimation.fit_joint_friction import fit_mass
+from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
+from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
+from aerobat_pin.observers import FRICTION_COEFFICIENTS
+from aerobat_pin.records import Map, Record
+
+FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
+
+
+def fits_anything(chosen: Map) -> bool:
+    """Return whether a map asks for a fit."""
+    return chosen.joints.friction is not None or fits_thrust(chosen)
+
+
+def fits_thrust(chosen: Map) -> bool:
+    """Return whether a map asks for the coefficients of a thrust."""
+    return any(known.fit is not None for known in chosen.known.values())
+
+
+def fits_to_sensor(chosen: Map) -> bool:
+    """Return whether friction is fitted while something pushes, which a force sensor shows."""
+    return chosen.joints.friction is not None and chosen.joints.friction.to is not None
+
+
+def taken_as_free(record: Record) -> Record:
+    """Return a record in which nothing unknown acts by its map, and friction is fitted somewhere."""
+    chosen, friction, end = record.map, record.map.joints.friction, _last_time(record)
+    if friction is not None and friction.fit is None:
+        friction = friction.model_copy(update={"fit": (0.0, FITTED_SHARE * end)})
+    free = chosen.use.free if fits_to_sensor(chosen) else (0.0, end)
+    joints = chosen.joints.model_copy(update={"friction": friction})
+    use = chosen.use.model_copy(update={"free": free})
+    return replace(record, map=chosen.model_copy(update={"joints": joints, "use": use}))
+
+
+def fitted_stretch(record: Record) -> tuple[float, float]:
+    """Return from where to where a record is fitted [s]: what the map says, or the first three quarters."""
+    friction = record.map.joints.friction
+    return (0.0, FITTED_SHARE * _last_time(record)) if friction is None or friction.fit is None else friction.fit
+
+
+def held_out_stretch(record: Record) -> tuple[float, float]:
+    """Return from where to where a record tests the fits [s]; all of it if they left nothing."""
+    fit, end = fitted_stretch(record), _last_time(record)
+    return (fit[1], end) if fit[1] < end else (0.0, end)
+
+
+def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:
+    """Return the known forces of a record with all that its map fits, and perhaps with the mass fitted before.
+
+    Raises:
+        MapError: a fit lacks what it is fitted to, or the record does not show the mass.
+    """
+    values = FittedValues()
+    if mass:
+        found = fit_mass(record, given_forces(record), fitted_stretch(record))
+        values = FittedValues(mass=found.values["times"], fits=(found,))
+        record = replace(record, robot=record.robot.heavier(values.mass))
+    forces = fitted_forces(record)
+    fits = (*values.fits, *forces.values.fits)
+    return replace(forces, values=replace(forces.values, mass=values.mass, fits=fits))
+
+
+def kept_of(record: Record, values: FittedValues) -> FittedValues:
+    """Return the values that hold in other records: fitted coefficients, and no offset against a sensor.
+
+    That offset is also the sensor's tare, and friction at rest.
+    """
+    fitted = [name for name, known in record.map.known.items() if known.fit is not None]
+    values = replace(values, coefficients={name: values.coefficients[name] for name in fitted})
+    if not fits_to_sensor(record.map) or values.friction is None:
+        return values
+    fits = [replace(one, values=one.values | dict.fromkeys(one.values.keys() & {"offset"}, 0.0)) for one in values.fits]
+    return replace(values, friction=replace(values.friction, offset=np.zeros(len(values.joints))), fits=tuple(fits))
+
+
+def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
+    """Yield what the fits found, what is not kept, and what the record does not show, in words."""
+    yield from (f"fit: {one}" for one in values.fits)
+    if fits_to_sensor(record.map):
+        yield "offsets against a sensor are this recording's own: not kept"
+    friction, section = values.friction, record.map.joints.friction
+    if friction is None or friction.deviation is None or section is None:
+        return
+    unseen = [
+        f"{FRICTION_COEFFICIENTS[k]} of {values.joints[joint]}"
+        for joint, k in np.argwhere(np.isinf(friction.deviation))
+        if section.law.endswith("inertia") or FRICTION_COEFFICIENTS[k] != "inertia"
+    ]
+    if unseen:
+        yield f"not seen in this recording, taken as zero: {', '.join(unseen)}"
+
+
+def _last_time(record: Record) -> float:
+    return record.parts[-1][1] * record.dt

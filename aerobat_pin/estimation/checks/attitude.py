@@ -1,0 +1,117 @@
+"""How the quaternion's columns must be read, and whether the accelerometer shows gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+from aerobat_pin.estimation.checks.agreement_findings import comparison_of
+from aerobat_pin.estimation.checks.compare import COMPARED_OVER
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Agreement, G, rotation_matrices
+
+Reading = tuple[str, str]  # order and sense, as a map says them
+
+BETTER, FITS = 0.6, 0.7  # share of the own misfit, and of the motion, below which another reading fits
+MISREAD = 0.9  # of the motion: what a reading leaves that is certainly wrong
+WORSE, WORSE_FROM = 1.5, 0.1  # of the own share of gyro or velocity: a reading that spoils one does not fit
+ALIKE = 1.3  # of the smallest misfit: readings that the motion does not tell apart
+UPWARD = 0.5  # share of gravity, or mean cosine of the tilt
+
+
+def turned_so_far(attitude: Array) -> Array:
+    """Return the sum (m, 3) of the small turns, body axes [rad], by which an attitude (m, 4) goes on."""
+    a, b = attitude[:-1], attitude[1:]
+    vector = a[:, 3:] * b[:, :3] - b[:, 3:] * a[:, :3] - np.cross(a[:, :3], b[:, :3])
+    scalar = np.einsum("ij,ij->i", a, b)
+    sine = np.maximum(np.linalg.norm(vector, axis=1), 1e-12)
+    angle = 2.0 * np.arctan2(sine, np.abs(scalar)) * np.where(scalar < 0.0, -1.0, 1.0)
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(vector * (angle / sine)[:, None], axis=0)])
+
+
+def reading_findings(
+    attitudes: Mapping[Reading, Array], pairs: Callable[[Array], list[Agreement]], specific_force: Array | None
+) -> Iterator[Finding]:
+    """Yield that another reading of the quaternion fits motion or gravity better than the map's, which is the first.
+
+    Args:
+        attitudes: reading -> (m, 4) body to world.
+        pairs: function of an attitude: what must agree with it, gyro and velocity, as far as they are measured.
+        specific_force: (m, 3) of an accelerometer, body axes; without it, the body is taken to fly upright.
+    """
+    own, *others = attitudes
+    shares = {reading: _shares(pairs(turns)) for reading, turns in attitudes.items()}
+    misfit = {reading: float(np.linalg.norm(each)) / max(len(each), 1) ** 0.5 for reading, each in shares.items()}
+    moving, worst = len(shares[own]) > 0, np.maximum(WORSE * shares[own], WORSE_FROM)
+    upward = {reading: _upward(turns, specific_force) for reading, turns in attitudes.items()}
+    text = f"read as {_words(own)}, it leaves {misfit[own]:.2g} of the motion and points up by {upward[own]:.2f}"
+    least = min(misfit.values())
+    alike = [name for name in others if misfit[name] <= ALIKE * least and np.all(shares[name] <= worst)]
+    best = max(alike, key=lambda reading: upward[reading], default=own)
+    certain = misfit[own] > MISREAD if moving else specific_force is not None and upward[own] < 0.0
+    motion_says = misfit[best] < min(BETTER * misfit[own], FITS)
+    low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
+    if motion_says or (upward[own] < low and upward[best] > upward[own] + gain):
+        what = (
+            f"{text}, as {_words(best)} {misfit[best]:.2g} and {upward[best]:.2f}: the columns seem to be "
+            f'{_words(best)} (order = "{best[0]}", sense = "{best[1]}")'
+        )
+        yield Finding("quaternion order", "refused" if certain else "warning", what, misfit[own], "1")
+    elif not moving and specific_force is None:
+        yield Finding("quaternion order", "note", "it is not checked: neither gyro nor accelerometer", None, "1")
+    else:
+        yield Finding("quaternion order", "good" if misfit[own] < FITS else "note", text, misfit[own], "1")
+
+
+def _words(reading: Reading) -> str:
+    return f"{', '.join(reading[0])}, {reading[1].replace('_', ' ')}"
+
+
+def _shares(pairs: list[Agreement]) -> Array:
+    """Return what an attitude leaves of gyro and velocity (k,), over windows and over their own size."""
+    found = [one for one in map(comparison_of, pairs) if one is not None]
+    return np.array([np.linalg.norm(one.left) / max(float(np.linalg.norm(one.sizes[1])), 1e-12) for one in found])
+
+
+def _upward(attitude: Array, specific_force: Array | None) -> float:
+    """Return the mean share of the specific force that points up, or the mean cosine of the tilt."""
+    up = rotation_matrices(attitude)[:, 2]
+    if specific_force is None:
+        return float(np.mean(up[:, 2]))
+    size = float(np.mean(np.linalg.norm(specific_force, axis=1)))
+    return float(np.mean(np.einsum("mj,mj->m", up, specific_force))) / max(size, 1e-9)
+
+
+def accelerometer_findings(
+    specific_force: Array, attitude: Array, position: Array, time: Array, gravity: float, weight: float
+) -> Iterator[Finding]:
+    """Yield how an accelerometer (m, 3), turned to the world, agrees with gravity and the pose's acceleration."""
+    size = float(np.median(np.linalg.norm(specific_force, axis=1))) / gravity
+    off = min(abs(np.log(size * G)), abs(np.log(size / G))) if size > 0.0 else np.inf
+    if off < np.log(2.0):
+        slip = "g is read as m/s2" if size < 1.0 else "m/s2 is read as g"
+        yield Finding(
+            "accelerometer against gravity",
+            "refused" if off < 0.1 else "warning",
+            f"its median is {size:.3g} of gravity: {slip}",
+            size,
+            "1",
+        )
+        return
+    n = 2 * min(max(1, round(0.25 * COMPARED_OVER * (len(time) - 1) / float(time[-1] - time[0]))), len(time) // 6)
+    inside = slice(n // 2, len(time) - n // 2)  # between the middles of the first and the last n steps
+    speeds = [(position[k + n] - position[k]) / (time[k + n] - time[k]) for k in (0, len(time) - 1 - n)]
+    world = np.einsum("nij,nj->ni", rotation_matrices(attitude[inside]), specific_force[inside]).mean(axis=0)
+    world = world - (speeds[1] - speeds[0]) / (time[inside][-1] - time[inside][0])
+    tilt = float(np.degrees(np.arccos(np.clip(world[2] / np.linalg.norm(world), -1.0, 1.0))))
+    text = (
+        f"turned to the world it is {np.linalg.norm(world) / gravity:.3f} of gravity and {tilt:.2f} deg off the "
+        f"vertical: {1e3 * weight * np.sin(np.radians(tilt)):.3g} mN of seeming force"
+    )
+    if tilt > 90.0:
+        text += "; up is down: log.world or base.axes"
+        yield Finding("accelerometer against gravity", "refused", text, tilt, "deg")
+    else:
+        yield Finding("accelerometer against gravity", "good" if tilt < 5.0 else "warning", text, tilt, "deg")

@@ -1,0 +1,192 @@
+"""Check clocks and samples: rates, holes, stamps, held and interpolated values, recorder's clock, duplicates."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.records import EXTENT, Columns, LogChannel, Record, holes, mcap_is_sealed, typical_spacing
+
+FEWEST_CHANGES = 4  # of a channel that can be told to be held
+FREQUENT = 0.75  # share of samples that change in a channel that is not held
+MOSTLY_HELD = 0.9  # share of repeats beyond which a channel counts as slow, not as stuck
+RUN = 16  # changes whose distances are even in a channel that is held; those of a rounded slow signal are not
+REGULAR = 0.5  # share of runs that must be even: one lost sample spoils a run
+STUCK = 0.5  # [s] without change, of a channel that otherwise changes
+STRAIGHT = 0.5  # share of triples of neighbours on a straight line, from which a channel is interpolated
+STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
+FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
+CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
+LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
+MOST_COMPARED = 50
+EMPTY = "leave its cells empty where there is no sample, or interpolate"
+CHANNEL_WORDS = {  # keys of channels -> what messages call them
+    "base.position": "position",
+    "base.quaternion": "attitude",
+    "base.velocity": "velocity",
+    "base.rate": "gyro",
+    "joints.position": "joint positions",
+    "joints.velocity": "joint velocities",
+    "joints.effort": "joint efforts",
+    "check.specific_force": "accelerometer",
+    "check.wrench": "force sensor",
+}
+
+
+def sample_findings(record: Record) -> Iterator[Finding]:
+    """Yield what the stamps and the sequence of samples show."""
+    if record.log is not None:
+        yield from _clocks(record.log)
+    found: dict[tuple[float, float], list[str]] = {}
+    parts = [tuple(record.times(edge, edge)[0] for edge in part) for part in record.parts]
+    clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
+    for key, channel in record.channels.items():
+        yield from channel_findings(channel, parts, alone=len(clocks) > 1)
+        for gap in holes(channel.time, record.map.log.longest_gap):
+            if gap[1] > record.start and record.knots is None:
+                found.setdefault(gap, []).append(key)
+    for (begin, end), keys in found.items():
+        whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
+        what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
+        yield Finding("gap", "warning", what, end - begin, "s")
+    if record.log is not None:
+        yield from _duplicates(record.log.path)
+        yield from _unsealed(record.log.path)
+
+
+def _clocks(columns: Columns) -> Iterator[Finding]:
+    """Yield what was dropped because of its stamp, and how the clocks of a bag differ."""
+    for name, clock in columns.clocks.items():
+        count = len(clock.time) + clock.repeated + clock.backward
+        if clock.repeated:
+            what = f"{name}: {clock.repeated} of {count} samples have the stamp of the one before: dropped"
+            yield Finding("repeated stamps", "warning", what, clock.repeated / count, "1")
+        if clock.backward:
+            what = f"{name}: {clock.backward} of {count} samples go back in time (a file appended to itself?): dropped"
+            yield Finding("time goes back", "warning", what, clock.backward / count, "1")
+        if clock.late is None or not len(clock.late):
+            continue
+        late = np.concatenate(clock.late.spread())
+        middle, scatter = float(np.median(late)), float(np.std(late))
+        text = f"{name}: the recorder's stamps are {1e3 * middle:.1f} ms late and scatter by {1e3 * scatter:.1f} ms"
+        if columns.stamps == "recorder" and max(abs(middle), scatter) > CLOCK_DELAY:
+            yield Finding("recorder clock", "warning", f'{text}; log.clock = "header" avoids it', middle, "s")
+        else:
+            yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
+
+
+def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, alone: bool) -> Iterator[Finding]:
+    """Yield a channel's rate, and that its samples are held, interpolated, or do not change for long.
+
+    Args:
+        channel: the channel.
+        parts: beginning and end of the stretches that are used [s].
+        alone: whether the channel has a clock of its own; in a table with one clock, slower channels are interpolated.
+    """
+    key, count = channel.key, len(channel.values)
+    changed = _changes(channel)
+    if count < 2:
+        return
+    rate, share = 1.0 / typical_spacing(channel.time), float(np.mean(~changed))
+    text = f"{rate:.4g} samples a second, {100.0 * share:.0f} % of them repeat the one before"
+    yield Finding(f"rate of {key}", "note", text, rate, "Hz")
+    if key.endswith(".supply") or key.startswith("extra.known") or not changed.any():
+        return  # a controller holds its commands
+    title = CHANNEL_WORDS.get(key, key.removeprefix("extra.").replace("_", " "))
+    if _held(changed):
+        changes = f"{title} change{'' if title[-1] == 's' else 's'}"
+        what = f"{changes} only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second; {EMPTY}"
+        yield Finding("held channel", "warning", what, share, "1")
+    elif share <= MOSTLY_HELD and not key.startswith("known"):
+        yield from _stuck(channel, changed, parts)
+        if (straight := _straight(channel)) > STRAIGHT:
+            what = f"{100.0 * straight:.0f} % of the neighbours in {title} lie on straight lines"
+            yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
+
+
+def _changes(channel: LogChannel) -> NDArray[np.bool_]:
+    """Return whether each sample (n - 1,) differs from the one before.
+
+    A force of exactly zero counts as a change: a sensor that nothing touches may show it for long.
+    """
+    of_force, found = channel.key == "check.wrench" or channel.key.startswith("known."), [np.zeros(0, bool)]
+    for begin in range(0, len(channel.values) - 1, EXTENT):
+        values = channel.values[begin : begin + EXTENT + 1]
+        changed = np.any(np.diff(values, axis=0) != 0.0, axis=1)
+        found.append(changed | np.all(values[1:] == 0.0, axis=1) if of_force else changed)
+    return np.concatenate(found)
+
+
+def _held(changed: NDArray[np.bool_]) -> bool:
+    """Return whether samples repeat at even intervals, as those of a slower sensor do."""
+    at = np.flatnonzero(changed)
+    if not FEWEST_CHANGES < len(at) < FREQUENT * len(changed):
+        return False
+    run = min(RUN, len(at) // 2)
+    lengths = at[run:] - at[:-run]
+    return float(np.mean(np.abs(lengths - np.median(lengths)) <= 1.0)) >= REGULAR
+
+
+def _stuck(channel: LogChannel, changed: NDArray[np.bool_], parts: list[tuple[float, float]]) -> Iterator[Finding]:
+    """Yield stretches of the used parts in which a channel does not change although it does elsewhere."""
+    for low, high in parts:
+        first, last = channel.time.index(low), channel.time.index(high, "right") - 1
+        changes = first + np.flatnonzero(changed[first:last])
+        edges = np.concatenate([[first], changes, [last]])
+        k = int(np.argmax(np.diff(edges)))
+        begin, end = float(channel.time[int(edges[k])]), float(channel.time[int(edges[k + 1])])
+        if len(changes) > 1 and end - begin > STUCK:
+            what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - parts[0][0]:.2f} s on"
+            yield Finding("held channel", "warning", what, end - begin, "s")
+
+
+def _straight(channel: LogChannel) -> float:
+    """Return the share of neighbours on straight lines; of joints and cranks none, which are driven steadily."""
+    values = channel.values[:EXTENT]
+    time = channel.time[: len(values)]
+    if channel.key.startswith(("joints.position", "extra.")) or len(time) < FEWEST_STRAIGHT:
+        return 0.0
+    step = np.diff(time)
+    share = (step[1:] / (step[1:] + step[:-1]))[:, None]
+    bend = np.abs(values[1:-1] - (values[:-2] * share + values[2:] * (1.0 - share)))
+    size = np.maximum(np.max(np.abs(values), axis=0), 1e-12)
+    moving = np.any(values[2:] != values[:-2], axis=1)
+    return float(np.mean(np.all(bend < STRAIGHT_ERROR * size, axis=1) & moving))
+
+
+def _unsealed(path: Path) -> Iterator[Finding]:
+    """Yield that a bag has no checksums, by which damaged numbers would be noticed."""
+    files = sorted(path.glob("*.mcap")) if os.path.isdir(path) else [path] if path.suffix.lower() == ".mcap" else []
+    bare = [file.name for file in files if not mcap_is_sealed(file)]
+    if bare:
+        yield Finding("checksums", "note", f"{', '.join(bare)} has none: damaged numbers would not be noticed")
+
+
+def _duplicates(path: Path) -> Iterator[Finding]:
+    """Yield files beside the log that hold the same bytes under another name."""
+    if not os.path.isfile(path) or path.stat().st_size > LARGEST_COMPARED:
+        return
+    size = path.stat().st_size
+    others = [
+        other
+        for other in sorted(path.parent.glob(f"*{path.suffix}"))
+        if other != path and other.is_file() and other.stat().st_size == size
+    ][:MOST_COMPARED]
+    if not others:
+        return
+    own = _digest(path)
+    for other in others:
+        if _digest(other) == own:
+            what = f"{other.name} beside it holds the same bytes: one recording under two names, not two"
+            yield Finding("duplicate file", "warning", what, float(size), "bytes")
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

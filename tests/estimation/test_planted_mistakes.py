@@ -1,0 +1,98 @@
+"""Every mistake that is planted in the log of a robot is found and named, and good logs cause no warning."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+from support.arm import arm
+from support.planted_mistakes import FREE_BASE, LINKAGE, Mistakes, of_joints, planted
+from support.walking_log import bag, bag_map, urdf, walk
+
+from aerobat_pin.aerobat import AerobatRobot, flight_record
+from aerobat_pin.estimation import effort_findings, record_findings
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import inputs_between
+from aerobat_pin.flight import simulate
+from aerobat_pin.records import PlainRobot, Record, open_record, parse_map
+from aerobat_pin.robot import JOINTS, believed_robot
+from aerobat_pin.scenario import load_scenario
+
+ARM_JOINTS = ("shoulder1_joint", "shoulder2_joint", "shoulder3_joint", "elbow_joint", "wrist1_joint", "wrist2_joint")
+LEGS = walk().joints
+
+
+def flight() -> Record:
+    """Return the record of `real_log_demo`, with the noise and rounding of its sensors."""
+    scenario = load_scenario("real_log_demo", ["simulation.duration=1.2"])
+    robot = AerobatRobot.of(believed_robot(scenario), scenario.believed_air)
+    return flight_record(simulate(scenario), robot)
+
+
+def arm_table(folder: Path) -> Record:
+    """Return the record of a table: an arm that swings, and is pushed at its tool."""
+    model, tool = arm()
+    data, time, order = model.createData(), np.arange(1500) / 500.0, np.arange(model.nq)
+    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order), 0.3 + 0.05 * order
+    phase = pace * time[:, None] + order
+    q, v, a = size * np.sin(phase), size * pace * np.cos(phase), -size * pace**2 * np.sin(phase)
+    efforts = np.empty_like(q)
+    for k, t in enumerate(time):
+        push = np.array([2.0 * np.sin(3.0 * t), 1.0, 3.0 * np.cos(2.0 * t)])
+        J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId(tool), pin.LOCAL_WORLD_ALIGNED)[:3]
+        efforts[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ push
+    parts = {"position": q, "velocity": v, "effort": efforts}
+    columns = {part: [f"{part}{k}" for k in order] for part in parts}
+    table = {columns[part][k]: values[:, k] for part, values in parts.items() for k in order}
+    pd.DataFrame({"time": time, **table}).to_csv(folder / "arm.csv", index=False)
+    joints = {part: {"columns": names} for part, names in columns.items()}
+    given = {"robot": {"points": [tool]}, "joints": {"names": list(ARM_JOINTS), **joints}}
+    robot = PlainRobot(model, False, ARM_JOINTS, "arm")
+    return open_record(folder / "arm.csv", parse_map(given, "of the test"), folder, robot)
+
+
+def quadruped_bag(folder: Path) -> Record:
+    """Return the record of a bag: topics at rates of their own."""
+    pytest.importorskip("rosbags")
+    (folder / "quadruped.urdf").write_text(urdf())
+    bag(walk(), folder / "walk")
+    return open_record(folder / "walk", parse_map(bag_map(folder / "quadruped.urdf"), "of the test"), folder)
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
+    """Return the good record of each robot."""
+    folder = tmp_path_factory.mktemp("planted")
+    return {"aerobat": flight(), "arm": arm_table(folder), "quadruped": quadruped_bag(folder)}
+
+
+def warned(record: Record) -> list[str]:
+    """Return what the checks warn of before an observer runs."""
+    found = list(record_findings(record))
+    found += effort_findings(record, inputs_between(record, KnownForces(record)), found)
+    return [str(one) for one in found if one.warns]
+
+
+MISTAKES: dict[str, Mistakes] = {
+    "aerobat": FREE_BASE | of_joints(JOINTS, 0, 1) | LINKAGE,
+    "arm": of_joints(ARM_JOINTS, 1, 3),
+    "quadruped": FREE_BASE | of_joints(LEGS, 1, 2),
+}
+
+
+@pytest.mark.parametrize("robot", MISTAKES)
+def test_a_good_log_causes_no_warning(robot: str, records: dict[str, Record]) -> None:
+    """Neither samples nor motion nor efforts."""
+    assert warned(records[robot]) == []
+
+
+@pytest.mark.parametrize(("robot", "name"), [(robot, name) for robot, all_of in MISTAKES.items() for name in all_of])
+def test_a_planted_mistake_is_named(robot: str, name: str, records: dict[str, Record]) -> None:
+    """By the check that sees it, with the column that is wrong."""
+    change, expected = MISTAKES[robot][name]
+    found = warned(planted(records[robot], change))
+    assert any(re.search(expected, one) for one in found), found
