@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.aerobat.air_from_scenario import wind_of
+from aerobat_pin.aerobat.channels import angle_fault
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import EXTRA, Block, LogChannel
@@ -65,12 +66,14 @@ def fault_of(channels: Mapping[str, LogChannel]) -> str | None:
     twist = [key for key in ("base.velocity", "base.rate") if key in channels]
     if len(twist) == 1:
         return f"{', '.join(channels[twist[0]].names)}: velocity and angular velocity were expected, both or none"
-    if f"{EXTRA}crank_angle" not in channels:
-        if f"{EXTRA}crank_rate" in channels:
-            return "crank_rate without crank_angle: the linkage needs the angle"
-        if "joints.position" not in channels:
-            return f"neither crank_angle nor the joints {', '.join(JOINTS)} are there"
-    return None
+    crank, joints = channels.get(f"{EXTRA}crank_angle"), channels.get("joints.position")
+    if crank is None and f"{EXTRA}crank_rate" in channels:
+        return "crank_rate without crank_angle: the linkage needs the angle"
+    if crank is None and joints is None:
+        return f"neither crank_angle nor the joints {', '.join(JOINTS)} are there"
+    if crank is not None and (fault := angle_fault(crank.time[:], crank.values[:][:, 0], None)) is not None:
+        return fault
+    return None if joints is None else angle_fault(joints.time[:], None, joints.values[:])
 
 
 def completed(block: Block, robot: Aerobat, air: AirSection) -> Block:

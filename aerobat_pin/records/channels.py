@@ -179,12 +179,20 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         if request.key == "base.quaternion":
             table = _unit_length(columns, request, stamps, table)
         if request.wraps:
-            before = values[len(values) - 1 :] if len(values) else table[:1]
-            table = np.unwrap(np.concatenate([before, table]), axis=0)[1:]
+            table = _unwrapped(columns, request, table, values)
         values.append(table)
         if time is not own:
             time.append(stamps - request.delay)
     return LogChannel(request.key, request.names, time, values)
+
+
+def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:
+    """Return angles (m, k) without jumps by full turns, from `before` on. Raises LogError if all steps are jumps."""
+    step = float(np.median(np.abs(np.diff(table, axis=0)))) if len(table) > 1 else 0.0
+    if step > np.pi:
+        where = f"log {columns.path}: {', '.join(request.names)} ({request.key})"
+        raise LogError(f"{where} turns by {step:.3g} rad from row to row: half a turn at most was expected; degrees?")
+    return np.unwrap(np.concatenate([before[len(before) - 1 :] if len(before) else table[:1], table]), axis=0)[1:]
 
 
 def _unit_length(columns: Columns, request: Request, time: Array, values: Array) -> Array:

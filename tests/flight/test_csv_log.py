@@ -95,7 +95,7 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
             [[*row, 0.0, 0.0, 0.0] for row in table()],
             "wx, wy, wz: velocity and angular velocity were expected, both or none",
         ),
-        (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], "crank_angle turns at .* Hz: radians"),
+        (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], r"crank_angle .* turns by 18 rad .* degrees\?"),
     ],
 )
 def test_what_is_not_a_flight_is_refused_in_one_message(
