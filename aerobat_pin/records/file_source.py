@@ -219,7 +219,8 @@ def _parts(
             good &= height <= (np.inf if when.below is None else when.below)
         covered, used = covered + len(good), used + int(np.sum(good))
         for first, last in _runs(good):
-            if runs and runs[-1][1] == low + first - 1:
+            near = knots is None or (first == 0 and time[0] - time_of(max(low - 1, 0)) <= chosen.log.longest_gap)
+            if near and runs and runs[-1][1] == low + first - 1:
                 runs[-1] = (runs[-1][0], low + last)
             else:
                 runs.append((low + first, low + last))
