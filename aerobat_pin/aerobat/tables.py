@@ -38,7 +38,7 @@ from aerobat_pin.records import BAGS, EXTRA, NETCDF, Map, Record, Request, load_
 from aerobat_pin.robot import JOINTS, load_aerobat
 from aerobat_pin.scenario import ObserverSection, TextTable
 
-STATES, RAW_SAMPLES = "states", "raw_samples"
+STATE_TABLE, RAW_TABLE = "states", "raw_samples"
 POSE = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 MOST_MISSING = 2  # columns that a table lacks, of which it is then told; one that lacks more is another robot's
 THRUST_KEY = f"{EXTRA}known.thrusters"
@@ -54,7 +54,7 @@ STATE_KEYS = {  # channel of a flight log -> keys whose columns it has, side by 
 
 @cache
 def table_map(kind: str) -> Map:
-    """Return the map of a kind of table, `STATES` or `RAW_SAMPLES`."""
+    """Return the map of a kind of table, `STATE_TABLE` or `RAW_TABLE`."""
     return load_map(Path(__file__).parent / "maps" / f"{kind}.toml")
 
 
@@ -72,7 +72,10 @@ def table_units(kind: str) -> dict[str, str]:
 
 
 def kind_of_log(path: Path) -> str | None:
-    """Return which kind of log a file is: one of Aerobat's tables by its map's name, or None for a NetCDF file.
+    """Return which kind of log a file is: one of Aerobat's tables, by its map's name, or None for a NetCDF file.
+
+    A table is Aerobat's if it has time and pose, and the crank's angle or all joints. It has raw samples if its columns
+    are those of sensors, and cells are empty, or there is an accelerometer, or a gyro without velocity.
 
     Raises:
         LogError: it is neither. The message names one or two columns that are missing, or a wrong one, or asks for a
@@ -83,11 +86,23 @@ def kind_of_log(path: Path) -> str | None:
     if path.suffix.lower() in NETCDF or _begins_as_netcdf(path):
         return None
     text = TextTable(path, "log", LogError)
-    names = text.names
-    known = table_units(STATES) | table_units(RAW_SAMPLES)
-    least = (*POSE, "crank_angle"), (*POSE, *JOINTS)
+    names, sensors = text.names, table_units(RAW_TABLE)
+    _check_columns(path, names)
+    raw = "ax" in names or ("wx" in names and "vx" not in names)
+    if set(names) <= sensors.keys() and (raw or text.has_gaps()):
+        return RAW_TABLE
+    if alone := [name for name in names if name not in table_units(STATE_TABLE)]:
+        other = next(name for name in names if name not in sensors)
+        raise LogError(f"log {path}: {alone[0]} with {other}: an accelerometer is read from raw samples only")
+    return STATE_TABLE
+
+
+def _check_columns(path: Path, names: list[str]) -> None:
+    """Raise LogError unless columns are Aerobat's, each there once, and enough of them."""
+    known, least = table_units(STATE_TABLE) | table_units(RAW_TABLE), [(*POSE, "crank_angle"), (*POSE, *JOINTS)]
     missing = min(([name for name in columns if name not in names] for columns in least), key=len)
-    close = {name: difflib.get_close_matches(name, set(names) - set(known), n=1) for name in missing}
+    strangers = [name for name in names if name not in known]
+    close = {name: difflib.get_close_matches(name, strangers, n=1) for name in missing}
     if len(missing) > 2 * MOST_MISSING or sum(not found for found in close.values()) > MOST_MISSING:
         raise needs_map(path)
     if twice := [name for name in names if names.count(name) > 1]:
@@ -97,16 +112,15 @@ def kind_of_log(path: Path) -> str | None:
     if missing:
         told = [f"{name} (is it '{found[0]}'?)" if found else name for name, found in close.items()]
         raise needs_map(path, f"no column named {', '.join(told)}")
-    raw = "ax" in names or ("wx" in names and "vx" not in names)
-    if set(names) <= table_units(RAW_SAMPLES).keys() and (raw or text.has_gaps()):
-        return RAW_SAMPLES
-    for name in names:
-        if name not in known:
-            raise LogError(f"log {path}: unknown column '{name[:60]}'; {did_you_mean(name[:60], known)}")
-    if alone := [name for name in names if name not in table_units(STATES)]:
-        other = next(name for name in names if name not in table_units(RAW_SAMPLES))
-        raise LogError(f"log {path}: {alone[0]} with {other}: an accelerometer is read from raw samples only")
-    return STATES
+    if strangers:
+        raise LogError(f"log {path}: unknown column '{strangers[0][:60]}'; {did_you_mean(strangers[0][:60], known)}")
+
+
+def _begins_as_netcdf(path: Path) -> bool:
+    if not os.path.isfile(path):  # also False for names that no file can have
+        return False
+    with path.open("rb") as file:
+        return file.read(4) == b"\x89HDF"
 
 
 def needs_map(path: Path, lacks: str = "") -> LogError:
@@ -154,32 +168,23 @@ def read_log(path: Path) -> FlightLog:
             coords[row.dims[1]] = list(LABELS[row.dims[1]])
         made[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], {name: row})
 
-    if record.robot.smooths(record.channels):
-        for name, key in RAW_KEYS.items():
-            if key in record.channels:
-                row = MEASURED[name]
-                coords[row.dims[0]] = channel(record.channels[key].time[:], row.dims[:1], "s", "stamp of the sample")
-                add(name, record.channels[key].values[:], row)
-    else:
-        for name, keys in STATE_KEYS.items():
-            if all(key in record.channels for key in keys):
-                means = MEASURED[name].dims[0] == "interval"
-                values = [_at(record, key, time) if not means else record.means(key, time) for key in keys]
-                add(name, np.hstack(values), MEASURED[name])
+    raw = record.robot.smooths(record.channels)
+    for name, keys in ({name: (key,) for name, key in RAW_KEYS.items()} if raw else STATE_KEYS).items():
+        if all(key in record.channels for key in keys):
+            row, own = MEASURED[name], record.channels[keys[0]]
+            if raw:
+                coords[row.dims[0]] = channel(own.time[:], row.dims[:1], "s", "stamp of the sample")
+                values = own.values[:]
+            elif row.dims[0] == "interval":
+                values = record.means(keys[0], time)
+            elif name == "pose":
+                values = np.hstack([record.at(keys[0], time), record.turns(time)])
+            else:
+                values = np.hstack([record.at(key, time) for key in keys])
+            add(name, values, row)
     if THRUST_KEY in record.channels:
         add(THRUSTERS, record.means(THRUST_KEY, time), THRUST_CHANNEL)
     return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": path.stem}), name=f"log {path}")
-
-
-def _at(record: Record, key: str, time: Array) -> Array:
-    return record.turns(time) if key == "base.quaternion" else record.at(key, time)
-
-
-def _begins_as_netcdf(path: Path) -> bool:
-    if not os.path.isfile(path):  # also False for names that no file can have
-        return False
-    with path.open("rb") as file:
-        return file.read(4) == b"\x89HDF"
 
 
 @guarded()
@@ -198,7 +203,7 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
     if unwritten:
         raise LogError(f"flight log: a table has no column for {', '.join(unwritten)}: drop the channel first")
     channels, parts = flight_channels(log, load_aerobat()), []
-    for request in table_requests(RAW_SAMPLES if log.is_raw else STATES):
+    for request in table_requests(RAW_TABLE if log.is_raw else STATE_TABLE):
         if (samples := channels.get(request.key)) is not None:
             values, stamps = samples.values[:][:, : len(request.names)], samples.time[:]
             values = samples_of(values) if samples.means else values

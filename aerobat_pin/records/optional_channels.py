@@ -13,10 +13,10 @@ from aerobat_pin.records.map_tables import ChannelSection
 from aerobat_pin.records.table_cells import line_of
 from aerobat_pin.scenario import Section
 
-Table = TypeVar("Table", bound=Section)
+MapPart = TypeVar("MapPart", bound=Section)
 
 
-def without_absent(table: Table, columns: Columns) -> Table:
+def without_absent(table: MapPart, columns: Columns) -> MapPart:
     """Return a table of a map without the optional channels that a log does not have.
 
     Raises:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import STATES, read_log, table_units, write_csv
+from aerobat_pin.aerobat.tables import STATE_TABLE, read_log, table_units, write_csv
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.simulate import simulate
@@ -16,7 +16,7 @@ from aerobat_pin.robot.aerobat import JOINTS
 from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.scenario import load_scenario
 
-UNITS = table_units(STATES)
+UNITS = table_units(STATE_TABLE)
 HEADER = ["time [s]", "x [m]", "y", "z", "qx", "qy", "qz", "qw [-]", "crank_angle [rad]", "airspeed [m/s]"]
 
 

@@ -16,7 +16,7 @@ from support.commands import call
 from support.quadruped import FEET, write_log, write_urdf
 
 from aerobat_pin.aerobat.estimate import belief_about
-from aerobat_pin.aerobat.tables import RAW_SAMPLES, STATES, table_units
+from aerobat_pin.aerobat.tables import RAW_TABLE, STATE_TABLE, table_units
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot.closing_bars import bar_placements, visual_model_with_bars
 
@@ -138,7 +138,7 @@ def test_every_observer_has_a_row_in_the_table(name: str) -> None:
 
 def test_the_page_on_recorded_flights_lists_every_column_with_its_unit() -> None:
     """Names that follow each other, as `a` ... `b`, stand for those between them."""
-    units_of = table_units(STATES) | table_units(RAW_SAMPLES)
+    units_of = table_units(STATE_TABLE) | table_units(RAW_TABLE)
     names = list(units_of)
     told: dict[str, str] = {}
     table = RECORDED.split("<!-- columns -->")[1].split("<!-- /columns -->")[0]
