@@ -142,10 +142,10 @@ def _common_times(
             "map: no channel is named: base.held = true and no joints and no known force leave nothing to see"
         )
     leading = next(channels[key] for key in ("joints.position", "base.position", *channels) if key in channels)
-    knots, least = None, LEAST_SAMPLES
+    knots, least = None, float(LEAST_SAMPLES)
     if chosen.log.times == "own":
         leading = max(channels.values(), key=lambda channel: len(channel.time))
-        knots, least = leading.time, LEAST_OWN
+        knots, least = leading.time, LEAST_OWN - 1.5
     if (spacing := typical_spacing(leading.time)) > chosen.log.longest_gap:
         raise LogError(
             f"log {path}: time rises by {spacing:g} s from sample to sample of {leading.key} (log.time.unit = "
@@ -164,11 +164,13 @@ def _common_times(
     if chosen.use.part is not None:
         origin = start
         start, end = max(start, origin + chosen.use.part[0]), min(end, origin + chosen.use.part[1])
-    if (end - start) * rate < least - (knots is not None):
+    if (end - start) * rate < least:
         spans = ", ".join(
             f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
         )
-        raise LogError(f"log {path}: its channels have less than {least} samples in common: {spans}")
+        raise LogError(
+            f"log {path}: its channels have less than {LEAST_OWN if knots else LEAST_SAMPLES} samples in common: {spans}"
+        )
     if (end - start) * rate > MOST_TIMES:
         raise LogError(
             f"log {path}: its stamps go from {start:.6g} to {end:.6g} s at {rate:.4g} samples a second: at most "

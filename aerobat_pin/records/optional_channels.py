@@ -24,13 +24,16 @@ def without_absent(table: MapPart, columns: Columns) -> MapPart:
     """
     changes: dict[str, Any] = {}
     for key, value in table:
+        left: Any = value
         if isinstance(value, ChannelSection):
-            changes[key] = value if _is_there(value, columns) else None
+            left = value if _is_there(value, columns) else None
         elif isinstance(value, dict) and any(isinstance(one, ChannelSection) for one in value.values()):
-            changes[key] = {name: one for name, one in value.items() if _is_there(one, columns)}
+            left = {name: one for name, one in value.items() if _is_there(one, columns)}
         elif isinstance(value, Section):
-            changes[key] = without_absent(value, columns)
-    return table.model_copy(update=changes)
+            left = without_absent(value, columns)
+        if left != value:
+            changes[key] = left
+    return table.model_copy(update=changes) if changes else table
 
 
 def _is_there(section: ChannelSection, columns: Columns) -> bool:
