@@ -168,9 +168,8 @@ def _common_times(
         spans = ", ".join(
             f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
         )
-        raise LogError(
-            f"log {path}: its channels have less than {LEAST_OWN if knots else LEAST_SAMPLES} samples in common: {spans}"
-        )
+        count = LEAST_SAMPLES if knots is None else LEAST_OWN
+        raise LogError(f"log {path}: its channels have less than {count} samples in common: {spans}")
     if (end - start) * rate > MOST_TIMES:
         raise LogError(
             f"log {path}: its stamps go from {start:.6g} to {end:.6g} s at {rate:.4g} samples a second: at most "
