@@ -10,8 +10,11 @@ if TYPE_CHECKING:
     from typing import Any
 
     from aerobat_pin.aerobat import FlightLog as FlightLog
+    from aerobat_pin.estimation import calibrate as calibrate
+    from aerobat_pin.estimation import estimate as estimate
     from aerobat_pin.experiments import run as run
     from aerobat_pin.flight import simulate as simulate
+    from aerobat_pin.records import open_record as open_record
     from aerobat_pin.robot import Aerobat as Aerobat
     from aerobat_pin.robot import closed_model as closed_model
     from aerobat_pin.robot import load_aerobat as load_aerobat
@@ -22,6 +25,8 @@ __version__ = "0.1.0"
 _ROOMS = {
     "experiments": ["run"],
     "aerobat": ["FlightLog"],
+    "estimation": ["calibrate", "estimate"],
+    "records": ["open_record"],
     "flight": ["simulate"],
     "robot": ["Aerobat", "closed_model", "load_aerobat"],
     "scenario": ["Scenario", "load_scenario"],

@@ -24,7 +24,7 @@ from raw_page import COST, HEAD, MOUNT, OWN, TEXT
 from support.own_model import own_model_errors
 
 from aerobat_pin import load_scenario, simulate
-from aerobat_pin.aerobat import FlightLog, flight_channels, read_csv, write_csv
+from aerobat_pin.aerobat import FlightLog, flight_channels, read_log, write_csv
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.aerobat.raw.nominal import first_guess
 from aerobat_pin.aerobat.raw.prior import first_prior
@@ -118,7 +118,7 @@ def through_a_table(log: FlightLog) -> FlightLog:
     """Return the samples of a log as they are read from a table: without notes on noise and place, without a truth."""
     with TemporaryDirectory() as folder:
         write_csv(log, Path(folder, "hall.csv"))
-        return read_csv(Path(folder, "hall.csv"))
+        return read_log(Path(folder, "hall.csv"))
 
 
 def true_forces(log: FlightLog) -> np.ndarray:

@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from aerobat_pin.aerobat import belief_about, estimate_flight, read_csv, true_force, write_csv
+from aerobat_pin.aerobat import belief_about, estimate_flight, read_log, true_force, write_csv
 from aerobat_pin.estimation import r_squared
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import believed_robot
@@ -14,7 +14,7 @@ with tempfile.TemporaryDirectory() as folder:
     table = Path(folder) / "hall.csv"
     write_csv(flight, table)
     print("columns:", table.read_text().splitlines()[0])
-    log = read_csv(table)
+    log = read_log(table)
 
 # What the observers assume: the robot, and the noise of its sensors (m/s, rad/s, rad/s per sample).
 settings = [

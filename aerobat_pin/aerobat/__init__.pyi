@@ -9,13 +9,10 @@ from .channels import THRUSTERS as THRUSTERS
 from .channels import TRUE_CHANNELS as TRUE_CHANNELS
 from .channels import channel as channel
 from .channels import filled as filled
-from .csv_log import read_csv as read_csv
-from .csv_log import write_csv as write_csv
 from .estimate import belief_about as belief_about
 from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
 from .estimate import estimate_flight as estimate_flight
-from .estimate import read_log as read_log
 from .flight_log import FlightLog as FlightLog
 from .flight_record import flight_channels as flight_channels
 from .flight_record import flight_motion as flight_motion
@@ -23,6 +20,11 @@ from .flight_record import flight_record as flight_record
 from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
 from .robot import AerobatRobot as AerobatRobot
+from .tables import kind_of_log as kind_of_log
+from .tables import needs_map as needs_map
+from .tables import read_log as read_log
+from .tables import table_record as table_record
+from .tables import write_csv as write_csv
 from .truth import SUM as SUM
 from .truth import true_events as true_events
 from .truth import true_force as true_force

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, LINKS
 
 KNOWN = "known_"  # prefix of the channels with known generalised forces or body wrenches
@@ -272,3 +273,23 @@ def _sample_name(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
     what = "sample" if dim == "time" or dim in RAW_CLOCKS else str(dim)
     at = data.variables.get(dim)
     return f"{what} {row}" + (f" ({float(at.values[row]):g} s)" if at is not None and at.dtype.kind == "f" else "")
+
+
+def angle_fault(time: Array, crank: Array | None, joints: Array | None) -> str | None:
+    """Return which angles are in degrees, in words: a crank that turns too fast, or a joint that turns too far.
+
+    Args:
+        time: (n,) times of the samples [s].
+        crank: (n,) crank angle, if it is known.
+        joints: (n, 4) joint angles, if they are known.
+    """
+    if crank is not None:
+        steps = np.diff(time)
+        turned = np.abs(np.diff(crank))[steps > 0.0] / steps[steps > 0.0]
+        rate = float(np.median(turned)) / (2.0 * np.pi) if len(turned) else 0.0
+        if rate > FASTEST_CRANK:
+            return f"crank_angle turns at {rate:.0f} Hz: radians were expected"
+    if joints is not None and np.any(large := np.abs(joints) > LARGEST_JOINT_ANGLE):
+        at, joint = np.argwhere(large)[0]
+        return f"sample {at} ({time[at]:g} s): {JOINTS[joint]} = {joints[at, joint]:g}: radians were expected"
+    return None

@@ -9,10 +9,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -24,12 +22,6 @@ from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import RawSection, Scenario, parse_scenario, with_settings
 
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
-
-
-@guarded()
-def read_log(path: Path) -> FlightLog:
-    """Read a flight log: a NetCDF file written by this package, or a recorded CSV table. Raises LogError."""
-    return read_csv(path) if path.suffix.lower() == ".csv" else FlightLog.load(path)
 
 
 @guarded()

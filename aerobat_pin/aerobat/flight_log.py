@@ -25,12 +25,11 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.aerobat.channels import (
-    FASTEST_CRANK,
-    LARGEST_JOINT_ANGLE,
     MEASURED,
     OPTIONAL_TRUTH,
     RAW_CLOCKS,
     REQUIRED_TRUTH,
+    angle_fault,
     checked_channels,
 )
 from aerobat_pin.errors import LogError, write_files
@@ -199,23 +198,13 @@ def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:
 
 
 def _check_angles(measured: xr.Dataset, name: str) -> None:
-    """Raise LogError for angles that are in degrees: a crank that turns too fast, or a joint that turns too far."""
-    if "crank_angle" in measured:
-        steps = np.diff(measured["time"].values)
-        turned = np.abs(np.diff(measured["crank_angle"].values))[steps > 0.0] / steps[steps > 0.0]
-        rate = float(np.median(turned)) / (2.0 * np.pi) if len(turned) else 0.0
-        if rate > FASTEST_CRANK:
-            raise LogError(f"{name}: crank_angle turns at {rate:.0f} Hz: radians were expected")
-    for channel_name in ("q", "joint_angle"):
-        if channel_name in measured:
-            angles = measured[channel_name].values[:, -len(JOINTS) :]
-            large = np.argwhere(np.abs(angles) > LARGEST_JOINT_ANGLE)
-            if len(large):
-                at, joint = large[0]
-                raise LogError(
-                    f"{name}: sample {at} ({measured['time'].values[at]:g} s): {JOINTS[joint]} = "
-                    f"{angles[at, joint]:g}: radians were expected"
-                )
+    """Raise LogError for angles that are in degrees."""
+    time = measured["time"].values
+    crank = measured["crank_angle"].values if "crank_angle" in measured else None
+    for key in ("q", "joint_angle", None):
+        joints = measured[key].values[:, -len(JOINTS) :] if key in measured else None
+        if (fault := angle_fault(time, crank, joints)) is not None:
+            raise LogError(f"{name}: {fault}")
 
 
 def _check_attributes(attributes: dict[Any, Any], name: str) -> None:

@@ -83,7 +83,7 @@ def flight_record(
     span = float(log.time[-1] - log.time[0])
     rate = (count - 1) / span if span > 0.0 else 1.0
     driven = JOINTS if "joints.effort" in channels else ()
-    joints = JOINTS if "joints.position" in channels else ()
+    joints = JOINTS if {"joints.position", "joints.velocity"} & channels.keys() else ()
     parts = ((0, count - 1),)
     return Record(
         flight_map(section or ObserverSection()),

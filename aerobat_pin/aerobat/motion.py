@@ -13,16 +13,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from aerobat_pin.aerobat.air_from_scenario import wind_of
+from aerobat_pin.aerobat.channels import angle_fault
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Block
-from aerobat_pin.robot import BASE_SIZE, Aerobat, rotations
+from aerobat_pin.records import EXTRA, Block, LogChannel
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, rotations
 from aerobat_pin.scenario import AirSection
+
+FEWEST_RAW_SAMPLES = 8  # of each channel
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,29 @@ class Motion:
     def of(cls, block: Block) -> Motion:
         """Return the motion of a block that `completed` returned."""
         return cls(block.time, block.q, block.v, block.extra.get("crank"), block.extra["wind"])
+
+
+def fault_of(channels: Mapping[str, LogChannel]) -> str | None:
+    """Return why the motion cannot follow from the channels of a log, in words; None if it can.
+
+    Args:
+        channels: key -> channel; with an encoder they are raw samples.
+    """
+    if f"{EXTRA}encoder" in channels:
+        few = [one for one in channels.values() if len(one.time) < FEWEST_RAW_SAMPLES]
+        told = [f"{len(one.time)} samples of {', '.join(one.names)}" for one in few]
+        return f"{told[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if told else None
+    twist = [key for key in ("base.velocity", "base.rate") if key in channels]
+    if len(twist) == 1:
+        return f"{', '.join(channels[twist[0]].names)}: velocity and angular velocity were expected, both or none"
+    crank, joints = channels.get(f"{EXTRA}crank_angle"), channels.get("joints.position")
+    if crank is None and f"{EXTRA}crank_rate" in channels:
+        return "crank_rate without crank_angle: the linkage needs the angle"
+    if crank is None and joints is None:
+        return f"neither crank_angle nor the joints {', '.join(JOINTS)} are there"
+    if crank is not None and (fault := angle_fault(crank.time[:], crank.values[:][:, 0], None)) is not None:
+        return fault
+    return None if joints is None else angle_fault(joints.time[:], None, joints.values[:])
 
 
 def completed(block: Block, robot: Aerobat, air: AirSection) -> Block:

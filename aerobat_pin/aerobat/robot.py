@@ -6,7 +6,7 @@ simulated by assuming a robot or an air that differs from those that flew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import ClassVar
@@ -16,7 +16,7 @@ import numpy as np
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
-from aerobat_pin.aerobat.motion import Motion, completed
+from aerobat_pin.aerobat.motion import Motion, completed, fault_of
 from aerobat_pin.aerobat.parameters import PARAMETERS, changed_belief, scaled_thrusters
 from aerobat_pin.aerobat.torque import (
     RECORDED,
@@ -66,6 +66,7 @@ class AerobatRobot(PlainRobot):
     raw: RawSection = field(default_factory=RawSection)
     mount: Mount | None = None
     thruster_scale: float = 0.0
+    moves_joints: ClassVar[bool] = True  # by its crank
     remembers: ClassVar[bool] = True  # the wake is that of all flaps before
 
     @classmethod
@@ -133,10 +134,18 @@ class AerobatRobot(PlainRobot):
         """Return the robot with its accelerometer where it was found. Raises CalibrationError if that cannot be."""
         return replace(self, mount=Mount.of_parts(values))
 
+    def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
+        """Return what is wrong with the channels of a log as a whole: see `motion.fault_of`."""
+        return fault_of(channels)
+
     def complete(self, block: Block) -> Block:
         """Return a block with the joints that the crank drives, the crank's motion and the wind; see `motion`."""
         block = completed(block, self.aerobat, self.air)
         return replace(block, source={**block.source, "motor_torque": self.kind})
+
+    def smooths(self, channels: Collection[str]) -> bool:
+        """Return whether the channels are raw samples."""
+        return f"{EXTRA}encoder" in channels
 
     def motion_from(
         self,
@@ -151,7 +160,7 @@ class AerobatRobot(PlainRobot):
             ScenarioError: an observer cannot use raw samples.
             LogError: a channel is missing.
         """
-        if f"{EXTRA}encoder" not in channels:
+        if not self.smooths(channels):
             return None
         from aerobat_pin.aerobat.raw.results import smoothed_raw  # compiles kernels that other records do not need
 

@@ -9,7 +9,7 @@ import typer
 
 from aerobat_pin.cli.console import write_results
 from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
-from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, is_aerobats, self_check_by_map
+from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, self_check_by_map
 
 if TYPE_CHECKING:
     from aerobat_pin.scenario import Scenario
@@ -55,7 +55,7 @@ def estimate_command(
 
     Of Aerobat's own tables without a map: --set takes keys of robot, air and observers, and flight.gravity.
     """
-    from aerobat_pin.aerobat import belief_about, describe_belief, read_log
+    from aerobat_pin.aerobat import belief_about, describe_belief, needs_map, read_log
     from aerobat_pin.errors import LogError
     from aerobat_pin.estimation import read_calibration
     from aerobat_pin.experiments import run_recorded
@@ -83,11 +83,8 @@ def estimate_command(
             *(settings or []),
             f"observers.frames=[{', '.join(repr(name.strip()) for name in points.split(','))}]",
         ]
-    if log is not None and (out_mcap is not None or not is_aerobats(log)):
-        raise LogError(
-            f"log {log}: --map MAP.toml says what its columns mean and which robot it was; `aerobat estimate {log} "
-            "--suggest` prints one to begin with"
-        )
+    if log is not None and out_mcap is not None:
+        raise needs_map(log)
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,17 +22,6 @@ def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observe
     if file is not None:
         return with_options(load_map(file), robot, names, observers), file.absolute().parent
     return with_options(parse_map({"robot": {"urdf": robot}}, "of the options"), robot, names, observers), Path.cwd()
-
-
-def is_aerobats(log: Path) -> bool:
-    """Return whether a log looks like a flight of Aerobat, or like nothing at all, which its own reader explains."""
-    if os.path.isdir(log) or log.suffix.lower() in (".mcap", ".db3", ".bag"):
-        return False
-    if log.suffix.lower() != ".csv" or not os.path.isfile(log):  # also False for names that no file can have
-        return True
-    with log.open(encoding="utf-8", errors="replace") as file:
-        header = file.readline(100_000)
-    return not header.strip() or any(name in header for name in ("crank_angle", "left_shoulder"))
 
 
 def self_check_by_map(log: Path, chosen: Map, folder: Path) -> None:

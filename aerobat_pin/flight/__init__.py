@@ -1,6 +1,6 @@
 """From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
-from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, read_csv, write_csv
+from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, read_log, write_csv
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage
@@ -33,7 +33,7 @@ __all__ = [
     "find_trim",
     "interval_means",
     "log_with_motion",
-    "read_csv",
+    "read_log",
     "simulate",
     "thrusters_of",
     "wake_of",

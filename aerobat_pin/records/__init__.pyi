@@ -9,6 +9,7 @@ from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .channels import factor_of as factor_of
 from .channels import joint_requests as joint_requests
+from .channels import requests_of as requests_of
 from .columns import Columns as Columns
 from .columns import in_step as in_step
 from .file_source import open_record as open_record
@@ -30,6 +31,8 @@ from .messages import stamp as stamp
 from .netcdf import StoredVariable as StoredVariable
 from .netcdf import netcdf_variables as netcdf_variables
 from .netcdf import read_netcdf as read_netcdf
+from .read import BAGS as BAGS
+from .read import NETCDF as NETCDF
 from .record import Record as Record
 from .record import as_attitude as as_attitude
 from .record import body_turn as body_turn

@@ -11,7 +11,7 @@ import numpy as np
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
-from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.columns import Columns, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
@@ -53,6 +53,8 @@ class Request:
         delay: to take off the stamps [s].
         optional: whether the log may lack it.
         joints: whose columns these are, for a channel of joints.
+        units: of the columns, which a header may state; empty where the map does not say.
+        wraps: whether full turns are taken out.
     """
 
     key: str
@@ -61,6 +63,13 @@ class Request:
     delay: float = 0.0
     optional: bool = False
     joints: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    wraps: bool = False
+
+
+def requests_of(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> list[Request]:
+    """Return all that a map asks of the log; see the three functions that yield it."""
+    return [*base_requests(chosen), *joint_requests(chosen, robot, joints), *further_requests(chosen)]
 
 
 def base_requests(chosen: Map) -> Iterator[Request]:
@@ -83,6 +92,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
     torque per ampere of every joint.
     """
     table = chosen.joints
+    joints = joints or table.names  # where the robot itself finds the joints, they can have efforts alone
     driven = tuple(name for name in joints if name not in chosen.robot.rows.ignore)
     for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
         key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
@@ -103,7 +113,8 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             factor *= [_torque_per_unit(table.effort, joint, own) for joint in own]
         elif unit is not None and not unit.startswith("m"):  # sliding joints stay in m: a unit of angles is not theirs
             factor[[robot.slides(joint) for joint in own]] = 1.0
-        yield Request(key, names, factor, delay, optional, own)
+        units = () if any(map(robot.slides, own)) else _units(unit, kind, len(names))
+        yield Request(key, names, factor, delay, optional, own, units)
 
 
 def further_requests(chosen: Map) -> Iterator[Request]:
@@ -114,10 +125,12 @@ def further_requests(chosen: Map) -> Iterator[Request]:
     for name, known in chosen.known.items():
         yield from _known(f"known.{name}", known)
     for name, section in chosen.extra.items():
-        names = section.columns or ((section.topic,) if section.topic is not None else ())
-        if not names or section.unit is not None:
-            raise LogError(f"map: extra.{name}: columns in the robot's own unit were expected, and no key unit")
-        yield Request(f"{EXTRA}{name}", names, 1.0, section.delay)
+        key, names = f"{EXTRA}{name}", section.columns or ((section.topic,) if section.topic is not None else ())
+        if not names or (section.unit is not None and section.kind is None):
+            raise LogError(f"map: {key}: columns in the robot's own unit were expected, or a key kind beside unit")
+        factor = factor_of(key, section.unit, section.kind or "none")
+        units = () if section.kind is None else _units(section.unit, section.kind, len(names))
+        yield Request(key, names, factor, section.delay, units=units, wraps=section.wraps)
 
 
 def named_columns(chosen: Map) -> set[str]:
@@ -149,29 +162,46 @@ def _torque_per_unit(section: EffortSection | None, joint: str, joints: tuple[st
 def channel_of(request: Request, columns: Columns) -> LogChannel | None:
     """Read a channel; None if it is optional and missing.
 
-    Raises LogError if the log has no such columns, or if quaternions do not have length one.
+    Raises LogError if the log has no such columns, if they are in another unit, or if quaternions do not have length
+    one.
     """
     if request.optional and not all(name in columns.values for name in request.names):
         return None
+    for name, unit in zip(request.names, request.units, strict=False):
+        if name in columns.units and not same_unit(columns.units[name], unit):
+            raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
     own = parts[0][0]
     time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
     for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
         stamps = own[rows]
         table = request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1)
-        values.append(_unit_length(request, stamps, table) if request.key == "base.quaternion" else table)
+        if request.key == "base.quaternion":
+            table = _unit_length(columns, request, stamps, table)
+        if request.wraps:
+            table = _unwrapped(columns, request, table, values)
+        values.append(table)
         if time is not own:
             time.append(stamps - request.delay)
     return LogChannel(request.key, request.names, time, values)
 
 
-def _unit_length(request: Request, time: Array, values: Array) -> Array:
+def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:
+    """Return angles (m, k) without jumps by full turns, from `before` on. Raises LogError if all steps are jumps."""
+    step = float(np.median(np.abs(np.diff(table, axis=0)))) if len(table) > 1 else 0.0
+    if step > np.pi:
+        where = f"log {columns.path}: {', '.join(request.names)} ({request.key})"
+        raise LogError(f"{where} turns by {step:.3g} rad from row to row: half a turn at most was expected; degrees?")
+    return np.unwrap(np.concatenate([before[len(before) - 1 :] if len(before) else table[:1], table]), axis=0)[1:]
+
+
+def _unit_length(columns: Columns, request: Request, time: Array, values: Array) -> Array:
     """Return quaternions (m, 4) with length one. Raises LogError if they are none."""
     length = np.linalg.norm(values, axis=1)
     if np.any(np.abs(length - 1.0) > 0.05):
         row = int(np.argmax(np.abs(length - 1.0)))
         raise LogError(
-            f"map: base.quaternion ({', '.join(request.names)}) has length {length[row]:.3g} at "
+            f"log {columns.path}: base.quaternion ({', '.join(request.names)}) has length {length[row]:.3g} at "
             f"{time[row] - request.delay:g} s: 1 was expected"
         )
     return np.asarray(values / length[:, None])
@@ -195,6 +225,12 @@ def factor_of(key: str, unit: str | None, kind: str) -> float:
     return known[unit]
 
 
+def _units(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
+    """Return the units of columns that a header may state; six columns of a force have moments behind it."""
+    unit = unit or next(iter(SI_FACTORS[kind]), "-")
+    return (unit,) * 3 + (f"{unit} m",) * 3 if kind == "force" and count == 6 else (unit,) * count
+
+
 def _asked(
     key: str, section: ChannelSection | None, kind: str, count: int | tuple[int, ...], topic: str | None
 ) -> Iterator[Request]:
@@ -211,7 +247,8 @@ def _asked(
         return
     _check_count(key, names, (count,) if isinstance(count, int) else count)
     unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-    yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional)
+    units = _units(unit, kind, len(names))
+    yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional, units=units)
 
 
 def _check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
@@ -230,7 +267,8 @@ def _known(key: str, known: KnownSection) -> Iterator[Request]:
     if not known.powers and len(names) not in (3, 6):
         raise LogError(f"map: {key} has {len(names)} columns: 3 of force, or 6 with the moment, were expected")
     factor = 1.0 if known.powers else factor_of(key, known.unit, "force")
-    yield Request(key, names, factor, -known.delay if known.powers else known.delay)
+    units = () if known.powers else _units(known.unit, "force", len(names))
+    yield Request(key, names, factor, -known.delay if known.powers else known.delay, units=units)
     supply = known.supply
     if supply is not None:
         column = supply.columns or ((supply.column,) if supply.column else ())

@@ -17,6 +17,11 @@ from aerobat_pin.records.spool import EXTENT, Series, Spool
 MOST_NAMES = 40  # of the log that an error message lists
 
 
+def same_unit(text: str, unit: str) -> bool:
+    """Return whether a text names a unit: `N·m` and `Nm` are `N m`."""
+    return text.strip().replace("·", "").replace(" ", "") == unit.replace(" ", "")
+
+
 @dataclass(frozen=True)
 class Clock:
     """The stamps of one table or topic.
@@ -46,6 +51,7 @@ class Columns:
         values: name -> (n,) samples; NaN where a row has none.
         kinds: topic -> type of its messages, for a bag.
         stamps: which stamps a bag's clocks are; empty for a table.
+        units: name -> unit that the header of a table states, as in `x [m]`.
     """
 
     path: Path
@@ -55,6 +61,7 @@ class Columns:
     values: dict[str, Series]
     kinds: dict[str, str] = field(default_factory=dict)
     stamps: str = ""
+    units: dict[str, str] = field(default_factory=dict)
 
     def series(self, name: str, key: str) -> tuple[Series, Series]:
         """Return stamps (n,) [s] and samples (n,) of a column, without empty cells.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterable
+import re
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,16 @@ import pandas as pd
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.columns import Columns, GrowingTable
+from aerobat_pin.records.columns import Columns, GrowingTable, same_unit
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool
-from aerobat_pin.records.table_cells import check_rows, decimal_sign, numbers_of
+from aerobat_pin.records.table_cells import check_rows, decimal_sign, line_of, numbers_of
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
 SEPARATORS = (",", ";", "\t", " ")
 ROWS_AT_ONCE = 50_000
+NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
 
 def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
@@ -30,7 +32,10 @@ def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
         raise LogError(f"log {path}: there is no such file")
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            line = file.readline(1_000_000).strip("\r\n")
+            line = file.readline(1_000_000)
+            while line and not line.strip():  # empty lines before the header
+                line = file.readline(1_000_000)
+            line = line.strip("\r\n")
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
     separator = log.delimiter or max(SEPARATORS, key=lambda sign: (line.count(sign), -SEPARATORS.index(sign)))
@@ -55,27 +60,46 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     Raises:
         LogError: it is no table, a cell is no number, or the time is not found.
     """
-    separator, names = header_of(path, log)
+    separator, cells = header_of(path, log)
+    wanted = None if wanted is None else set(wanted)
+    names, units = _without_units(cells, {log.time.column, *(wanted or ())})
     column = None if log.time.rate else log.time.column or _time_column(path, names)
     if column is not None and column not in names:
         raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
+    if column in units and not same_unit(units[column], log.time.unit):
+        raise LogError(f"log {path}: column '{column} [{units[column]}]': {log.time.unit} was expected")
     read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
     used = [i for i, name in enumerate(names) if read is None or name in read]
+    twice = [names[i] for i in used if wanted is not None and names.count(names[i]) > 1]
+    if twice:
+        raise LogError(f"log {path}: column '{twice[0]}' appears twice")
     table, strict = GrowingTable(Spool()), wanted is not None
     signs: dict[str, str] = {}
+    last = -np.inf
     check_rows(path, separator, len(names))
     try:
         chunks = pd.read_csv(
-            path, sep=separator, usecols=used, chunksize=ROWS_AT_ONCE, encoding="utf-8-sig", skipinitialspace=True
+            path,
+            sep=separator,
+            usecols=used,
+            chunksize=ROWS_AT_ONCE,
+            encoding="utf-8-sig",
+            skipinitialspace=True,
+            keep_default_na=log.times == "even",
+            na_values=[""],  # at own times a written NaN is no empty cell
         )
         for chunk in chunks:
             values: dict[str, Array] = {}
             for i, label in zip(used, chunk.columns, strict=True):
-                values |= numbers_of(path, names[i], chunk[label], len(table) + 2, strict=strict)
-                if separator != ",":
+                values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
+                if separator != "," or chunk[label].dtype.kind not in "fiub":
                     signs[names[i]] = _one_sign(path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2)
             if len(chunk):
-                table.add(_stamps(path, log, column, values, len(table), len(chunk)), values)
+                stamps = _stamps(path, log, column, values, len(table), len(chunk))
+                if log.times == "own":
+                    _check_rising(path, stamps, last, len(table))
+                    last = float(stamps[-1])
+                table.add(stamps, values)
     except (ValueError, OSError) as error:
         if isinstance(error, LogError):
             raise
@@ -83,15 +107,34 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     if len(table) < 2:
         raise LogError(f"log {path}: {len(table)} rows: two or more were expected")
     clocks, values_of = {"table": table.clock()}, table.columns
-    return Columns(
-        path, tuple(dict.fromkeys([*names, *values_of])), clocks, dict.fromkeys(values_of, "table"), values_of
-    )
+    every = tuple(dict.fromkeys([*names, *values_of]))
+    return Columns(path, every, clocks, dict.fromkeys(values_of, "table"), values_of, units=units)
+
+
+def _without_units(cells: list[str], wanted: Collection[str | None]) -> tuple[list[str], dict[str, str]]:
+    """Return the names of columns, and the units of those that are wanted without the unit of their cell, `x [m]`."""
+    names, units = list(cells), {}
+    for k, cell in enumerate(cells):
+        found = NAME_AND_UNIT.fullmatch(cell)
+        if found is not None and cell not in wanted and found["name"] in wanted:
+            names[k], units[found["name"]] = found["name"], found["unit"]
+    return names, units
+
+
+def _check_rising(path: Path, stamps: Array, last: float, before: int) -> None:
+    """Raise LogError unless stamps (n,) rise, from `last` on; there are `before` rows before them."""
+    steps = np.diff(stamps, prepend=last)
+    if np.any(steps <= 0.0):
+        k = int(np.argmax(steps <= 0.0))
+        what = "is repeated" if steps[k] == 0.0 else "runs backwards"
+        where = f"log {path}, line {line_of(path, before + k)}"
+        raise LogError(f"{where}: time = {stamps[k]:g} s {what}: rising times were expected")
 
 
 def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str:
     """Return the decimal sign of a column so far. Raises LogError if rows from `first` on have another one."""
     found = decimal_sign(cells)
-    if str(cells.iloc[0]).startswith("[") or found in ("", before):
+    if found in ("", before) or str(cells.iloc[0]).startswith("["):
         return before
     if before or len(found) > 1:
         raise LogError(
@@ -107,7 +150,8 @@ def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Arr
         return np.asarray((before + np.arange(count)) / (log.time.rate or 1.0))
     time = np.asarray(values.pop(column) * SECONDS[log.time.unit])
     if not np.all(np.isfinite(time)):
-        raise LogError(f"log {path}: row {before + int(np.argmin(np.isfinite(time))) + 2} has no time in '{column}'")
+        line = line_of(path, before + int(np.argmin(np.isfinite(time))))
+        raise LogError(f"log {path}, line {line}: no time in '{column}'")
     return time
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,52 +16,68 @@ from aerobat_pin.records.channels import (
     base_requests,
     channel_of,
     further_requests,
-    joint_requests,
     named_columns,
+    requests_of,
 )
 from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.map_file import load_map
 from aerobat_pin.records.map_tables import Map
+from aerobat_pin.records.optional_channels import check_same_rows, without_absent
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.record import Record
 from aerobat_pin.records.resample import holes
 from aerobat_pin.records.robots import PlainRobot, robot_of_map
-from aerobat_pin.records.spool import EXTENT, typical_spacing
+from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
+LEAST_OWN = 3  # of a part at times of its own: fewer samples do not give rates
 FASTEST = 20_000.0  # [Hz] of the common times
 MOST_TIMES = 1 << 45  # common times from the first to the last, holes included; beyond they are no longer evenly spaced
 
 
 @guarded()
-def open_record(path: Path, chosen: Map, folder: Path, robot: PlainRobot | None = None) -> Record:
+def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robot: PlainRobot | None = None) -> Record:
     """Read a recording by its map.
 
     Args:
         path: the log.
-        chosen: the map.
-        folder: where relative paths of the map begin.
+        chosen: the map, or its file.
+        folder: where relative paths of the map begin; at its file, or here, when omitted.
         robot: a robot that knows more than the map says; the map's own when omitted.
 
     Raises:
         LogError, MapError: the log or the map lacks something, or they do not fit together.
     """
+    if isinstance(chosen, Path):
+        folder = folder or chosen.parent
+        chosen = load_map(chosen)
+    folder = folder or Path()
     robot = robot or robot_of_map(chosen.robot, folder)
     chosen = _with_held(chosen, robot)
-    base, further = list(base_requests(chosen)), list(further_requests(chosen))
-    wanted = {name for request in (*base, *further) for name in request.names} | named_columns(chosen)
+    asked = [*base_requests(chosen), *further_requests(chosen)]
+    wanted = {name for request in asked for name in request.names} | named_columns(chosen)
     columns = read_columns(path, chosen.log, wanted)
+    chosen = without_absent(chosen, columns)
     joints, notes = _sensed_joints(chosen, robot, columns)
-    asked = [*base, *joint_requests(chosen, robot, joints), *further]
+    asked = requests_of(chosen, robot, joints)
+    if chosen.log.times == "own":
+        for request in asked:
+            check_same_rows(request, columns)
     found = {request.key: channel_of(request, columns) for request in asked}
     channels = {key: channel for key, channel in found.items() if channel is not None}
     _check_complete(chosen, robot, channels)
-    start, rate, end = _common_times(path, chosen, channels, columns)
-    parts, dropped = _parts(chosen, columns, channels, start, rate, end)
+    if (fault := robot.fault(channels)) is not None:
+        raise LogError(f"log {path}: {fault}")
+    start, rate, end, knots = _common_times(path, chosen, channels, columns)
+    parts, dropped = _parts(chosen, columns, channels, start, rate, end, knots)
+    if knots is not None and robot.smooths(channels):
+        parts, dropped = ((0, len(knots) - 1),), ()
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
     driven = next((one.joints for one in asked if one.key == "joints.effort" and one.key in channels), ())
-    log = replace(columns, values={})
-    return Record(chosen, robot, channels, joints, driven, start, rate, parts, (*notes, *dropped), None, log, folder)
+    log, notes = replace(columns, values={}), (*notes, *dropped)
+    start = start if knots is None else float(knots[0])
+    return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
 
 
 def _with_held(chosen: Map, robot: PlainRobot) -> Map:
@@ -97,10 +113,10 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
         if strangers:
             notes.append(f"joints of {table.topic} that the robot does not have are left out: {', '.join(strangers)}")
         names = table.names or tuple(name for name in there if name in robot.joints and name not in table.held)
-    elif table.position is None:
+    elif table.position is None and (table.velocity is None or not table.velocity.columns):
         names = ()
     missing = [name for name in robot.joints if name not in names and name not in table.held]
-    if missing:
+    if missing and not robot.moves_joints:
         raise MapError(
             f"map: joints: {', '.join(missing)} have no channel; name their columns, or write joints.held = "
             f"{{{missing[0]} = 0.0}} for a joint that stands still (its row is then not believed)"
@@ -124,14 +140,25 @@ def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, LogChann
 
 def _common_times(
     path: Path, chosen: Map, channels: dict[str, LogChannel], columns: Columns
-) -> tuple[float, float, float]:
-    """Return first time [s], rate [Hz] and last time [s] of the common times."""
+) -> tuple[float, float, float, Series | None]:
+    """Return first time [s], rate [Hz] and last time [s] of what all channels share, and times of the record's own."""
     if not channels:
         raise MapError(
             "map: no channel is named: base.held = true and no joints and no known force leave nothing to see"
         )
     leading = next(channels[key] for key in ("joints.position", "base.position", *channels) if key in channels)
-    rate = chosen.log.rate or 1.0 / typical_spacing(leading.time)
+    knots, least = None, float(LEAST_SAMPLES)
+    if chosen.log.times == "own":
+        leading = max(channels.values(), key=lambda channel: len(channel.time))
+        knots, least = leading.time, LEAST_OWN - 1.5
+    if (spacing := typical_spacing(leading.time)) > chosen.log.longest_gap:
+        raise LogError(
+            f"log {path}: time rises by {spacing:g} s from sample to sample of {leading.key} (log.time.unit = "
+            f"'{chosen.log.time.unit}'): at most log.longest_gap = {chosen.log.longest_gap:g} s was expected"
+        )
+    rate = chosen.log.rate or 1.0 / spacing
+    if knots is not None:
+        rate = (len(knots) - 1) / float(knots[-1] - knots[0])
     if not 0.0 < rate <= FASTEST:
         unit = f" (log.time.unit = '{chosen.log.time.unit}')" if not columns.kinds else ""
         raise LogError(
@@ -142,24 +169,37 @@ def _common_times(
     if chosen.use.part is not None:
         origin = start
         start, end = max(start, origin + chosen.use.part[0]), min(end, origin + chosen.use.part[1])
-    if (end - start) * rate < LEAST_SAMPLES:
+    if (end - start) * rate < least:
         spans = ", ".join(
             f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
         )
-        raise LogError(f"log {path}: its channels have less than {LEAST_SAMPLES} samples in common: {spans}")
+        count = LEAST_SAMPLES if knots is None else LEAST_OWN
+        raise LogError(f"log {path}: its channels have less than {count} samples in common: {spans}")
     if (end - start) * rate > MOST_TIMES:
         raise LogError(
             f"log {path}: its stamps go from {start:.6g} to {end:.6g} s at {rate:.4g} samples a second: at most "
             f"{MOST_TIMES / rate:.3g} s were expected; is one of them wrong?"
         )
-    return float(start), float(rate), float(end)
+    return float(start), float(rate), float(end), knots
 
 
 def _parts(
-    chosen: Map, columns: Columns, channels: dict[str, LogChannel], start: float, rate: float, end: float
+    chosen: Map,
+    columns: Columns,
+    channels: dict[str, LogChannel],
+    start: float,
+    rate: float,
+    end: float,
+    knots: Series | None,
 ) -> tuple[tuple[tuple[int, int], ...], tuple[str, ...]]:
     """Return the parts of the common times that are used, and what was dropped and why."""
-    count = int(np.floor((end - start) * rate + 1e-6)) + 1
+
+    def time_of(index: int) -> float:
+        return start + index / rate if knots is None else float(knots[index])
+
+    count = int(np.floor((end - start) * rate + 1e-6)) + 1 if knots is None else len(knots)
+    least = LEAST_SAMPLES if knots is None else LEAST_OWN
+    outside = set() if knots is None else {(-np.inf, start), (end, np.inf)}
     notes: list[str] = []
     missing: list[tuple[float, float]] = []
     for key, channel in channels.items():
@@ -175,8 +215,8 @@ def _parts(
         level = LogChannel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
     runs: list[tuple[int, int]] = []
     covered, used = 0, 0
-    for low, high in _outside(set(missing), start, rate, count):
-        time = start + np.arange(low, high) / rate
+    for low, high in _outside(outside | set(missing), time_of, count):
+        time = start + np.arange(low, high) / rate if knots is None else knots[low:high]
         good = np.ones(len(time), bool)
         if level is not None and when is not None:
             stamps, values = level.between(time[0], time[-1], extra=2)
@@ -185,7 +225,8 @@ def _parts(
             good &= height <= (np.inf if when.below is None else when.below)
         covered, used = covered + len(good), used + int(np.sum(good))
         for first, last in _runs(good):
-            if runs and runs[-1][1] == low + first - 1:
+            near = knots is None or (first == 0 and time[0] - time_of(max(low - 1, 0)) <= chosen.log.longest_gap)
+            if near and runs and runs[-1][1] == low + first - 1:
                 runs[-1] = (runs[-1][0], low + last)
             else:
                 runs.append((low + first, low + last))
@@ -197,7 +238,7 @@ def _parts(
     parts = []
     for first, last in runs:
         first, last = first + round(trim[0] * rate), last - round(trim[1] * rate)
-        if last - first + 1 >= LEAST_SAMPLES:
+        if last - first + 1 >= least:
             parts.append((first, last))
         elif last > first:
             notes.append(f"a part of {last - first + 1} samples is left out")
@@ -205,16 +246,12 @@ def _parts(
 
 
 def _outside(
-    missing: Iterable[tuple[float, float]], start: float, rate: float, count: int
+    missing: Iterable[tuple[float, float]], time_of: Callable[[int], float], count: int
 ) -> Iterator[tuple[int, int]]:
     """Yield (first, last), exclusive, of the common times that are in no hole, in pieces of at most `EXTENT`.
 
     A hole costs the same however long it is: one wrong stamp can make it a year.
     """
-
-    def time_of(index: int) -> float:
-        return start + index / rate
-
     first, times = 0, range(count)
     for begin, finish in (*sorted(missing), (np.inf, np.inf)):
         last = bisect_right(times, begin, key=time_of)

@@ -57,6 +57,11 @@ class LogTable(Section):
         "header", description="stamps of a bag: the sensor's or the recorder's"
     )
     rate: Positive | None = Field(None, description="of the estimate; left out: the pose's or joints' own rate [Hz]")
+    times: Literal["even", "own"] = Field(
+        "even",
+        description="of the estimate: evenly spaced, or the stamps of the channel with most samples, which may be "
+        "uneven; with own, stamps must rise, and columns of a channel have their samples in the same rows",
+    )
     longest_gap: Positive = Field(0.1, description="a longer hole in any channel ends a part of the record [s]")
 
 
@@ -67,6 +72,7 @@ class ChannelSection(Section):
     topic: str | None = Field(None, description="of a bag, in place of columns")
     unit: str | None = Field(None, description="left out: SI")
     delay: Number = Field(0.0, description="of the channel against the clock; taken off [s]")
+    optional: bool = Field(False, description="true: the log may lack it, all of its columns together")
 
 
 class PositionSection(ChannelSection):
@@ -239,6 +245,17 @@ class KnownSection(ChannelSection):
         return self
 
 
+class ExtraSection(ChannelSection):
+    """A channel that only a robot with forces of its own reads."""
+
+    kind: Literal["length", "angle", "speed", "rate", "acceleration", "force", "torque"] | None = Field(
+        None,
+        description="gives it units; forces and torques are then means over each interval; left out: the robot's own "
+        "unit, samples",
+    )
+    wraps: bool = Field(False, description="an angle that jumps by full turns, which are taken out")
+
+
 class WhenSection(Section):
     """Use only the part of the record in which a column is above or below a value."""
 
@@ -274,7 +291,7 @@ class Map(Section):
     joints: JointsTable = JointsTable()
     check: CheckTable = CheckTable()
     known: dict[str, KnownSection] = Field(default_factory=dict, description="name -> known force")
-    extra: dict[str, ChannelSection] = Field(
+    extra: dict[str, ExtraSection] = Field(
         default_factory=dict, description="name -> columns that only a robot with forces of its own reads"
     )
     use: UseTable = UseTable()

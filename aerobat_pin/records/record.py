@@ -95,13 +95,13 @@ class Record:
         rows_q, rows_v = ([index(joint) for joint in self.joints] for index in (robot.q_index, robot.v_index))
         for joint, place in self.map.joints.held.items():
             q[:, robot.q_index(joint)] = place
-        if self.joints:
+        if "joints.position" in self.channels:
             q[:, rows_q] = self.at("joints.position", time)
-            if "joints.velocity" in self.channels:
-                v[:, rows_v] = self.at("joints.velocity", time)
-            elif self.knots is None:
-                window = 0.02 if self.map.joints.velocity is None else self.map.joints.velocity.window
-                v[:, rows_v] = self._slope("joints.position", first, last, window)
+        if "joints.velocity" in self.channels:
+            v[:, rows_v] = self.at("joints.velocity", time)
+        elif self.joints and self.knots is None:
+            window = 0.02 if self.map.joints.velocity is None else self.map.joints.velocity.window
+            v[:, rows_v] = self._slope("joints.position", first, last, window)
         if "joints.effort" in self.channels:
             tau[:, [robot.v_index(joint) for joint in self.driven]] = self.means("joints.effort", time)
         if robot.free and not self.map.base.held:
@@ -110,13 +110,18 @@ class Record:
             self._differentiate(time, q, v)
         measured = frozenset(self.channels)
         extra = {
-            key.removeprefix(EXTRA): self.means(key, time) if channel.means else self.at(key, time)
-            for key, channel in self.channels.items()
+            key.removeprefix(EXTRA): self.means(key, time) if self._is_force(key) else self.at(key, time)
+            for key in self.channels
             if key.startswith(EXTRA)
         }
         velocities = {"base.velocity" if robot.free else "joints.velocity"}
         source = {"q": "measured", "v": "measured" if velocities <= measured else "reconstructed"}
         return robot.complete(Block(time, q, v, tau, extra, measured, source))
+
+    def _is_force(self, key: str) -> bool:
+        """Return whether an extra channel is given out as means over intervals."""
+        section = self.map.extra.get(key.removeprefix(EXTRA))
+        return self.channels[key].means or (section is not None and section.kind in ("force", "torque"))
 
     def _differentiate(self, time: Array, q: Array, v: Array) -> None:
         """Write the velocities that are not measured, of a record at its own times, into v (m, nv)."""
@@ -138,8 +143,8 @@ class Record:
         channel = self.channels[key]
         if channel.means:
             return self._own_rows(channel, time[:-1])
-        if channel.time is self.knots:
-            rows = self._own_rows(channel, time)
+        if self.knots is not None:  # which are as fast as any channel
+            rows = self.at(key, time)
             return 0.5 * (rows[1:] + rows[:-1])
         return line_means(*self.cut(key, time), time)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -45,6 +45,7 @@ class PlainRobot:
     free: bool
     joints: tuple[str, ...]
     title: str
+    moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
 
     @property
@@ -79,6 +80,14 @@ class PlainRobot:
     def with_extras(self, values: Mapping[str, Array]) -> PlainRobot:
         """Return the robot with what `learn_extras` found. Raises CalibrationError if that cannot be."""
         return self
+
+    def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
+        """Return what is wrong with the channels of a log as a whole, in words; None, as here, if nothing is.
+
+        Args:
+            channels: key -> channel.
+        """
+        return None
 
     def complete(self, block: Block) -> Block:
         """Return a block with what was not measured but follows from what was, such as joints that a crank drives."""
@@ -118,6 +127,10 @@ class PlainRobot:
     def rows(self) -> Rows | None:
         """Return the rows to believe; None where that follows from the map and the channels that are there."""
         return None
+
+    def smooths(self, channels: Collection[str]) -> bool:
+        """Return whether `motion_from` finds the motion, bridging holes itself, for a record with these keys."""
+        return False
 
     def motion_from(
         self,

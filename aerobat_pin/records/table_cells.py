@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ def check_rows(path: Path, separator: str, columns: int) -> None:
             cut = text.rfind(b"\n") + 1
             lines, rest = text[:cut], text[cut:]
             if len(rest) > BYTES_AT_ONCE:
-                raise LogError(f"log {path}: row {row} has more than {BYTES_AT_ONCE} bytes: a table was expected")
+                raise LogError(f"log {path}, line {row}: more than {BYTES_AT_ONCE} bytes: a table was expected")
             if b'"' in lines:
                 return
             row += _check_lines(path, lines, separator, columns, row)
@@ -52,8 +53,15 @@ def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: 
     wrong = filled & (cells != columns)
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise LogError(f"log {path}: row {first + k} has {cells[k]} cells: {columns}, as in the header, were expected")
+        raise LogError(f"log {path}, line {first + k}: {cells[k]} cells: {columns}, as in the header, were expected")
     return len(ends)
+
+
+def line_of(path: Path, row: int) -> int:
+    """Return the line, counted from 1 as editors do, of a row of a table; row 0 follows the header."""
+    with path.open("rb") as file:
+        full = (number for number, line in enumerate(file, start=1) if line.strip())
+        return next(itertools.islice(full, row + 1, None), row + 2)
 
 
 def decimal_sign(cells: Any) -> str:
@@ -77,7 +85,7 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
         path: the table.
         name: of the column.
         cells: (n,) pandas series.
-        first: row of the file that the first cell is in, counted from 1.
+        first: number of rows before the first cell.
         strict: whether a cell that is no number is an error; else a column with one is NaN throughout.
 
     Raises:
@@ -99,11 +107,14 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
             if not strict:
                 return {name: np.full(len(cells), np.nan)}
             k = int(np.argmax(wrong))
-            raise LogError(f"log {path}: row {first + k}, '{name}' = '{texts.iloc[k][:40]}': a number was expected")
+            where = f"log {path}, line {line_of(path, first + k)}"
+            rule = "a number was expected, or an empty cell where there is no sample"
+            raise LogError(f"{where}: {name} = '{texts.iloc[k][:40]}': {rule}")
         numbers = np.asarray(read, float)
     if np.isinf(numbers).any():
         k = int(np.argmax(np.isinf(numbers)))
-        raise LogError(f"log {path}: row {first + k}, '{name}' = {numbers[k]:g}: a finite number was expected")
+        where = f"log {path}, line {line_of(path, first + k)}"
+        raise LogError(f"{where}: {name} = {numbers[k]:g}: a finite number was expected")
     return {name: numbers}
 
 

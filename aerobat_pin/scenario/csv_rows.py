@@ -80,15 +80,6 @@ class TextTable:
         good = isinstance(frame.index, pd.RangeIndex) and np.all(np.isfinite(values))
         return values if good else self._numbers_by_cell(chosen)
 
-    def numbers_or_gaps(self) -> Array:
-        """Return all numbers below the header as an array (rows, columns), with NaN for an empty cell.
-
-        Raises:
-            AerobatError: of the class given on creation: a cell is neither empty nor a finite number, or a row is too
-                short or too long.
-        """
-        return self._numbers_by_cell(range(len(self.header)), gaps=True)
-
     def has_gaps(self) -> bool:
         """Return whether a cell below the header is empty."""
         return any(not cell.strip() for _, row in self._rows() for cell in row)
@@ -97,13 +88,8 @@ class TextTable:
         """Return the line number, counted from 1, of a row of data; row 0 is the first one below the header."""
         return [line for line, _ in self._rows()][row + 1]
 
-    def _numbers_by_cell(self, columns: Sequence[int], gaps: bool = False) -> Array:
-        """Read the numbers cell by cell: slower than `numbers`, but with a message for each kind of mistake.
-
-        Args:
-            columns: indices of the columns to read.
-            gaps: whether a cell may be empty, which becomes NaN.
-        """
+    def _numbers_by_cell(self, columns: Sequence[int]) -> Array:
+        """Read the numbers cell by cell: slower than `numbers`, but with a message for each kind of mistake."""
         rows, infinite, names = [], [], self.names
         for line, row in itertools.islice(self._rows(), 1, None):
             where = f"{self._name}, line {line}"
@@ -111,19 +97,17 @@ class TextTable:
                 raise self._error(f"{where}: {len(row)} values: {len(self.header)} were expected")
             values = []
             for k in columns:
-                is_gap = gaps and not row[k].strip()
                 try:
-                    values.append(math.nan if is_gap else float(row[k]))
+                    values.append(float(row[k]))
                 except ValueError:
-                    rule = f"{names[k]} = {row[k]!r}: a number{', or an empty cell,' * gaps} was expected"
-                    raise self._error(f"{where}: {rule}") from None
-                if not (is_gap or math.isfinite(values[-1])):
+                    raise self._error(f"{where}: {names[k]} = {row[k]!r}: a number was expected") from None
+                if not math.isfinite(values[-1]):
                     infinite.append((where, names[k]))
             rows.append(values)
         if infinite:
             (where, name), count = infinite[0], len(dict(infinite))
-            advice = "leave its cell empty where there is no sample" if gaps else "leave those rows out"
-            raise self._error(f"{where}: {name} is not finite ({count} such rows): {advice}; gaps in time are allowed")
+            rule = "leave those rows out; gaps in time are allowed"
+            raise self._error(f"{where}: {name} is not finite ({count} such rows): {rule}")
         return np.array(rows, float).reshape(len(rows), len(columns))
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:

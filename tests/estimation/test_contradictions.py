@@ -13,8 +13,8 @@ from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 from support.flights import flight_findings
 
 from aerobat_pin.aerobat import AerobatRobot
-from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.control import Controller
 from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded

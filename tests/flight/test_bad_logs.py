@@ -12,9 +12,9 @@ import xarray as xr
 from support.bad_logs import HARMLESS, KINDS, Kind, write_kind
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat import csv_log
-from aerobat_pin.aerobat.estimate import belief_about, read_log
+from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.errors import AerobatError, LogError
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.records import netcdf
@@ -149,7 +149,7 @@ def test_sizes_are_checked_before_anything_is_read(
     monkeypatch.setattr(netcdf, "LARGEST_FILE", 50e3)
     with pytest.raises(LogError, match=r"its values take .* GB: at most 2 GB are read"):
         FlightLog.load(tmp_path / "log.nc")
-    csv_log.write_csv(replace(log, truth=None), tmp_path / "log.csv")
+    write_csv(replace(log, truth=None), tmp_path / "log.csv")
     monkeypatch.setattr(csv_rows, "LARGEST_TABLE", 10e3)
     with pytest.raises(LogError, match=r"log\.csv: 0 MB, about 5\d rows; at most 0\.01 MB are read: fewer rows"):
         read_log(tmp_path / "log.csv")

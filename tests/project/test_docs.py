@@ -15,8 +15,8 @@ import pytest
 from support.commands import call
 from support.quadruped import FEET, write_log, write_urdf
 
-from aerobat_pin.aerobat.csv_log import UNITS
 from aerobat_pin.aerobat.estimate import belief_about
+from aerobat_pin.aerobat.tables import RAW_TABLE, STATE_TABLE, table_units
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot.closing_bars import bar_placements, visual_model_with_bars
 
@@ -138,7 +138,8 @@ def test_every_observer_has_a_row_in_the_table(name: str) -> None:
 
 def test_the_page_on_recorded_flights_lists_every_column_with_its_unit() -> None:
     """Names that follow each other, as `a` ... `b`, stand for those between them."""
-    names = list(UNITS)
+    units_of = table_units(STATE_TABLE) | table_units(RAW_TABLE)
+    names = list(units_of)
     told: dict[str, str] = {}
     table = RECORDED.split("<!-- columns -->")[1].split("<!-- /columns -->")[0]
     for columns, units in re.findall(r"^\| (`.*?) \| (.*?) \|", table, re.MULTILINE):
@@ -146,9 +147,9 @@ def test_the_page_on_recorded_flights_lists_every_column_with_its_unit() -> None
             first, *last = re.findall(r"`(\w+)`", part)
             for name in names[names.index(first) : names.index(last[0] if last else first) + 1]:
                 told[name] = units
-    assert set(told) == set(UNITS)
+    assert set(told) == set(units_of)
     for name, units in told.items():
-        assert UNITS[name] in units.split(", ")
+        assert units_of[name] in units.split(", ")
 
 
 def test_the_page_on_recorded_flights_does_what_it_says(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from support.commands import call
 
-from aerobat_pin.aerobat.csv_log import read_csv, write_csv
 from aerobat_pin.aerobat.estimate import belief_about, estimate_flight
 from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.estimation.scores import point_label, r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
@@ -145,7 +145,7 @@ def test_a_flight_that_went_through_a_table_is_estimated_as_the_flight_itself(tm
     """Written as CSV, read and estimated with the belief of the documents: R2 moves by less than 0.01."""
     experiment = flown("real_log_demo")
     write_csv(experiment.log, tmp_path / "hall.csv")
-    log = read_csv(tmp_path / "hall.csv")
+    log = read_log(tmp_path / "hall.csv")
     assert log.truth is None
     settings = ["robot.changes.wing.offset_x=-0.060", "observers.gain=100"]
     settings += ["observers.smoother.sensor_noise=[0.05, 0.05, 0.3]", "observers.smoother.force_walk=0.3"]

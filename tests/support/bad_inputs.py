@@ -28,9 +28,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from aerobat_pin.aerobat.csv_log import write_csv
-from aerobat_pin.aerobat.estimate import belief_about, read_log
+from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.experiments.experiment import run_recorded

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import write_csv
 from support import bad_files as bad_files  # importing it registers its kinds
 from support.contradictory_logs import CONTRADICTIONS
 from support.log_kinds import KINDS, Kind, Rng

@@ -12,8 +12,8 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import write_csv
 
 Rng = np.random.Generator
 Cells = list[list[str]]

@@ -322,7 +322,8 @@ HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
-INNER = """seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
+INNER = """kind_of_log needs_map table_record requests_of
+seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
 effort_findings record_findings moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
 changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score

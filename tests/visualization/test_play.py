@@ -28,8 +28,8 @@ from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
-from aerobat_pin.aerobat.csv_log import write_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.errors import BrowserError, LogError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.visualization.replay.any_robot import replay_table

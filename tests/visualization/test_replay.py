@@ -14,8 +14,8 @@ from support.browser import at, frames, needs_browser, node, opened, pixels, rea
 from support.shed_wake import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
-from aerobat_pin.aerobat.csv_log import read_csv
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.tables import read_log
 from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.result_tables import estimate_dataset
@@ -222,7 +222,7 @@ def test_poses_and_a_crank_angle_are_enough(paper: Experiment, tmp_path: Path) -
         [paper.log.time, paper.log.measured["q"].values[:, :7], paper.log.measured["crank_angle"].values]
     )[::5]
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="time,x,y,z,qx,qy,qz,qw,crank_angle", comments="")
-    recording = replay_flight(paper.robot, read_csv(tmp_path / "log.csv"), paper.scenario.air, None, "recorded")
+    recording = replay_flight(paper.robot, read_log(tmp_path / "log.csv"), paper.scenario.air, None, "recorded")
     assert recording.duration == pytest.approx(2.0)
     assert "estimated force" not in recording.html()
 

@@ -10,7 +10,7 @@ import numpy as np
 from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import EXTRA, LogChannel
+from aerobat_pin.records import EXTRA, LogChannel, sampled
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import RawSection
 
@@ -104,7 +104,11 @@ def raw_record(
     known = np.zeros((len(time) - 1, robot.model.nv))
     for key, channel in measured.items():
         if key.startswith(f"{EXTRA}{RECORDED}"):
-            known[:, : channel.values.shape[1]] += channel.values[:]
+            values = channel.values[:]
+            if not channel.means:
+                at = sampled(channel.time[:], values, time)
+                values = 0.5 * (at[1:] + at[:-1])
+            known[:, : values.shape[1]] += values
     return RawRecord(time, channels, known, torque)
 
 
