@@ -93,6 +93,7 @@ def estimate(
     return replace(result, findings=tuple(findings))
 
 
+@guarded()
 def estimate_recording(
     log: Path,
     chosen: Map,

@@ -231,7 +231,11 @@ class Result:
         """Return title and table as HTML, for notebooks."""
         header, rows = _score_table(self.observers)
         cells = [header, *rows] if rows else self.sizes
-        table = ("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
+        kinds = ("th", *("td" for _ in cells[1:]))
+        table = (
+            "<tr>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in row) + "</tr>"
+            for kind, row in zip(kinds, cells, strict=True)
+        )
         return f"<p>{escape(self.title)}</p><table>{''.join(table)}</table>"
 
 

@@ -1,6 +1,10 @@
 """From a scenario to a flight log: plant, crank, sensors, and the log, the only data that estimators receive."""
 
-from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, read_log, write_csv
+from aerobat_pin.aerobat import KNOWN as KNOWN
+from aerobat_pin.aerobat import LABELS as LABELS
+from aerobat_pin.aerobat import FlightLog as FlightLog
+from aerobat_pin.aerobat import read_log as read_log
+from aerobat_pin.aerobat import write_csv as write_csv
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage
@@ -13,12 +17,9 @@ from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.flight.trim import Trim, find_trim
 
 __all__ = [
-    "KNOWN",
-    "LABELS",
     "ClosedLoop",
     "ConstantRate",
     "CrankDrive",
-    "FlightLog",
     "LaggedThrust",
     "LoopRecord",
     "Pilot",
@@ -33,9 +34,7 @@ __all__ = [
     "find_trim",
     "interval_means",
     "log_with_motion",
-    "read_log",
     "simulate",
     "thrusters_of",
     "wake_of",
-    "write_csv",
 ]

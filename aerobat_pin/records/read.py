@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.records.bag_columns import read_bag_columns
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
@@ -29,11 +28,11 @@ def read_columns(path: Path, log: LogTable, wanted: Iterable[str] | None = None)
     """
     if not os.path.exists(path):
         raise LogError(f"log {path}: there is no such file")
-    if os.path.isdir(path):
-        if not os.path.isfile(path / "metadata.yaml"):
-            raise LogError(f"log {path}: a folder without metadata.yaml: a ROS 2 bag was expected")
-        return read_bag_columns(path, log, wanted)
-    if path.suffix.lower() in BAGS:
+    if os.path.isdir(path) and not os.path.isfile(path / "metadata.yaml"):
+        raise LogError(f"log {path}: a folder without metadata.yaml: a ROS 2 bag was expected")
+    if os.path.isdir(path) or path.suffix.lower() in BAGS:
+        from aerobat_pin.records.bag_columns import read_bag_columns  # slow to import
+
         return read_bag_columns(path, log, wanted)
     if path.suffix.lower() in NETCDF:
         return read_netcdf_columns(path, log)

@@ -58,12 +58,19 @@ def slopes(values: Array, dt: float, window: float, order: int = 1) -> Array:
         window: length of the parabolas [s]; at least three samples are used.
         order: 1 for the first derivative, 2 for the second.
     """
-    from scipy.signal import savgol_filter  # slow to import
-
     count = window_length(window, dt, len(values))
     if count < 3:
         return np.zeros_like(values)
-    return np.asarray(savgol_filter(values, count, 2, deriv=order, delta=dt, axis=0))
+    half = count // 2  # as scipy's savgol_filter, whose import would take longer than a short flight
+    places = np.arange(-half, half + 1.0) / half
+    fit = np.linalg.pinv(np.vander(places, 3, increasing=True))  # (3, count): from values to coefficients of a parabola
+    inner = np.stack([np.convolve(column, fit[order, ::-1], "valid") for column in values.T], axis=1)
+    ends = [
+        fit[order] @ one + (2 - order) * 2.0 * places[:, None] * (fit[2] @ one)
+        for one in (values[:count], values[-count:])
+    ]
+    ends = [np.broadcast_to(one, (count, values.shape[1])) for one in ends]
+    return order * np.concatenate([ends[0][:half], inner, ends[1][half + 1 :]]) / (half * dt) ** order
 
 
 def window_length(window: float, dt: float, most: int) -> int:

@@ -269,9 +269,9 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     for robot, bar in ((plain, 0.6), (geared, 0.05)):
         assert found[robot].error_bar["tool.Fx"][1] == pytest.approx(bar, rel=0.2)
     faster = estimate(opened("faster", geared), calibration=found[geared])
-    assert faster.use is not None
-    assert faster.use.verdict == "faded"
-    assert "rate 8.97 rad/s, learnt from 5.05" in faster.use.words
+    assert faster.calibration is not None
+    assert faster.calibration.verdict == "faded"
+    assert "rate 8.97 rad/s, learnt from 5.05" in faster.calibration.words
     with pytest.raises(CalibrationError, match="this robot has none"):
         estimate(opened("again", plain), calibration=found[geared])
 

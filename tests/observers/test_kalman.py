@@ -46,7 +46,9 @@ def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     model, frames = MODELS[name]
     if "rows" in CASES[case] and (name == "humanoid" or not believable(name, "base")):
         pytest.skip("a fixed base has no base rows; unknown torques at 28 joints leave six digits, here and there")
-    near = 1e-7 if "rows" in CASES[case] else 1e-9  # unknown torques, 1e8 times the noise, leave eight digits
+    near = (
+        1e-7 if "rows" in CASES[case] else 1e-9
+    )  # unknown torques, 1e8 times the noise, leave the textbook few digits
     time, q, v, tau, known = record(model)
     size = float(pin.computeTotalMass(model))  # so that the walk is neither slow nor fast beside the sensors
     settings = {"force_walk": 40.0 * size, "prior": 10.0 * size, **CASES[case]}
@@ -54,6 +56,12 @@ def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     for kind in (KalmanObserver, SmootherObserver):
         force, deviation = twin.run(time, q, v, tau, known, smooth=kind is SmootherObserver)
         estimate = kind(model, frames, sensor_noise=SENSORS, **settings).run(time, q, v, tau, known)
+        if "rows" in CASES[case]:  # how few, a velocity that is another in its last digit shows; ours does not notice
+            nudged = v * (1.0 + 1e-15)
+            other, _ = twin.run(time, q, nudged, tau, known, smooth=kind is SmootherObserver)
+            near = max(near, 10.0 * float(np.max(np.abs(other - force)) / np.max(np.abs(force))))
+            same = kind(model, frames, sensor_noise=SENSORS, **settings).run(time, q, nudged, tau, known)
+            assert_equal(same.components, estimate.components, 1e-13)
         assert_equal(estimate.components, force, near)
         np.testing.assert_array_equal(np.isinf(estimate.standard_deviation), np.isinf(deviation))
         assert_equal(*(np.where(np.isinf(one), 0.0, one) for one in (estimate.standard_deviation, deviation)), near)

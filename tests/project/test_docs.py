@@ -91,8 +91,8 @@ def test_the_calibrations_page_finds_the_blow_it_flies() -> None:
     names: dict[str, Any] = {}
     [block] = blocks((DOCS / "calibration.md").read_text())
     exec(compile(block, "docs/calibration.md", "exec"), names)
-    [contact] = names["inputs"].calibration.contacts
-    assert names["inputs"].calibration.verdict == "inside"
+    [contact] = names["result"].calibration.contacts
+    assert names["result"].calibration.verdict == "inside"
     assert contact.frame == "left_force_point"
     assert contact.alarm == pytest.approx(0.703, abs=2e-3)
 
@@ -163,7 +163,7 @@ def test_the_page_on_recorded_flights_does_what_it_says(
     printed = capsys.readouterr().out
     assert code == 0, printed
     assert "self-check: sign, frame and unit are right" in printed
-    assert "aerodynamic    reconstructed" in printed
+    assert "aerodynamic reconstructed" in printed
     assert (tmp_path / "runs" / "hall-estimate" / "estimate.csv").exists()
 
 

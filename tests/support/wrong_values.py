@@ -268,6 +268,7 @@ def _recordings(
     read = api.parse_map(values, "here")
     (folder / "map.toml").write_text(tomli_w.dumps(values))
     found = api.estimate_recording(folder / "drone.csv", read, folder)
+    record = api.open_record(folder / "drone.csv", read, folder)
     data = api.estimate_dataset(done.estimates)
     return {
         "parse_map": (api.parse_map, {"values": values, "source": "here"}),
@@ -281,6 +282,15 @@ def _recordings(
             {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False}
             | {"calibration": None},
         ),
+        "open_record": (
+            api.open_record,
+            {"path": folder / "drone.csv", "chosen": read, "folder": folder, "robot": None},
+        ),
+        "estimate": (
+            api.estimate,
+            {"record": record, "observers": ["momentum"], "calibration": None, "trust": False, "progress": None},
+        ),
+        "check_record": (api.check_record, {"record": record}),
         "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
         "OnlineEstimator": (
             api.OnlineEstimator,
@@ -314,15 +324,16 @@ PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemor
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact Finding Agreement"""  # made by other functions
-TABLES = """AirSection ControlSection ThrustersSection Map Section RecordedForce RobotSection Scenario SensorSection
-SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection SampledSection"""  # pydantic checks
+Contact Finding Agreement Moments Check KnownForces"""  # made by other functions
+TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
+RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
+SampledSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
-INNER = """kind_of_log needs_map table_record requests_of
+INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
 effort_findings record_findings moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture

@@ -21,6 +21,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, factor_of
 
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
+EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
 LESS = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}  # torque -> usable with
 
 
@@ -46,7 +47,7 @@ class Belief:
                 f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
             )
         for key, value in self.settings.items():
-            found = other.settings.get(key, "nothing of that name")
+            found = other.settings.get(key, SI_EFFORT if key.startswith(EFFORT) else "nothing of that name")
             if found not in (LESS.get(value, (value,)) if key == TORQUE else (value,)):
                 raise CalibrationError(
                     f"the calibration was learnt with {key} = {value}, but {found} is believed: calibrate again with "
@@ -65,7 +66,7 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     effort, settings = chosen.joints.effort, dict(robot.assumptions)
     if effort is not None:
         factor = factor_of("joints.effort", effort.unit, "torque")
-        settings |= {f"the effort of {name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
+        settings |= {f"{EFFORT}{name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
     return Belief(robot.title, robot.fingerprint(), settings)
 

@@ -1,0 +1,126 @@
+"""Every feature that keeps an estimate honest, on five sources: shown there, or not applicable for a stated reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from support import small_recordings
+
+from aerobat_pin import calibrate, estimate, load_scenario, open_record
+from aerobat_pin.aerobat import AerobatRobot, table_record
+from aerobat_pin.estimation import Calibration, Result, check_record
+from aerobat_pin.experiments import run
+from aerobat_pin.robot import believed_robot
+
+SOURCES = ("Aerobat simulated", "Aerobat's table", "an arm by map", "a quadruped's bag", "a drone by map")
+ONE_CONTACT = "a walk has no stretch without contact, and nothing can be learnt from it"
+NO_EFFORT = "it measures no effort, so that there is nothing to balance"
+NO_SENSOR = "the table has neither a true force nor a force sensor"
+NO_PHASE = "it has no phase"
+FIXED = "its base is fixed and its joints have positions alone: no series is measured twice"
+NOT: dict[str, dict[str, str]] = {  # feature -> source -> why it has nothing to show there
+    "agreements": {SOURCES[2]: FIXED},
+    "balance": {SOURCES[4]: NO_EFFORT},
+    "scores": {SOURCES[1]: NO_SENSOR, SOURCES[4]: NO_SENSOR},
+    "contacts": {SOURCES[3]: ONE_CONTACT},
+    "error bar": {SOURCES[3]: ONE_CONTACT},
+    "friction": {SOURCES[3]: ONE_CONTACT, SOURCES[4]: "it has no joints"},
+    "thrust": {
+        SOURCES[0]: "its thrusters' forces are channels",
+        SOURCES[1]: "its thrusters' forces are channels",
+        SOURCES[2]: "it has no commands of thrust",
+        SOURCES[3]: "it has no commands of thrust",
+    },
+    "parameters": {SOURCES[3]: ONE_CONTACT, SOURCES[4]: "its mass is what its thrust is fitted with"},
+    "series over a phase": {SOURCES[2]: NO_PHASE, SOURCES[3]: f"{NO_PHASE}, and {ONE_CONTACT}", SOURCES[4]: NO_PHASE},
+}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What one source gave."""
+
+    result: Result
+    calibration: Calibration | None
+    found_again: list[bool]
+
+    def has(self, feature: str) -> bool:
+        """Return whether a feature is filled."""
+        checks, learnt = [finding.check for finding in self.result.findings], self.calibration
+        observers = self.result.observers.values()
+        return {
+            "agreements": any(" against " in check and not check.startswith(("effort", "sensor")) for check in checks),
+            "balance": "effort against motion" in checks,
+            "clocks": any(check.startswith("rate of ") for check in checks),
+            "redundancy verdict": {one.redundancy.verdict for one in observers}
+            <= {"consistent", "inconsistent", "blind"},
+            "deviations": any(one.deviation is not None for one in observers),
+            "contacts": self.result.calibration is not None and self.result.calibration.contacts is not None,
+            "error bar": learnt is not None and bool(learnt.error_bar),
+            "friction": learnt is not None and learnt.fitted.friction is not None,
+            "thrust": learnt is not None and bool(learnt.fitted.coefficients),
+            "parameters": learnt is not None and (learnt.identified is not None or learnt.fitted.mass != 1.0),
+            "series over a phase": learnt is not None and learnt.series is not None,
+            "scores": all(self.result.compared.values()),
+            "self-check": bool(self.found_again) and all(self.found_again),
+            "what cannot be seen": all(isinstance(one.unseen, list) for one in observers),
+        }[feature]
+
+
+FEATURES = [
+    *(
+        "agreements",
+        "balance",
+        "clocks",
+        "redundancy verdict",
+        "deviations",
+        "contacts",
+        "error bar",
+        "friction",
+        "thrust",
+    ),
+    *("parameters", "series over a phase", "scores", "self-check", "what cannot be seen"),
+]
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Shown]:
+    """Source -> what it gave; where something is free, the other record is estimated with what it taught."""
+    folder = tmp_path_factory.mktemp("sources")
+    for write in (small_recordings.write_arm, small_recordings.write_walk, small_recordings.write_drone):
+        write(folder)
+    small_recordings.write_hall(folder)
+    free = load_scenario(
+        "paper", ["unknown_force=[]", "simulation.duration=1.0", "observers.names=['momentum','kalman']"]
+    )
+    robot, section = AerobatRobot.of(believed_robot(free), free.believed_air, "measured"), free.observers
+    taught = {"harmonics": 2, "parameters": ["friction", "com_x"]}
+    hall = calibrate([table_record(folder / "hall_free.csv", robot, section)], **taught)
+    paper = load_scenario("paper", ["simulation.duration=0.5", "observers.names=['momentum','kalman']"])
+    flight = run(paper, calibration=hall)
+    table = table_record(folder / "hall.csv", robot, section)
+    arm_free = open_record(folder / "arm_free.csv", folder / "arm.toml")
+    arm = open_record(folder / "arm.csv", folder / "arm_fit.toml")
+    swing = calibrate([arm_free], parameters=["mass"])
+    walk = open_record(folder / "walk", folder / "walk_bag.toml")
+    wind, calm = (open_record(folder / f"{name}.csv", folder / "drone.toml") for name in ("drone_wind", "drone"))
+    still = calibrate([calm])
+    records = (table, arm, walk, wind)
+    results = [
+        flight.scores,
+        *(estimate(one, (), learnt) for one, learnt in zip(records, (hall, swing, None, still), strict=True)),
+    ]
+    found = [[one.ok for one in check_record(record)] for record in (results[0].record, *records)]
+    return {
+        name: Shown(*given)
+        for name, *given in zip(SOURCES, results, (hall, hall, swing, None, still), found, strict=True)
+    }
+
+
+@pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.parametrize("feature", FEATURES)
+def test_a_feature_is_shown_or_does_not_apply(shown: dict[str, Shown], feature: str, source: str) -> None:
+    """A reason stands only where there is really nothing."""
+    reason = NOT.get(feature, {}).get(source)
+    assert shown[source].has(feature) == (reason is None), reason
