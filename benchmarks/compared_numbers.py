@@ -7,14 +7,16 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-ASIDE = {"kind", "version", "note", "flight", "log"}  # of a calibration: prose
+from aerobat_pin.estimation import read_calibration
+
+WORDS = {"belief", "records", "warnings", "notes"}  # of a calibration: prose
 CLOCKED = ("loop_p50_s", "loop_p99_s", "loop_worst_s")  # keys of `metrics.json` that measure the machine
 DIGITS = {"estimate.csv": 1e-8}  # differences that the digits of a table allow
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
@@ -61,13 +63,9 @@ def of_netcdf(file: Path) -> dict[str, Any]:
 
 
 def of_calibration(file: Path) -> dict[str, Any]:
-    """Read the channels of a calibration and its attributes, some of which are nested values as JSON."""
-    with xr.open_dataset(file, engine="h5netcdf") as data:
-        noted = {str(key): value for key, value in data.attrs.items() if key not in ASIDE}
-    found = {key: value for key, value in of_netcdf(file).items() if key.strip("/") not in ASIDE}
-    for key, value in noted.items():
-        found |= of_nested(json.loads(value) if str(value).startswith("{") else value, f"@{key}")
-    return found
+    """Read the numbers that a calibration learnt; those of every version of its file are read by today's reader."""
+    learnt = asdict(read_calibration(file))
+    return dict(of_nested({key: value for key, value in learnt.items() if key not in WORDS}))
 
 
 def of_csv(file: Path) -> dict[str, Any]:
@@ -80,7 +78,7 @@ def of_csv(file: Path) -> dict[str, Any]:
 
 def _as_numbers(cells: np.ndarray) -> np.ndarray:
     try:
-        return cells.astype(float)
+        return np.where(cells == "", "nan", cells).astype(float)
     except ValueError:
         return cells
 
