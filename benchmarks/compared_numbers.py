@@ -65,7 +65,8 @@ def of_netcdf(file: Path) -> dict[str, Any]:
 def of_calibration(file: Path) -> dict[str, Any]:
     """Read the numbers that a calibration learnt; those of every version of its file are read by today's reader."""
     learnt = asdict(read_calibration(file))
-    return dict(of_nested({key: value for key, value in learnt.items() if key not in WORDS}))
+    found = dict(of_nested({key: value for key, value in learnt.items() if key not in WORDS}))
+    return {key: value for key, value in found.items() if ".parameters." not in key and ".states." not in key}  # units
 
 
 def of_csv(file: Path) -> dict[str, Any]:
