@@ -51,7 +51,7 @@ class FlightLog:
     Attributes:
         measured: configuration `q` (time, q_axis), or `pose` (time, pose_axis) of the body alone, or raw samples of
             sensors, each with times of its own (`mocap_position` and others); known generalised forces or body
-            wrenches `known_*`; optional channels, which `motion` and `known_inputs` of `aerobat_pin.estimation` read.
+            wrenches `known_*`; optional channels, which a record of the flight has, too.
         truth: unknown forces `force_W`, `force_noise_free_W` (interval, point, axis) and `unknown` (interval, v_axis);
             aerodynamic forces on robot, strips and links; the aerodynamic state; powers; crank rate and torques if a
             motor turns the crank; `event_start` and `event_end` (event) if there are events. None for a recorded

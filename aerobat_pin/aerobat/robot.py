@@ -139,7 +139,7 @@ class AerobatRobot(PlainRobot):
         return fault_of(channels)
 
     def complete(self, block: Block) -> Block:
-        """Return a block with the joints that the crank drives, the crank's motion and the wind; see `motion`."""
+        """Return a block with the joints that the crank drives, the crank's motion and the wind."""
         block = completed(block, self.aerobat, self.air)
         return replace(block, source={**block.source, "motor_torque": self.kind})
 
