@@ -160,8 +160,9 @@ def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balan
     weight, at = np.array(arms)[rows], [robot.v_index(joint) for joint in record.driven]
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
     lighter = _heavier_base(model) if robot.free else None
+    data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
     needed, efforts, base = [], [], []
-    data, most = model.createData(), max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
+    most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     for stretch in record.spread(most, *(free or ())):
         if stretch[1] - stretch[0] < SHORTEST:
             continue
@@ -180,7 +181,7 @@ def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balan
             base.append(np.zeros(Q.shape[1]))
             if lighter is not None:
                 v = 0.5 * (block.v[k] + block.v[k + 1])
-                base[-1] = project @ pin.rnea(lighter, lighter.createData(), block.q[k], v, a[k])[rows]
+                base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
     if not needed:
         return None
     per_joint = np.concatenate(efforts)

@@ -132,7 +132,7 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     block = record.block(first, min(last, first + MANY))
     offset = estimate.index(block.time[0])
     own = estimate.between(offset, offset + len(block.tau))
-    good, frames = settled(record, own.time[:-1]), own.frames
+    good, frames, force = settled(record, own.time[:-1]), own.frames, own.force
     data, powers, count = model.createData(), np.zeros(len(frames)), 0
     moved, pushed = np.zeros((2, len(frames)))
     for k in range(0, len(own.components), max(1, len(block.tau) // 2000)):
@@ -143,8 +143,8 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
         for i, frame in enumerate(frames):
             index = model.getFrameId(frame)
             speed = pin.getFrameVelocity(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
-            powers[i] += float(own.force[k, i] @ speed)
-            size = float(own.force[k, i] @ own.force[k, i])
+            powers[i] += float(force[k, i] @ speed)
+            size = float(force[k, i] @ force[k, i])
             moved[i], pushed[i] = moved[i] + size * float(speed @ speed), pushed[i] + size
     if count:
         yield from _held_still(record, frames, np.sqrt(moved / np.maximum(pushed, 1e-12)))
