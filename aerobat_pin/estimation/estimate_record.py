@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.compared import sensor_references
@@ -34,7 +35,7 @@ def estimate(
 
     Args:
         record: the record, of whatever source.
-        observers: names of observers, or observers; those that its map names when empty.
+        observers: names of observers, observers, or both; those that its map names when empty.
         calibration: what other records showed; its values are used in place of the map's fits.
         trust: estimate also what the checks would refuse; the findings stay.
         progress: called with the share that is done.
@@ -42,20 +43,23 @@ def estimate(
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         LogError, MapError: log and map do not fit together, or a check is certain that the map is wrong.
-        ObserverError, FrameNotFoundError: an observer cannot be built for this robot.
+        ObserverError, FrameNotFoundError: an observer cannot be built for this robot, or two have one name.
     """
     name = record.title if record.log is None else str(record.log.path)
     if calibration is not None:
         record = calibration.applied(record)
-    given = [one for one in observers if isinstance(one, Observer)]
-    made, notes = observers_of(record, [one for one in observers if isinstance(one, str)])
+    names = [one for one in observers if isinstance(one, str)]
+    made, notes = observers_of(record, names) if names or not observers else ([], ())
+    made += [one for one in observers if isinstance(one, Observer)]
+    if len({one.name for one in made}) < len(made):
+        raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
     findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
     watch = None if calibration is None else CalibrationWatch(calibration)
     times = record.times(*record.parts[0])
-    smoothed = record.robot.motion_from(times, record.channels, given or made, progress)
+    smoothed = record.robot.motion_from(times, record.channels, made, progress)
     if smoothed is not None:
         stored = {one: StoredEstimate.of(estimate) for one, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
@@ -63,7 +67,7 @@ def estimate(
         inputs = inputs_between(record, forces)
         if record.robot.measures_effort:
             findings += effort_findings(record, inputs, findings)
-        stored = run_observers(record, inputs, given or made, progress, watch)
+        stored = run_observers(record, inputs, made, progress, watch)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()

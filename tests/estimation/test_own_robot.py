@@ -11,8 +11,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from aerobat_pin.errors import CalibrationError
+from aerobat_pin.errors import CalibrationError, ObserverError
 from aerobat_pin.estimation import calibrate, check_record, estimate
+from aerobat_pin.observers import MomentumObserver
 from aerobat_pin.records import Record
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "13_a_force_of_your_own.py"
@@ -52,6 +53,15 @@ def test_a_known_force_is_found_again_in_the_flight(flights: tuple[Record, Recor
     checks = check_record(flights[1])
     assert [check.axis for check in checks] == ["x", "y", "z"]
     assert all(check.ok for check in checks), "\n".join(map(str, checks))
+
+
+def test_observers_by_name_and_of_ones_own_run_side_by_side(flights: tuple[Record, Record]) -> None:
+    """Both, each under its name; two of one name are refused."""
+    record = flights[1]
+    own = MomentumObserver(record.robot.model, ["body"], 40.0)
+    assert sorted(estimate(record, ["force_level", own]).estimates) == ["force_level", "momentum"]
+    with pytest.raises(ObserverError, match=r"\['momentum', 'momentum'\]: different ones were expected"):
+        estimate(record, ["momentum", own])
 
 
 def test_parameters_of_the_robot_change_what_it_knows(example: ModuleType, flights: tuple[Record, Record]) -> None:
