@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
-from aerobat_pin.estimation import estimate_recording
-from aerobat_pin.records import parse_map
+from aerobat_pin.estimation import estimate
+from aerobat_pin.records import open_record, parse_map
 
 URDF = """<robot name="arm">
 <link name="base"><inertial><mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>
@@ -58,7 +58,7 @@ with tempfile.TemporaryDirectory() as place:
     folder = Path(place)
     (folder / "arm.urdf").write_text(URDF)
     bench(time, push).to_csv(folder / "bench.csv", index=False)
-    found = estimate_recording(folder / "bench.csv", parse_map(MAP, "of the example"), folder)
+    found = estimate(open_record(folder / "bench.csv", parse_map(MAP, "of the example"), folder))
 estimate = found.estimates["force_level"]
 error = estimate.force[50:, 0] - push[50:-1]
 print(estimate)

@@ -50,14 +50,20 @@ def estimate_by_map(
 ) -> None:
     """Estimate, print what was found, and write the results."""
     from aerobat_pin.errors import check_file
-    from aerobat_pin.estimation import estimate_recording, read_calibration
+    from aerobat_pin.estimation import estimate, read_calibration
     from aerobat_pin.experiments import write_mcap
+    from aerobat_pin.records import open_record
 
     if mcap is not None:
         check_file(mcap, force=force)
     learnt = None if calibration is None else read_calibration(calibration)
     write_results(
-        lambda show: estimate_recording(log, chosen, folder, lambda share: show("estimating", share), trust, learnt),
+        lambda show: estimate(
+            open_record(log, chosen, folder),
+            progress=lambda share: show("estimating", share),
+            trust=trust,
+            calibration=learnt,
+        ),
         target,
         force=force,
         also=None if mcap is None else lambda found: write_mcap(found, mcap),

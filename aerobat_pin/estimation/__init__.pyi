@@ -10,7 +10,6 @@ from .checks.balance import effort_findings as effort_findings
 from .checks.motion import record_findings as record_findings
 from .compared import Compared as Compared
 from .estimate_record import estimate as estimate
-from .estimate_record import estimate_recording as estimate_recording
 from .findings import Finding as Finding
 from .findings import FindingVerdict as FindingVerdict
 from .inputs import KnownInputs as KnownInputs

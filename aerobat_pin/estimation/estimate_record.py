@@ -1,10 +1,9 @@
-"""From a recording and its map to estimated forces, findings and scores."""
+"""From a record to estimated forces, findings and scores."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
@@ -17,7 +16,7 @@ from aerobat_pin.estimation.run_observers import inputs_between, observers_of, r
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Observer
-from aerobat_pin.records import Map, Record, open_record
+from aerobat_pin.records import Record
 
 ShareDone = Callable[[float], None]
 
@@ -95,16 +94,3 @@ def estimate(
     if not trust:
         refuse_if_certain(name, findings)
     return replace(result, findings=tuple(findings))
-
-
-@guarded()
-def estimate_recording(
-    log: Path,
-    chosen: Map,
-    folder: Path,
-    progress: ShareDone | None = None,
-    trust: bool = False,
-    calibration: Calibration | None = None,
-) -> Result:
-    """Open a recording by its map, and estimate."""
-    return estimate(open_record(log, chosen, folder), (), calibration, trust=trust, progress=progress)

@@ -25,7 +25,7 @@ import tiago
 from plain_arm import arm_residuals
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Calibration, Result, calibrate, estimate_recording
+from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
 from aerobat_pin.records import load_map, open_record, parse_map
 from aerobat_pin.visualization import draw_all, save_figure
 
@@ -60,7 +60,7 @@ def read(
     values["robot"] |= robot
     if friction is not None:
         values["joints"]["friction"] = friction
-    return estimate_recording(log, parse_map(values, name), MAPS, calibration=calibration)
+    return estimate(open_record(log, parse_map(values, name), MAPS), calibration=calibration)
 
 
 def hopper_text(folder: Path, work: Path) -> dict[str, str]:

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from aerobat_pin.estimation import Result, estimate_recording
+from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.experiments import write
-from aerobat_pin.records import parse_map
+from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.records.spool import Series, Spool, series_of
 
 MASS = 1.5
@@ -70,7 +70,7 @@ def swinging(rows: int, folder: Path) -> Path:
 
 
 def estimated(log: Path) -> Result:
-    return estimate_recording(log, parse_map(MAP, "of the test"), log.parent)
+    return estimate(open_record(log, parse_map(MAP, "of the test"), log.parent))
 
 
 def peak(log: Path) -> int:

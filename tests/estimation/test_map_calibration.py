@@ -35,7 +35,6 @@ from aerobat_pin.estimation import (
     calibrate,
     calibration_bytes,
     estimate,
-    estimate_recording,
     read_calibration,
 )
 from aerobat_pin.records import (
@@ -107,7 +106,7 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     with_it = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]["force_W"].values[0, :, 0]
     values = arm_map()
     del values["joints"]["friction"]
-    plain = estimate_recording(Path("pushed.csv"), parse_map(values, "of the test"), folder)
+    plain = estimate(open_record(Path("pushed.csv"), parse_map(values, "of the test"), folder))
     truth = np.column_stack(
         [np.interp(plain.estimates["force_level"].time[:-1] - 0.009, np.arange(len(force)) / RATE, x) for x in force.T]
     )
@@ -190,10 +189,8 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
     blind = copy.deepcopy(DRONE)
     del blind["check"]
-    found = estimate_recording(
-        tmp_path / "second.csv",
-        parse_map(blind, "of the test"),
-        tmp_path,
+    found = estimate(
+        open_record(tmp_path / "second.csv", parse_map(blind, "of the test"), tmp_path),
         calibration=read_calibration(tmp_path / "drone.nc"),
     )
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
@@ -201,7 +198,7 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     other = copy.deepcopy(DRONE)
     other["known"]["thrust"]["law"] = "polynomial 2"
     with pytest.raises(CalibrationError, match=r"was learnt with known\.thrust = polynomial 1 2 of commands"):
-        estimate_recording(tmp_path / "second.csv", parse_map(other, "of the test"), tmp_path, calibration=learnt)
+        estimate(open_record(tmp_path / "second.csv", parse_map(other, "of the test"), tmp_path), calibration=learnt)
 
 
 def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
@@ -209,7 +206,7 @@ def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, n
     folder, _ = arms
     chosen = parse_map(arm_map(), "of the test")
     learnt = calibrated(folder, "free", arm_map(), "mass")
-    whole = estimate_recording(folder / "pushed.csv", chosen, folder, calibration=learnt).estimates["force_level"]
+    whole = estimate(open_record(folder / "pushed.csv", chosen, folder), calibration=learnt).estimates["force_level"]
     with pytest.raises(MapError, match="friction can come from a calibration"):
         OnlineEstimator(chosen, folder)
     online = OnlineEstimator(chosen, folder, calibration=learnt)
@@ -294,7 +291,7 @@ def test_what_cannot_be_learnt_or_used_is_refused(
         chosen = parse_map(values, "of the test")
         try:
             if use:
-                estimate_recording(Path("pushed.csv"), chosen, folder, calibration=learnt)
+                estimate(open_record(Path("pushed.csv"), chosen, folder), calibration=learnt)
             else:
                 calibrate([open_record(Path("free.csv"), chosen, folder)], parameters=identify)
         except AerobatError as error:
@@ -309,7 +306,7 @@ def test_what_cannot_be_learnt_or_used_is_refused(
     assert "cannot be told apart" in said({"joints.friction": {"scale": True}}, ("mass",))
     assert "parameters has 'drag': of mass some were expected; joints.friction and" in said({}, ("drag",))
     with pytest.raises(MapError, match=r"joints\.friction\.fit: from and to .* or --calibration FILE"):
-        estimate_recording(Path("pushed.csv"), parse_map(arm_map(), "of the test"), folder)
+        estimate(open_record(Path("pushed.csv"), parse_map(arm_map(), "of the test"), folder))
     for words, reason in (
         (["calibrate", "free.csv", "pushed.csv", "--map", "map.toml", "--out", "x.nc"], "2 recordings"),
         (["calibrate", "free.csv", "--map", "map.toml", "--vary", "speed", "--out", "x.nc"], "this robot has no phase"),

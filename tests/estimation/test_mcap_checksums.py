@@ -10,8 +10,8 @@ import pytest
 from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import estimate_recording
-from aerobat_pin.records import parse_map
+from aerobat_pin.estimation import estimate
+from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.records.mcap_checksums import mcap_is_sealed, seal_mcap
 
 
@@ -22,13 +22,13 @@ def test_damage_to_a_sealed_bag_is_noticed(tmp_path: Path) -> None:
     chosen = parse_map(bag_map(Path("quadruped.urdf")), "of the test")
     bag(walk(0.6), tmp_path / "walk")
     file = next((tmp_path / "walk").glob("*.mcap"))
-    plain = estimate_recording(file, chosen, tmp_path)
+    plain = estimate(open_record(file, chosen, tmp_path))
     assert [str(found) for found in plain.findings if found.check == "checksums"] == [
         f"checksums: {file.name} has none: damaged numbers would not be noticed"
     ]
     seal_mcap(file)
     assert mcap_is_sealed(file)
-    sealed = estimate_recording(file, chosen, tmp_path)
+    sealed = estimate(open_record(file, chosen, tmp_path))
     assert not any(found.check == "checksums" for found in sealed.findings)
     content = file.read_bytes()
     start, _, summary = struct.unpack("<QQI", content[-28:-8])  # of the footer: before the closing magic
@@ -37,4 +37,4 @@ def test_damage_to_a_sealed_bag_is_noticed(tmp_path: Path) -> None:
     assert struct.unpack_from("<I", content, end + 9)[0] == zlib.crc32(content[:end])
     file.write_bytes(content[: start // 2] + bytes([content[start // 2] ^ 1]) + content[start // 2 + 1 :])
     with pytest.raises(LogError, match="checksum mismatch"):
-        estimate_recording(file, chosen, tmp_path)
+        estimate(open_record(file, chosen, tmp_path))

@@ -13,7 +13,7 @@ import pytest
 from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import calibrate, estimate_recording
+from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.records import open_record, parse_map
 
 NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
@@ -23,12 +23,12 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     """Within 0.5 mN per m/s of it; and within 1 of the truth. The command's lead is found."""
     table = flight()
     table.to_csv(tmp_path / "flight.csv", index=False)
-    found = estimate_recording(tmp_path / "flight.csv", parse_map(MAP, "of the test"), tmp_path)
-    estimate = found.estimates["force_level"]
-    middle = 0.5 * (estimate.time[1:] + estimate.time[:-1]) - 1 / 20.0  # 1/K late
+    found = estimate(open_record(tmp_path / "flight.csv", parse_map(MAP, "of the test"), tmp_path))
+    level = found.estimates["force_level"]
+    middle = 0.5 * (level.time[1:] + level.time[:-1]) - 1 / 20.0  # 1/K late
     velocity = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
     inside = slice(100, len(middle) - 100)
-    ours = drag_slopes(estimate.force[inside, 0], velocity[inside])
+    ours = drag_slopes(level.force[inside, 0], velocity[inside])
     plain = drag_slopes(plain_force(table, NAMES)[inside], table[["vx", "vy", "vz"]].to_numpy()[inside])
     np.testing.assert_allclose(ours, plain, atol=0.5e-3)
     np.testing.assert_allclose(ours, -DRAG[:2], atol=1.0e-3)
@@ -36,14 +36,14 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     assert fit.outside < 0.02 * fit.before + 4e-3
     late = copy.deepcopy(MAP)
     late["known"]["thrust"]["delay"] = 0.0
-    said = estimate_recording(tmp_path / "flight.csv", parse_map(late, "of the test"), tmp_path).warnings
+    said = estimate(open_record(tmp_path / "flight.csv", parse_map(late, "of the test"), tmp_path)).warnings
     assert any(re.search(r"known\.thrust leads the acceleration by (3[6-9]|4\d) ms", text) for text in said), said
 
 
 def test_the_mean_force_of_wind(tmp_path: Path) -> None:
     """Within 2 mN of 30 mN (a tenth of the weight)."""
     flight(wind=0.03).to_csv(tmp_path / "wind.csv", index=False)
-    found = estimate_recording(tmp_path / "wind.csv", parse_map(MAP, "of the test"), tmp_path)
+    found = estimate(open_record(tmp_path / "wind.csv", parse_map(MAP, "of the test"), tmp_path))
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
 
 
@@ -55,10 +55,10 @@ def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
     values["base"]["rate"] = {"from": "pose"}
     values["known"]["thrust"] |= {"coefficients": [0.0067, 0.00132]}
     del values["known"]["thrust"]["fit"]
-    estimate_recording(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path)
+    estimate(open_record(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path))
     values["base"]["quaternion"]["columns"] = ["qw", "qx", "qy", "qz"]
     with pytest.raises(LogError, match=r"mean force over weight is .*, 2\.0\d+ .*about 2 if the attitude is misread"):
-        estimate_recording(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path)
+        estimate(open_record(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path))
 
 
 LIMIT = '<limit lower="-9" upper="9" effort="99" velocity="99"/>'
@@ -142,9 +142,9 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
         },
         "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
     }
-    plain = estimate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
+    plain = estimate(open_record(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path))
     values["joints"]["friction"] = {"fit": [0, 4], "to": "check.wrench", "scale": True}
-    fitted = estimate_recording(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)
+    fitted = estimate(open_record(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path))
     before, after = (one.observers["force_level"].points["contact"] for one in (plain, fitted))
     assert before["Fz"].r2 is not None
     assert after["Fz"].r2_outside_fit is not None
@@ -179,11 +179,11 @@ def test_a_rail_that_moves_though_the_map_holds_it(tmp_path: Path) -> None:
         },
         "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
     }
-    moving = estimate_recording(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path)
+    moving = estimate(open_record(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path))
     joints = values["joints"]
     joints |= {"names": ["hip", "knee"], "held": {"rail": 0.0}}
     joints["position"]["columns"] = ["q_hip", "q_knee"]
-    held = estimate_recording(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path)
+    held = estimate(open_record(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path))
     right, wrong = (one.observers["force_level"].points["contact"]["Fx"].rmse_outside_fit for one in (moving, held))
     assert right is not None
     assert wrong is not None
@@ -229,7 +229,7 @@ def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
         "check": {"wrench": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "point": "contact"}},
         "observer": {"gain": 500},
     }
-    found = estimate_recording(tmp_path / "bench.csv", parse_map(values, "of the test"), tmp_path)
+    found = estimate(open_record(tmp_path / "bench.csv", parse_map(values, "of the test"), tmp_path))
     error = found.estimates["force_level"].force[50:, 0] - tip[50:-1]
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert "rows of hip, knee are not believed" in " ".join(found.notes)
@@ -237,6 +237,6 @@ def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
     truth["robot"] = {"urdf": "arm.urdf", "wrenches": ["base_link"]}
     truth["known"] = {"push": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "frame": "contact", "axes": "world"}}
     truth["check"] = {"wrench": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1, "point": "base_link"}}
-    other = estimate_recording(tmp_path / "bench.csv", parse_map(truth, "of the test"), tmp_path)
+    other = estimate(open_record(tmp_path / "bench.csv", parse_map(truth, "of the test"), tmp_path))
     for score in other.observers["force_level"].points["base_link"].values():
         assert score.r2 is None or score.r2 > 0.99

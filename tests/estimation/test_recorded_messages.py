@@ -15,8 +15,8 @@ from support.pages import ROOT
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation import estimate_recording
-from aerobat_pin.records import parse_map
+from aerobat_pin.estimation import estimate
+from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.records.messages import stamp
 
 
@@ -101,8 +101,8 @@ def test_currents_of_all_joints_have_one_constant(folder: Path) -> None:
     columns = values["joints"]["effort"]["columns"]
     frame.assign(**{name: frame[name] / 3.0 for name in columns}).to_csv("walk.csv", index=False)
     values["joints"]["effort"] |= {"unit": "A", "torque_per_unit": {"*": 3.0}}
-    found = estimate_recording(Path("walk.csv"), parse_map(values, "of the test"), folder)
+    found = estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))
     assert found.warnings == []
     values["joints"]["effort"]["torque_per_unit"] = {"knee": 3.0}
     with pytest.raises(MapError, match=r"torque_per_unit: no joint 'knee'"):
-        estimate_recording(Path("walk.csv"), parse_map(values, "of the test"), folder)
+        estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
-from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate_recording
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
 from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.records import describe_map, parse_map
+from aerobat_pin.records import describe_map, open_record, parse_map
 from aerobat_pin.records.columns import increasing
 from aerobat_pin.records.messages import stamp
 from aerobat_pin.records.resample import line_means, turn_rates
@@ -27,7 +27,7 @@ Edit = Callable[[dict[str, Any]], None]
 
 def estimated(log: Path, values: dict[str, Any]) -> Result:
     """Return the estimate of a log whose robot lies beside it."""
-    return estimate_recording(log, parse_map(values, "of the test"), log.parent)
+    return estimate(open_record(log, parse_map(values, "of the test"), log.parent))
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from support.walking_log import table, table_map, urdf, walk
 
-from aerobat_pin.estimation import Compared, Moments, StoredEstimate, estimate_recording
+from aerobat_pin.estimation import Compared, Moments, StoredEstimate, estimate
 from aerobat_pin.experiments import Experiment, write
-from aerobat_pin.records import parse_map, series_of
+from aerobat_pin.records import open_record, parse_map, series_of
 
 EVERYWHERE = {"version", "scenario", "seed", "changed", "versions", "warnings", "notes", "inputs", "calibration"} | {
     *("log", "robot", "mass", "rate", "used_s", "parts", "checks", "fits", "observers")
@@ -69,7 +69,7 @@ def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path
     (tmp_path / "quadruped.urdf").write_text(urdf())
     table(walk()).to_csv(tmp_path / "walk.csv", index=False)
     chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
-    recorded = estimate_recording(tmp_path / "walk.csv", chosen, tmp_path)
+    recorded = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
     (tmp_path / "out").mkdir()
     write(recorded, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())

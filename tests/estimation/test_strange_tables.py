@@ -14,8 +14,8 @@ import pytest
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Result, estimate_recording
-from aerobat_pin.records import parse_map, suggested_map
+from aerobat_pin.estimation import Result, estimate
+from aerobat_pin.records import open_record, parse_map, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
 
@@ -64,7 +64,7 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
     frame.loc[frame.t < 0.8, ["fl_fx", "fl_fy", "fl_fz"]] = 0.0
     frame.to_csv(tmp_path / "walk.csv", index=False)
     chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
-    found = estimate_recording(tmp_path / "walk.csv", chosen, tmp_path)
+    found = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
     assert not any(one.check == "held channel" for one in found.findings)
 
 
@@ -91,7 +91,7 @@ def wrongly_stamped(folder: Path, rows: slice, seconds: float) -> Result:
     frame.loc[rows, "t"] += seconds
     frame.to_csv(folder / "walk.csv", index=False)
     with within(60):
-        return estimate_recording(folder / "walk.csv", parse_map(table_map(Path("quadruped.urdf")), "-"), folder)
+        return estimate(open_record(folder / "walk.csv", parse_map(table_map(Path("quadruped.urdf")), "-"), folder))
 
 
 @pytest.mark.parametrize(

@@ -267,7 +267,7 @@ def _recordings(
     values: dict[str, Any] = {key: part for key, part in drone.MAP.items() if key not in ("known", "check")}
     read = api.parse_map(values, "here")
     (folder / "map.toml").write_text(tomli_w.dumps(values))
-    found = api.estimate_recording(folder / "drone.csv", read, folder)
+    found = api.estimate(api.open_record(folder / "drone.csv", read, folder))
     record = api.open_record(folder / "drone.csv", read, folder)
     data = api.estimate_dataset(done.estimates)
     return {
@@ -276,11 +276,6 @@ def _recordings(
         "with_options": (
             api.with_options,
             {"chosen": read, "urdf": None, "points": ["body"], "observers": ["momentum"]},
-        ),
-        "estimate_recording": (
-            api.estimate_recording,
-            {"log": folder / "drone.csv", "chosen": read, "folder": folder, "progress": None, "trust": False}
-            | {"calibration": None},
         ),
         "open_record": (
             api.open_record,
