@@ -129,7 +129,7 @@ class OnlineEstimator:
                 if at == kept[-1][0]:
                     continue
                 raise LogError(f"{key}: time went from {kept[-1][0]} s to {at} s: messages in time order were expected")
-            kept.append((at, request.factor * np.array([values[name] for name in request.names])))
+            kept.append((at, request.converted(np.array([values[name] for name in request.names]))))
         return self._advance()
 
     def _check(self) -> None:

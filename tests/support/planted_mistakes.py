@@ -37,6 +37,12 @@ def times(key: str, factor: float, *columns: int) -> Change:
     return change
 
 
+def in_degrees(data: Columns) -> None:
+    """Write angles and rates in degrees, which agree with each other."""
+    for key in (ANGLES, RATES):
+        data[key] *= DEGREES
+
+
 def swapped(key: str, first: int, second: int) -> Change:
     """Let two columns change places."""
 
