@@ -58,6 +58,8 @@ def effort_matrix(table: JointsTable, joints: Sequence[str], driven: Sequence[st
 
 def encoder_words(table: JointsTable, joints: Sequence[str]) -> dict[str, str]:
     """Return joint -> what is made of its reading, in words."""
-    A, zero = encoder_matrix(table, joints), encoder_offset(table, joints)
-    terms = {name: [f"{a:.9g} {other}" for a, other in zip(row, joints, strict=True) if a] for name, row in zip(joints, A, strict=True)}
-    return {name: " + ".join([*terms[name], *([f"{q:.9g}"] if q else [])]) for name, q in zip(joints, zero, strict=True)}
+    A, found = encoder_matrix(table, joints), {}
+    for name, row, zero in zip(joints, A, encoder_offset(table, joints), strict=True):
+        terms = [f"{share:.9g} {other}" for share, other in zip(row, joints, strict=True) if share]
+        found[name] = " + ".join([*terms, f"{zero:.9g}"] if zero else terms)
+    return found

@@ -118,11 +118,11 @@ class BaseTable(Section):
 
 
 class JointPositionSection(ChannelSection):
-    """Angles or places of the joints, in the order of `names`; a unit of angles leaves sliding joints without a factor."""
+    """Angles or places of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
 
 
 class JointVelocitySection(ChannelSection):
-    """Rates of the joints, in the order of `names`; a unit of angles leaves sliding joints without a factor."""
+    """Rates of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
 
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")

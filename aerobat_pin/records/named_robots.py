@@ -69,7 +69,7 @@ def named_robot(name: str) -> tuple[Path, bool]:
     if name not in known:
         close = difflib.get_close_matches(name.lower(), known, n=1)
         guess = f"did you mean '{close[0]}'? There are" if close else "there are"
-        raise LogError(f"robot '{name}': {guess} {', '.join(sorted(known))}; any other is named by its URDF or MJCF file")
+        raise LogError(f"robot '{name}': {guess} {', '.join(sorted(known))}; any other by its file")
     for folder in (*(Path(entry, "cmeel.prefix") for entry in sys.path), Path(sys.prefix)):
         if (file := folder / FOLDER / known[name]).is_file():
             return file, name in FREE

@@ -248,10 +248,10 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
         if not free:
             raise LogError('map: robot.root = "fixed": one rigid body cannot move then; "free_flyer" was expected')
     else:
-        path, title = urdf_of(table, folder) or folder / (table.mjcf or ""), table.name
+        path = urdf_of(table, folder) or folder / (table.mjcf or "")
         if table.name is not None and table.root is None:
             free = named_robot(table.name)[1]
-        model, title = _from_file(path, mjcf=table.mjcf is not None, free=free), title or path.stem
+        model, title = _from_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
         free = has_free_base(model)
     model.gravity.linear = np.array([0.0, 0.0, -table.gravity])
     joints = tuple(model.names.tolist()[2 if free else 1 :])
@@ -289,10 +289,12 @@ def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
 
     text = "" if mjcf else _with_angles(path)
 
-    def read(*root: object) -> pin.Model:
-        return pin.buildModelFromMJCF(str(path), *root) if mjcf else pin.buildModelFromXML(text, *root)
+    def read(*root: pin.JointModel) -> pin.Model:
+        if not mjcf:
+            return pin.buildModelFromXML(text, *root)
+        return pin.buildModelFromMJCFAndRootJoint(str(path), *root) if root else pin.buildModelFromMJCF(str(path))
 
-    model = read_robot(path, lambda: read(*((pin.JointModelFreeFlyer(), "root_joint") if free else ())))
+    model = read_robot(path, lambda: read(*([pin.JointModelFreeFlyer()] if free else [])))
     if model.njoints > 2 and all(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints.tolist()[1:3]):
         model = read_robot(path, read)  # the file has a free joint of its own
     if model.nv == 0:

@@ -26,7 +26,7 @@ from aerobat_pin.flight.crank import (
     crank_drive,
 )
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, joint_table, flown_robot
+from aerobat_pin.robot import Aerobat, flown_robot, joint_table
 from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75

@@ -1,7 +1,7 @@
 """Robots that are not Aerobat: every registered observer finds a known force in an exactly simulated motion.
 
-An arm and a humanoid come with Pinocchio; the robots of `FRAMES` and `MORE` with the optional `example-robot-data`. What their
-residual must be comes from `support.without_coriolis`.
+An arm and a humanoid come with Pinocchio; the robots of `FRAMES` and `MORE` with the optional `example-robot-data`.
+What their residual must be comes from `support.without_coriolis`.
 """
 
 from __future__ import annotations
