@@ -149,7 +149,7 @@ def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0) -> 
 
 def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> None:
     """Degrees in position and velocity alike, which agree with each other; a joint at 40 rad; another zero is told."""
-    close = arm().replace('lower="-9" upper="9"', 'lower="-2" upper="2"')
+    close = arm().replace('lower="-99" upper="99"', 'lower="-2" upper="2"')
     [degrees] = limits(folder, close, np.degrees(1.0))
     assert re.search(r'refused joint limits: \w+ is at .* rad, its limits are -2 to 2 rad; .*unit = "deg"', degrees)
     assert all(joint in degrees for joint in JOINTS)
@@ -163,7 +163,7 @@ def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> Non
 
 def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) -> None:
     """Limits a little inside of the motion, none stated, joints that turn on and on."""
-    stated = 'lower="-9" upper="9"'
+    stated = 'lower="-99" upper="99"'
     for joint in JOINTS:
         lowest = pd.read_csv(folder / "joints.csv")[f"{joint}_q"].min()
         before, here, rest = arm().partition(f'<joint name="{joint}"')

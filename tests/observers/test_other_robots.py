@@ -35,6 +35,8 @@ KINDS = {  # of robots that are few joints or none that turns
     "a planar base": links(pin.JointModelPlanar()),
     "a planar base with an arm": links(pin.JointModelPlanar(), pin.JointModelRZ(), pin.JointModelPX()),
     "a ball": links(pin.JointModelSpherical()),
+    "a ball by angles": links(JOINTS["SphericalZYX"], pin.JointModelRY()),
+    "a universal joint": links(JOINTS["Universal"]),
     "an arm on the ground": links(pin.JointModelRZ(), pin.JointModelRY(), pin.JointModelRY()),
     "a free body": links(pin.JointModelFreeFlyer()),
     "a free body with an arm": links(pin.JointModelFreeFlyer(), pin.JointModelRY(), pin.JointModelPX()),
@@ -140,7 +142,7 @@ def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: typ
     assert errors[PUSHED + 80 :].max() < (0.01 if kind.project_first else 0.05)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(name=draw.sampled_from(sorted(KINDS)), wanted=draw.sampled_from(["force", "wrench", "along"]), data=draw.data())
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
 def test_every_observer_is_right_on_any_kind_of_robot_or_refuses_it(

@@ -68,7 +68,8 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     if effort is not None:
         factor = factor_of("joints.effort", effort.unit, "torque")
         settings |= {f"{EFFORT}{name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
-    settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
+    if not robot.moves_joints:
+        settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
     return Belief(robot.title, robot.fingerprint(), settings)
 
