@@ -173,6 +173,13 @@ def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) 
         assert limits(folder, urdf, np.degrees(1.0)) == []
 
 
+FEW = {  # robots that move in a plane or along a line
+    "a hinge": ("revolute",),
+    "a wheel": ("continuous",),
+    "a slide": ("prismatic",),
+    "a planar arm": ("revolute", "revolute"),
+    "two slides": ("prismatic", "prismatic"),
+}
 AXES = {"revolute": "0 1 0", "prismatic": "0 0 1", "continuous": "0 1 0"}
 
 
@@ -218,12 +225,13 @@ def robot_table(folder: Path, *kinds: str, motors: int = 1) -> pd.DataFrame:
     return pd.DataFrame(table | {f"f{axis}": force[:, k] for k, axis in enumerate("xyz")})
 
 
-def robot_map(**joints: Any) -> dict[str, Any]:
-    """Return the map of one joint."""
+def robot_map(count: int = 1, **joints: Any) -> dict[str, Any]:
+    """Return the map of one joint or of several."""
     parts = {"position": "q", "velocity": "v", "effort": "tau"}
+    columns = {part: {"columns": [f"{name}{k or ''}" for k in range(count)]} for part, name in parts.items()}
     return {
         "robot": {"urdf": "few.urdf", "root": "fixed", "points": ["tip"]},
-        "joints": {**{part: {"columns": [name]} for part, name in parts.items()}, **joints},
+        "joints": {**columns, **joints},
         "check": {"wrench": {"columns": ["fx", "fy", "fz"], "unit": "N"}},
     }
 
@@ -232,9 +240,7 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
     """A pole on a cart without a motor: both components in their plane are found, which the pole's row alone cannot."""
     table = robot_table(tmp_path, "prismatic", "revolute")
     table.to_csv(tmp_path / "log.csv", index=False)
-    columns = {"position": {"columns": ["q", "q1"]}, "velocity": {"columns": ["v", "v1"]}}
-    effort = {"effort": {"columns": ["tau1"]}}
-    record = opened(tmp_path, "log", robot_map(**columns, **effort, passive=["slide"]))
+    record = opened(tmp_path, "log", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]))
     result = estimate(record)
     assert any("without a motor, efforts known to be 0: slide" in note for note in result.notes)
     assert not any("not believed" in note for note in result.notes)
@@ -245,31 +251,30 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
     assert np.median(seen[:, 2]) < 0.02 * np.abs(needed[:, 2]).max()
 
 
-@pytest.mark.parametrize("kind", AXES)
-def test_a_robot_of_one_joint_goes_through_every_door(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("kinds", FEW.values(), ids=FEW)
+def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
+    kinds: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Estimate by all observers with checks, friction, a known force and pages; self-check; calibrate; stream."""
     monkeypatch.chdir(tmp_path)
-    table = robot_table(tmp_path, kind)
+    table, few = robot_table(tmp_path, *kinds, motors=len(kinds)), robot_map(len(kinds))
     table.to_csv("log.csv", index=False)
-    values = robot_map(friction={"fit": [0.0, 1.0], "to": "check.wrench"})
+    values = robot_map(len(kinds), friction={"fit": [0.0, 1.0], "to": "check.wrench"})
     values["observer"] = {"names": ["momentum", "force_level", "kalman", "smoother", "second_order", "super_twisting"]}
     Path("map.toml").write_text(tomli_w.dumps(values))
     assert call(monkeypatch, "estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
     assert (tmp_path / "out" / "replay.html").stat().st_size > 1000
-    known = copy.deepcopy(robot_map())
+    known = copy.deepcopy(few)
     known["known"] = {"cell": {**known.pop("check")["wrench"], "frame": "tip", "axes": "world"}}
     record = opened(tmp_path, "log", known)
     assert np.abs(estimate(record).estimates["force_level"].components[100:]).max() < 0.05
     check_record(record)
     calibrate([record], parameters=["mass"])
-    plain = robot_map()
-    del plain["check"]
-    online, found = OnlineEstimator(parse_map(plain, "of the test"), tmp_path), []
+    del few["check"]
+    online, found = OnlineEstimator(parse_map(few, "of the test"), tmp_path), []
     for row in table.to_dict("records"):
         found += online.push(row["t"], row)
-    whole = estimate(opened(tmp_path, "log", plain)).estimates["force_level"].components[-1]
+    whole = estimate(opened(tmp_path, "log", few)).estimates["force_level"].components[-1]
     np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=1e-6)
 
 
