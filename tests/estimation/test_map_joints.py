@@ -237,7 +237,7 @@ def robot_map(count: int = 1, **joints: Any) -> dict[str, Any]:
 
 
 def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path) -> None:
-    """A pole on a slide without a motor: both components in their plane are found, which the pole's row alone cannot."""
+    """A pole on a slide without a motor: both components in their plane are found."""
     table = robot_table(tmp_path, "prismatic", "revolute")
     table.to_csv(tmp_path / "log.csv", index=False)
     record = opened(tmp_path, "log", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]))
