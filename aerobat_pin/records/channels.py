@@ -273,7 +273,8 @@ def _check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> 
     """Raise LogError unless there are as many columns as a key takes."""
     if len(names) not in allowed:
         expected = " or ".join(map(str, dict.fromkeys(allowed)))
-        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected")
+        hint = "; joints.passive names those without a motor" if key == "joints.effort" else ""
+        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected{hint}")
 
 
 def _known(key: str, known: KnownSection) -> Iterator[Request]:
