@@ -15,7 +15,7 @@ from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Observer, Rows
+from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, KalmanObserver, Observer, Rows
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
@@ -32,32 +32,43 @@ class Watch(Protocol):
         """Take the inputs of a block, of which the intervals `kept` count; with them a part may end."""
 
 
-def observers_of(record: Record, names: Sequence[str] = ()) -> tuple[list[Observer], tuple[str, ...]]:
+def observers_of(
+    record: Record, names: Sequence[str] = (), expected: Expected | None = None
+) -> tuple[list[Observer], tuple[str, ...]]:
     """Return observers of a record, and which rows they do not believe and why, in words.
 
     Args:
         record: the record.
         names: of the observers; those that the map names when empty.
+        expected: what is expected of forces and rows; None for forces of any size.
 
     Raises:
         MapError: there is no observer of a name.
         ObserverError: an observer cannot be built for this robot.
     """
     rows, notes = rows_of(record.map, record.robot, record.joints, record.channels)
-    return built_observers(record.map, record.robot, rows, names), notes
+    return built_observers(record.map, record.robot, rows, names, expected), notes
 
 
-def built_observers(chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = ()) -> list[Observer]:
+def points_of(chosen: Map) -> list[str | Application]:
+    """Return where a map seeks forces and wrenches."""
+    return [*chosen.robot.points, *(Application(frame, "wrench") for frame in chosen.robot.wrenches)]
+
+
+def built_observers(
+    chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = (), expected: Expected | None = None
+) -> list[Observer]:
     """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
     names = tuple(names) or chosen.observer.names
     if not names or any(name not in OBSERVERS for name in names):
         raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
-    points: list[str | Application] = [
-        *chosen.robot.points,
-        *(Application(frame, "wrench") for frame in chosen.robot.wrenches),
-    ]
-    section = chosen.observer
-    return [OBSERVERS[name](robot.model, points, section.gain, rows, **section.settings(name)) for name in names]
+    section, made = chosen.observer, []
+    for name in names:
+        settings = section.settings(name)
+        if expected is not None and not issubclass(OBSERVERS[name], KalmanObserver):  # which expects sizes of its own
+            settings = {**settings, "expected": expected}
+        made.append(OBSERVERS[name](robot.model, points_of(chosen), section.gain, rows, **settings))
+    return made
 
 
 def believed_rows(record: Record) -> tuple[str, ...]:
@@ -105,6 +116,7 @@ def run_observers(
     observers: Sequence[Observer],
     progress: Callable[[float], None] | None = None,
     watch: Watch | None = None,
+    expected: Expected | None = None,
 ) -> dict[str, StoredEstimate]:
     """Estimate the unknown forces on all parts of a record.
 
@@ -114,6 +126,7 @@ def run_observers(
         observers: the observers.
         progress: called with the share that is done.
         watch: is given what the observers are given.
+        expected: what is expected of the forces, by which a filter that states deviations is judged, too.
 
     Returns:
         Name of the observer -> estimate.
@@ -133,6 +146,8 @@ def run_observers(
                 if progress is not None:
                     progress(done / total)
                 whole = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+                if expected is not None:
+                    whole = replace(whole, expected_force=expected.force)
                 found[observer.name].append(_some_intervals(whole, begin - early, end - early))
                 done += end - begin
     if progress is not None:
@@ -198,5 +213,6 @@ def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
         residual=estimate.residual[inside].copy(),
         unexplained=estimate.unexplained[inside].copy(),
         standard_deviation=None if deviation is None else deviation[inside].copy(),
+        doubt=None if estimate.doubt is None else estimate.doubt[inside].copy(),
         innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
     )

@@ -48,6 +48,8 @@ class PlainRobot:
     moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
 
+    limits_forces: ClassVar[bool] = True  # whether forces are expected to be of the order of the weight
+
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that a calibration can identify."""

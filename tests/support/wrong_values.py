@@ -314,7 +314,7 @@ SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
 RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
-Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
+Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
