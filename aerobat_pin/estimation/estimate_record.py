@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
+from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.compared import sensor_references
 from aerobat_pin.estimation.findings import refuse_if_certain
@@ -63,6 +64,9 @@ def estimate(
         stored = {one: StoredEstimate.of(estimate) for one, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
+        if not forces.values.row_noise:
+            values = replace(forces.values, row_noise=noise_where_known(forces))
+            forces = replace(forces, values=values)
         inputs = inputs_between(record, forces)
         if record.robot.measures_effort:
             findings += effort_findings(record, inputs, findings)
