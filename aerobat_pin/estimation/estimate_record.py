@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
+from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.compared import sensor_references
 from aerobat_pin.estimation.expected import expected_of
@@ -53,6 +54,8 @@ def estimate(
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    if record.robot.limits_forces and not forces.values.row_noise:
+        forces = replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces)))
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, forces.values, points_of(record.map))
     made, notes = observers_of(record, names, expected) if names or not observers else ([], ())

@@ -212,13 +212,14 @@ def _fitted_samples(
         if fits_here:
             inside.append(table[:, chosen])
         if tests_here:
-            held_out.append(table[:, ~chosen & _within(when, tested)])
+            held_out.append(table[:, ~chosen & within(when, tested)])
     if not inside:
         raise MapError(f"map: joints.friction.fit = {list(fit)}: no used part of the record is there")
     return _Rows(*np.concatenate(inside, axis=1)), _Rows(*np.concatenate(held_out, axis=1))
 
 
-def _within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+def within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """Return which times (m,) [s] are in a stretch; none if there is no stretch."""
     return np.zeros(len(when), bool) if stretch is None else (when >= stretch[0]) & (when < stretch[1])
 
 

@@ -65,8 +65,8 @@ class FittedValues:
         scale: (n,) factor of each of their efforts.
         mass: factor of all masses and inertias.
         fits: how well each holds.
-        row_noise: row -> root second moment of what is left of it where nothing touches, in data that no fit used
-            [N or N m]; empty if that is not known.
+        row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
+            [N, N m]; empty where that is not known.
     """
 
     coefficients: dict[str, Array] = field(default_factory=dict)

@@ -191,15 +191,21 @@ def settled(record: Record, time: Array) -> NDArray[np.bool_]:
 
 
 def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float]) -> Array | None:
-    """Return the rms (c,) of each component between two times after the start [s]; None if nothing is settled there."""
-    squares, count = np.zeros(len(estimate.head.units)), 0
+    """Return the rms (c,) of each component between two times after the start [s], where it is seen, else NaN.
+
+    None if nothing is settled and seen there.
+    """
+    squares, count = np.zeros((2, len(estimate.head.units)))
     first, last = (estimate.index(record.start + time) for time in stretch)
     for begin in range(first, last + 1, ROWS_READ):
         block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
         when = block.time[:-1] - record.start
         inside = settled(record, block.time[:-1]) & (when >= stretch[0]) & (when <= stretch[1])
-        squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
-    return np.asarray(np.sqrt(squares / count)) if count else None
+        shown = block.shown & inside[:, None]
+        squares += np.sum(np.where(shown, block.components, 0.0) ** 2, axis=0)
+        count += shown.sum(axis=0)
+    means = np.divide(squares, count, out=np.full_like(squares, np.nan), where=count > 0.0)
+    return np.sqrt(means) if count.any() else None
 
 
 def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:

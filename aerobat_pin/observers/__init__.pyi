@@ -40,8 +40,10 @@ from .momentum import SuperTwistingObserver as SuperTwistingObserver
 from .observer import DEFAULT_GAIN as DEFAULT_GAIN
 from .observer import Observer as Observer
 from .redundancy import Redundancy as Redundancy
+from .redundancy import low_passed as low_passed
 from .redundancy import redundancy_of as redundancy_of
 from .redundancy import slow_part as slow_part
+from .redundancy import typical_step as typical_step
 from .registry import OBSERVERS as OBSERVERS
 from .rows import MOMENT_ARM as MOMENT_ARM
 from .rows import AllBut as AllBut

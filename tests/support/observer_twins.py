@@ -64,7 +64,7 @@ def project(J: Vector, W: Vector, generalized: Vector) -> Vector:
 class PosteriorTwin:
     """The components given rows and what was expected, by Kalman's gain over the rows in place of normal equations.
 
-    f = S^2 J (J^T S^2 J + k)^-1 y,  P = S^2 - S^2 J (J^T S^2 J + k)^-1 J^T S^2,  with whitened rows y and columns of J^T.
+    f = S^2 J (J^T S^2 J + k)^-1 y,  P = S^2 - S^2 J (J^T S^2 J + k)^-1 J^T S^2,  rows y and J^T whitened.
     """
 
     def __init__(self, expected: Expected, gain: float) -> None:

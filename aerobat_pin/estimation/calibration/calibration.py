@@ -93,7 +93,8 @@ class Calibration:
         detection: what is normal where nothing pushes; None if that was not learnt.
         extras: what only the robot itself reads, such as an accelerometer's place.
         error_bar: component -> rms error without and with the calibration, where it was not fitted [N, N m].
-        remainder: row -> rms of what the calibration leaves unexplained [N, N m].
+        row_noise: row -> root second moment of what is left of it where nothing pushes, in data that no fit used
+            [N, N m]; empty where that is not known.
         warnings: what makes the calibration doubtful, in words.
         notes: what was found, in words.
     """
@@ -106,7 +107,7 @@ class Calibration:
     detection: Detection | None = None
     extras: Mapping[str, Array] = field(default_factory=dict)
     error_bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    remainder: Mapping[str, float] = field(default_factory=dict)
+    row_noise: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -154,7 +155,7 @@ class Calibration:
         if mine.friction is not None:
             own = replace(own, joints=mine.joints, friction=mine.friction, scale=mine.scale)
             sources[FRICTION] = "calibrated"
-        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits))
+        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits), row_noise=self.row_noise)
         return replace(forces, values=values, series=self.series, sources=sources)
 
     @property

@@ -190,6 +190,10 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
             yield Finding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
         labels, units = estimate.head.identifiability.components, estimate.head.units
-        words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
+        words = ", ".join(
+            f"{label} {size:.3g} {unit}"
+            for label, size, unit in zip(labels, sizes, units, strict=True)
+            if np.isfinite(size)
+        )
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
-        yield Finding("stretch without contact", "note", text, float(sizes.max()), "N")
+        yield Finding("stretch without contact", "note", text, float(np.nanmax(sizes)), "N")

@@ -28,8 +28,8 @@ def estimate_posterior(
     last: k is no less than the mean over some seconds before, and at least 1. Rows to spare are those in use less the
     sum of the shares 1 - P/S^2 that the components take up.
 
-    To `doubt` (c + 1,) are written the standard deviations sqrt(P_ii), then k of this instant alone; NaN without a row to
-    spare.
+    To `doubt` (c + 1,) are written the standard deviations sqrt(P_ii), then k of this instant alone; NaN without a row
+    to spare.
     """
     c, span, remainder = force.shape[0], observer.span, observer.remainder
     whiten_rows(observer, before, after, generalized)
