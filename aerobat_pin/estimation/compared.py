@@ -102,7 +102,7 @@ class Compared:
             label: Score(
                 r2=whole[k].r2,
                 r2_noise_free=None if reference.noise_free is None else noise_free[k].r2,
-                rmse=whole[k].rmse,
+                rmse=whole[k].rmse if whole[k].count else None,
                 lag_s=lag(sample[:, k], true_sample[:, k], self.dt),
                 r2_outside_fit=outside[k].r2 if fitted and outside[k].count > 2 else None,
                 rmse_outside_fit=outside[k].rmse if fitted and outside[k].count > 2 else None,

@@ -17,9 +17,9 @@ from aerobat_pin.observers import (
     Applications,
     Expected,
     MomentumObserver,
-    likely_size,
     robot_length,
     row_names,
+    with_record,
 )
 from aerobat_pin.records import Block, PlainRobot, Record
 
@@ -62,10 +62,8 @@ def expected_of(
         found += [(one.v[k], residual[k], observer.applications.jacobian(one.q[k])) for k in at]
     if not found:
         return expected
-    factor = likely_size(
-        expected, stretches[0].rows, record.robot.model, *(np.stack(part) for part in zip(*found, strict=True))
-    )
-    return Expected(factor * expected.force, expected.row_error, expected.stiction, expected.stiction_rate)
+    v, rows, jacobians = (np.stack(part) for part in zip(*found, strict=True))
+    return with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
 
 
 def expected_from(

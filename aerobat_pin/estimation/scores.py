@@ -29,7 +29,9 @@ class Score:
 
     r2: float | None = field(metadata=_quantity("1", "R2 against the true force with its noise"))
     r2_noise_free: float | None = field(metadata=_quantity("1", "R2 against the noise-free part of the true force"))
-    rmse: float = field(metadata=_quantity("N", "root mean square error against the true force with its noise"))
+    rmse: float | None = field(
+        metadata=_quantity("N", "root mean square error against the true force with its noise; None where never seen")
+    )
     lag_s: float | None = field(metadata=_quantity("s", "delay of the noise-free truth that fits the estimate best"))
     r2_outside_fit: float | None = field(
         default=None, metadata=_quantity("1", "R2 on what no fit to the reference used; None without such a fit")

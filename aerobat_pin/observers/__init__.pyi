@@ -24,8 +24,8 @@ from .expected import DOUBTFUL as DOUBTFUL
 from .expected import SHARE_OF_WEIGHT as SHARE_OF_WEIGHT
 from .expected import SHOWN as SHOWN
 from .expected import Expected as Expected
-from .expected import likely_size as likely_size
 from .expected import robot_length as robot_length
+from .expected import with_record as with_record
 from .friction import FRICTION_COEFFICIENTS as FRICTION_COEFFICIENTS
 from .friction import SMOOTH_RATE as SMOOTH_RATE
 from .friction import JointFriction as JointFriction

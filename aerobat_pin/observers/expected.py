@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -25,19 +25,21 @@ class Expected:
 
         f ~ N(0, S^2),   e ~ N(0, k R),   R = row_error^2 + stiction^2 / 3 (1 - tanh^2(v / stiction_rate))
 
-    k >= 1 is how much larger the squared errors are than stated, which rows show that no force explains.
+    k is how much larger the squared errors are than stated, which rows show that no force explains.
 
     Attributes:
         force: (c,) S: size of each component [N or N m].
         row_error: (nv,) error of each row where nothing touches, behind the observer's filter [N or N m].
         stiction: (nv,) Coulomb friction [N or N m]: at rest a joint may hold any torque up to it.
         stiction_rate: (nv,) speed at which Coulomb friction has set in [m/s or rad/s].
+        doubt: least k, at least 1: that of a whole record, if it is known.
     """
 
     force: Array
     row_error: Array
     stiction: Array
     stiction_rate: Array
+    doubt: float = 1.0
 
     def refuse_unusable(self, components: int, nv: int) -> None:
         """Raise ObserverError unless it fits the robot, everything is finite, and what divides is positive."""
@@ -50,6 +52,8 @@ class Expected:
                 raise ObserverError(f"expected.{name} = {values}: finite positive numbers were expected")
         if not (np.all(np.isfinite(self.stiction)) and np.all(self.stiction >= 0.0)):
             raise ObserverError(f"expected.stiction = {self.stiction}: finite numbers of at least 0 were expected")
+        if not 1.0 <= self.doubt < np.inf:
+            raise ObserverError(f"expected.doubt = {self.doubt}: a finite number of at least 1 was expected")
 
 
 def seen_share(deviation: Array, expected: Array) -> Array:
@@ -69,14 +73,17 @@ def robot_length(model: pin.Model) -> float:
     return float(np.sqrt(np.trace(data.Ig.inertia) / (2.0 * max(data.Ig.mass, 1e-12))))
 
 
-def likely_size(expected: Expected, rows: Rows, model: pin.Model, v: Array, residual: Array, jacobians: Array) -> float:
-    """Return the factor >= 1 of the expected forces under which a record is most likely.
+def with_record(
+    expected: Expected, rows: Rows, model: pin.Model, v: Array, residual: Array, jacobians: Array
+) -> Expected:
+    """Return what is expected once a record is known: with its k, and forces of the size that make it most likely.
 
-    The rows y of each instant are taken as N(0, k R + J^T (factor S)^2 J), with k the median of what no force explains
-    at factor 1. Factors below 1 are not tried: at rest they would call every force certain, and zero.
+    k is the median, over instants with rows to spare, of what no force explains. The rows y of each instant are taken
+    as N(0, k R + J^T (factor S)^2 J); factors below 1 are not tried: at rest they would call every force certain, and
+    zero.
 
     Args:
-        expected: what is expected at factor 1.
+        expected: what is expected without the record.
         rows: the rows in use.
         model: the robot.
         v: (m, nv) velocities.
@@ -94,10 +101,13 @@ def likely_size(expected: Expected, rows: Rows, model: pin.Model, v: Array, resi
         signal[: len(sizes)] = sizes**2
         instants.append((np.square(U.T @ (L.T @ y)), signal))
     squares, signal = (np.stack(part) for part in zip(*instants, strict=True))  # along the rows' principal directions
-    spare = np.sum(1.0 / (1.0 + signal), axis=1)
-    k = max(1.0, float(np.median(np.sum(squares / (1.0 + signal) ** 2, axis=1) / np.maximum(spare, LEAST_SPARE))))
+    unsettled = (1.0 + signal) ** -2.0  # see `estimate_posterior`: what is left of the square of a row's error
+    spare = np.sum(unsettled, axis=1)
+    sizes = np.sum(squares * unsettled**2, axis=1)[spare >= LEAST_SPARE] / spare[spare >= LEAST_SPARE]
+    k = max(1.0, float(np.median(sizes))) if len(sizes) else 1.0
     scores = []
     for factor in SIZES_TRIED:
         variance = k + factor**2 * signal
         scores.append(float(np.sum(np.log(variance) + squares / variance)))
-    return float(SIZES_TRIED[int(np.argmin(scores))])
+    factor = float(SIZES_TRIED[int(np.argmin(scores))])
+    return replace(expected, force=factor * expected.force, doubt=k)

@@ -158,6 +158,7 @@ class Observer:
             memory.row_variance[:] = self.expected.row_error**2
             memory.stiction_variance[:] = self.expected.stiction**2 / 3.0
             memory.stiction_rate[:] = self.expected.stiction_rate
+            memory.least[:] = self.expected.doubt
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
     @guarded()

@@ -64,7 +64,7 @@ def project(J: Vector, W: Vector, generalized: Vector) -> Vector:
 class PosteriorTwin:
     """The components given rows and what was expected, by Kalman's gain over the rows in place of normal equations.
 
-    f = S^2 J (J^T S^2 J + k)^-1 y,  P = S^2 - S^2 J (J^T S^2 J + k)^-1 J^T S^2,  rows y and J^T whitened.
+    With G = S^2 J (J^T S^2 J + k)^-1 over whitened rows:  P = S^2 - G J^T S^2,  f = (1 + P S^-2) G y.
     """
 
     def __init__(self, expected: Expected, gain: float) -> None:
@@ -83,10 +83,11 @@ class PosteriorTwin:
 
         def given(k: float) -> tuple[Vector, Vector]:
             gain = S2 @ A.T @ np.linalg.inv(A @ S2 @ A.T + k * np.eye(len(A)))
-            return gain @ white @ y, np.diag(S2 - gain @ A @ S2)
+            P = S2 - gain @ A @ S2
+            return (np.eye(len(S2)) + P @ np.linalg.inv(S2)) @ gain @ white @ y, np.diag(P)
 
         force, variance = given(1.0)
-        spare = len(A) - np.sum(1.0 - variance / prior.force**2)
+        spare = len(A) - np.sum(1.0 - (variance / prior.force**2) ** 2)
         rest = white @ y - A @ force
         self.rest = rest + np.exp(-self.gain * dt) * (self.rest - rest)
         self.k, k = float("nan"), self.mean
@@ -95,7 +96,7 @@ class PosteriorTwin:
             self.seconds += dt
             self.mean += min(dt / self.seconds + dt / 2.5, 1.0) * (self.k - self.mean)
             k = max(self.k, self.mean)
-        force, variance = given(max(k, 1.0))
+        force, variance = given(max(k, prior.doubt))
         self.deviation = np.sqrt(variance)
         return force
 

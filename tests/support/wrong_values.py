@@ -226,7 +226,13 @@ def calls() -> dict[str, Call]:
         "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
         "Expected": (
             api.Expected,
-            {"force": np.ones(3), "row_error": np.ones(2), "stiction": np.ones(2), "stiction_rate": np.ones(2)},
+            {
+                "force": np.ones(3),
+                "row_error": np.ones(2),
+                "stiction": np.ones(2),
+                "stiction_rate": np.ones(2),
+                "doubt": 1.0,
+            },
         ),
         "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
         "check_names": (api.check_names, {"names": ["momentum"]}),
@@ -334,8 +340,8 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
-effort_findings record_findings moving_weight AllBut likely_size robot_length low_passed typical_step redundancy_of slow_part
-describe_tables explain fit_friction
+effort_findings record_findings moving_weight AllBut with_record robot_length low_passed
+typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
 changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score
 warnings_about belief_of described log_with_motion shipped_description"""

@@ -45,6 +45,7 @@ class ObserverMemory(NamedTuple):
     stiction_variance: Annotated[Array, "sizes.nv * sizes.expected"]  # of rows at rest, beyond that
     stiction_rate: Annotated[Array, "sizes.nv * sizes.expected"]  # at which Coulomb friction has set in
     remainder: Annotated[Array, "sizes.nv * sizes.expected"]  # whitened rows that no force explains, filtered
+    least: Annotated[Array, "1"]  # k that is expected
     lasting: Annotated[Array, "2"]  # mean k over some seconds, and the time [s] over which it was taken
     samples: Annotated[Array, "2, 3 + sizes.components, sizes.nv"]  # the two latest samples, as in `residual`
     filtered: Annotated[Array, "2, sizes.filtered"]  # state of the filter

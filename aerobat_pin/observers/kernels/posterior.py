@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, copy_values, dot, inner, merged, solve_positive
+from aerobat_pin.numerics import Array, copy_values, dot, inner, merged, solve_factored, solve_positive
 from aerobat_pin.observers.expected import LEAST_SPARE
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import POWER_ROW, power_unit, put_rows
@@ -17,16 +17,19 @@ LASTING = 2.5  # [s]: how long errors of the rows last
 def estimate_posterior(
     observer: ObserverMemory, before: Array, after: Array, generalized: Array, dt: float, force: Array, doubt: Array
 ) -> None:
-    """Write the posterior mean `force` (c,) of the components of y = J^T f + e, with y the generalised force (nv,).
+    """Write the components `force` (c,) of y = J^T f + e, given what is expected, with y the generalised force (nv,).
 
         e ~ N(0, k R),   f ~ N(0, S^2)           see `Expected`
-        P = (J R^-1 J^T / k + S^-2)^-1
-        f = P J R^-1 y / k
+        P = (J R^-1 J^T / k + S^-2)^-1           their covariance, given y
+        f = (1 + P S^-2) P J R^-1 y / k
+
+    P J R^-1 y / k is their mean given y. It is too small by the share P S^-2 of the force, a tenth where nine tenths
+    are seen, though R and S are guesses at times; the first factor leaves the square of this share, a hundredth.
 
     k is the square of the whitened rows that no force explains, for each row to spare, behind the low-pass of the
     observer, as noise that this takes out does no harm. A few rows at one instant say little about their errors, which
-    last: k is no less than the mean over some seconds before, and at least 1. Rows to spare are those in use less the
-    sum of the shares 1 - P/S^2 that the components take up.
+    last: k is no less than the mean over some seconds before, and than what is expected. Rows to spare are those
+    in use less the sum of the shares 1 - (P/S^2)^2 that the components take up.
 
     To `doubt` (c + 1,) are written the standard deviations sqrt(P_ii), then k of this instant alone; NaN without a row
     to spare.
@@ -36,7 +39,7 @@ def estimate_posterior(
     solve_for_components(observer, 1.0, force, doubt)
     spare = float(observer.sizes.believed)
     for i in range(c):
-        spare -= 1.0 - doubt[i] * doubt[i] * observer.information[i]
+        spare -= 1.0 - (doubt[i] * doubt[i] * observer.information[i]) ** 2
     kept, size = np.exp(-observer.gain[0] * dt), 0.0
     for s in range(remainder.shape[0]):  # of y - J^T f, whitened
         rest = span[c, s]
@@ -49,7 +52,7 @@ def estimate_posterior(
     if k > 0.0:
         observer.lasting[1] += dt
         observer.lasting[0] += min(dt / observer.lasting[1] + dt / LASTING, 1.0) * (k - observer.lasting[0])
-    k = max(k, observer.lasting[0]) if k > 0.0 else observer.lasting[0]
+    k = max(k, observer.lasting[0], observer.least[0]) if k > 0.0 else max(observer.lasting[0], observer.least[0])
     if k > 1.0:
         solve_for_components(observer, k, force, doubt)
 
@@ -86,7 +89,7 @@ def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generaliz
 
 @merged
 def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt: Array) -> None:
-    """Write the posterior mean of the components, and their standard deviations, given whitened rows and k."""
+    """Write the components and their standard deviations, given whitened rows and k."""
     A, span, column, c = observer.equations, observer.span, observer.column, force.shape[0]
     for i in range(c):
         force[i] = dot(span[i], span[c]) / k
@@ -94,6 +97,11 @@ def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt
             A[i, j] = dot(span[i], span[j]) / k
         A[i, i] += observer.information[i]
     solve_positive(A, force)
+    for i in range(c):
+        column[i] = observer.information[i] * force[i]
+    solve_factored(A, column)
+    for i in range(c):
+        force[i] += column[i]
     for j in range(c):  # P_jj = |L^-1 e_j|^2 with the Cholesky factor L that is left in A
         size = 0.0
         for i in range(j, c):
