@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
@@ -17,6 +18,7 @@ from aerobat_pin.observers import (
     Applications,
     Expected,
     MomentumObserver,
+    moving_weight,
     robot_length,
     row_names,
     with_record,
@@ -70,19 +72,24 @@ def expected_from(
     robot: PlainRobot, values: FittedValues, points: Sequence[str | Application], effort: Array, needed: Array
 ) -> Expected:
     """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m]."""
-    model, length = robot.model, robot_length(robot.model)
-    units, weight = row_names(model), robot.mass * 9.81
-    scale = np.array([1.0 if unit == "N" else length for unit in units.values()])
+    model, weight = robot.model, moving_weight(robot.model)
     error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
-    for k, name in enumerate(units):
+    for k, name in enumerate(row_names(model)):
         error[k] = values.row_noise.get(name, error[k])
     stiction, rate = np.zeros(model.nv), np.full(model.nv, SMOOTH_RATE)
     if values.friction is not None:
         rows = [robot.v_index(joint) for joint in values.joints]
         stiction[rows], rate[rows] = np.abs(values.friction.coulomb), values.friction.rate
     applications = Applications(model, points)
-    force = SHARE_OF_WEIGHT * weight * np.array([1.0 if unit == "N" else length for unit in applications.units])
-    return Expected(force, np.maximum(error, LEAST_ERROR * weight * scale), stiction, rate)
+    lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
+    least = LEAST_ERROR * weight * row_scale(model)
+    return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), stiction, rate)
+
+
+def row_scale(model: pin.Model) -> Array:
+    """Return what makes a force [N] the size of each row (nv,): 1, or for a moment the robot's length [m]."""
+    length = robot_length(model)
+    return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])
 
 
 def _rms(values: Array) -> Array:

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.rows import BelievedRows, Rows
 
 SHOWN = 0.9  # of what was expected of a component: what is seen better counts as seen
@@ -54,6 +55,14 @@ class Expected:
             raise ObserverError(f"expected.stiction = {self.stiction}: finite numbers of at least 0 were expected")
         if not 1.0 <= self.doubt < np.inf:
             raise ObserverError(f"expected.doubt = {self.doubt}: a finite number of at least 1 was expected")
+
+    def write(self, memory: ObserverMemory) -> None:
+        """Write it into an observer's memory."""
+        memory.information[:] = self.force**-2.0
+        memory.row_variance[:] = self.row_error**2
+        memory.stiction_variance[:] = self.stiction**2 / 3.0
+        memory.stiction_rate[:] = self.stiction_rate
+        memory.least[:] = self.doubt
 
 
 def seen_share(deviation: Array, expected: Array) -> Array:

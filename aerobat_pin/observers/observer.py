@@ -154,12 +154,17 @@ class Observer:
         memory.gain[:], memory.basis[:] = self._gains, self._basis
         memory.weight[:], memory.tied[:] = self.believed.weight, self.believed.tied
         if self.expected is not None:
-            memory.information[:] = self.expected.force**-2.0
-            memory.row_variance[:] = self.expected.row_error**2
-            memory.stiction_variance[:] = self.expected.stiction**2 / 3.0
-            memory.stiction_rate[:] = self.expected.stiction_rate
-            memory.least[:] = self.expected.doubt
+            self.expected.write(memory)
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
+
+    @guarded()
+    def expect(self, expected: Expected) -> None:
+        """Expect other sizes from now on. Raises ObserverError if none were expected, or they do not fit the robot."""
+        if self.expected is None:
+            raise ObserverError("expect: an observer that was made with `expected` was expected")
+        expected.refuse_unusable(self._count, self._nv)
+        self.expected = expected
+        expected.write(fields_of(observer_in, self._memory))
 
     @guarded()
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:

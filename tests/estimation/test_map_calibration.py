@@ -183,12 +183,14 @@ def test_a_file_of_the_first_form_by_a_map_is_read(what: str, arms: tuple[Path, 
 
 
 def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np.ndarray]) -> None:
-    """The efforts' own, where nothing else is wrong; a push where nothing is known to be free does not count."""
+    """The efforts' own behind the observer's filter; a push where nothing is known to be free does not count."""
     folder, _ = arms
     found = calibrated(folder, "free", arm_map(), "mass")
     (folder / "noise.nc").write_bytes(calibration_bytes(found))
     assert read_calibration(folder / "noise.nc").row_noise == found.row_noise
-    assert found.row_noise == pytest.approx(dict.fromkeys(JOINTS, 0.01 * CONSTANT / 2**0.5), rel=0.15)
+    share = -np.expm1(-GAIN / RATE)  # of an interval's noise that a low-pass takes on
+    efforts = 0.01 * CONSTANT / 2**0.5 * (share / (2.0 - share)) ** 0.5
+    assert all(0.85 < found.row_noise[joint] / efforts < 1.5 for joint in JOINTS)
     recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
     values = arm_map() | {"use": {"free": [0, 8]}}
 
@@ -285,7 +287,7 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     )
     assert np.std(without) > 0.35
     assert np.std(with_it) < 0.025
-    for robot, bar in ((plain, 0.6), (geared, 0.05)):
+    for robot, bar in ((plain, 0.6), (geared, 0.04)):
         assert found[robot].error_bar["tool.Fx"][1] == pytest.approx(bar, rel=0.2)
     faster = estimate(opened("faster", geared), calibration=found[geared])
     assert faster.calibration is not None

@@ -108,6 +108,8 @@ def test_a_stamp_that_is_months_off_costs_no_time(
 ) -> None:
     """A finding names it, and the parts that are used have the forces that they have without it.
 
+    But for 0.01 %: how well rows are known depends on all that is used.
+
     Args:
         rows: of the table, last one included, whose stamps are wrong.
         seconds: by which they are.
@@ -121,7 +123,7 @@ def test_a_stamp_that_is_months_off_costs_no_time(
     components = found.estimates["force_level"].components
     for here, there, count in same:
         settled = slice(20, count)
-        np.testing.assert_allclose(components[here:][settled], whole[there:][settled], atol=1e-3)
+        np.testing.assert_allclose(components[here:][settled], whole[there:][settled], atol=3e-3)
 
 
 def test_stamps_that_no_clock_can_show_are_refused(tmp_path: Path) -> None:
