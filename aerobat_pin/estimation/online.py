@@ -29,6 +29,7 @@ from aerobat_pin.records import (
     entries,
     joint_requests,
     line_means,
+    listed_joints,
     robot_of_map,
     rotation_matrices,
     sampled,
@@ -86,7 +87,8 @@ class OnlineEstimator:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map, self._heard = chosen, heard
         self._values = FittedValues() if calibration is None else calibration.fitted
-        names = chosen.joints.names or tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        every = tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        names = listed_joints(chosen.joints.names) or every
         self.joints = names
         if calibration is not None:
             calibration.belief.refuse_other(belief_of(chosen, self.robot, names))

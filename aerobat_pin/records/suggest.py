@@ -48,6 +48,7 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
     lines = [
         f"# A map for {log.name}: what it looks like. Answer the questions, then",
         f"#   aerobat estimate {log} --map map.toml",
+        *(f"# {note}" for note in columns.notes),
         "",
     ]
     lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
