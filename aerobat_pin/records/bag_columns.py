@@ -24,7 +24,7 @@ REORDERED = 10_000  # messages of a topic that are put in order together
 
 @contextmanager
 def _foreign_schemas() -> Iterator[None]:
-    """Let `rosbags` open an MCAP file in which channels are of JSON or protobuf: by itself it stops at their schemas."""
+    """Let `rosbags` open an MCAP file with channels of JSON or protobuf, at whose schemas it stops by itself."""
     from rosbags.rosbag2 import storage_mcap
 
     read_string, get_msgdef = storage_mcap.read_string, storage_mcap.get_msgdef

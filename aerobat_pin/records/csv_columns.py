@@ -58,8 +58,8 @@ def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
         )
     if not LETTER.search(NUMBER.sub("", line)) and names != [str(k) for k in range(len(names))]:  # as pandas names them
         raise LogError(
-            f"log {path}: its first line has numbers alone ({line[:40]}...), so the table has no header: write a line above "
-            "it that names each column, such as time,q1,q2,tau1,tau2; the map then uses these names"
+            f"log {path}: its first line has numbers alone ({line[:40]}...), so the table has no header: write a line "
+            "above it that names each column, such as time,q1,q2,tau1,tau2; the map then uses these names"
         )
     return separator, names
 

@@ -1,4 +1,4 @@
-"""How a log calls the joints of a robot: a list of the joints of its columns, or a table that renames those of a topic."""
+"""How a log calls the joints of a robot: a list, of its columns, or a table that renames those of a topic."""
 
 from __future__ import annotations
 

@@ -299,11 +299,9 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
     with pytest.raises(MapError, match=r"joints\.names: each joint once"):
         read(names={"Turn 1": "turn", "Lift 2": "turn"})
     assert 'names = {"Turn 1" = "turn", "Lift 2" = "lift"}' in suggested_map(tmp_path / "bag", tmp_path / "arm.urdf")
+    chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
     with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
-        values = arm_map()
-        values["joints"]["names"] = {joint: joint for joint in JOINTS}
-        swing.to_csv(tmp_path / "log.csv", index=False)
-        open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path)
+        open_record(tmp_path / "bag", chosen, tmp_path)
 
 
 def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None:

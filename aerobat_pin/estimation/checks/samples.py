@@ -46,7 +46,7 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     found: dict[tuple[float, float], list[str]] = {}
     parts = [tuple(record.times(edge, edge)[0] for edge in part) for part in record.parts]
     clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
-    for key, channel in record.channels.items():
+    for channel in record.channels.values():
         yield from channel_findings(channel, parts, alone=len(clocks) > 1)
         for begin, end, whose in channel.holes:
             if end > record.start and record.knots is None:
