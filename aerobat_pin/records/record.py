@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
 
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
+ROUNDED = 1e-3  # of a step, by which a sample is beside a common time at most where they coincide
 HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: z down to z up, for world and body axes alike
 
 
@@ -178,10 +180,20 @@ class Record:
         return self.channels[key].between(float(time[0]), float(time[-1]), extra=2)
 
     def _wide(self, first: int, last: int) -> tuple[Array, slice]:
-        """Return the common times of a stretch with margins, and where the stretch is in them."""
+        """Return the common times of a stretch with margins, which end at holes, and where the stretch is in them."""
         extra = round(BLOCK_MARGIN * self.rate)
-        low = max(self.parts[0][0], first - extra)
-        high = min(self.parts[-1][1], last + extra)
+        edges = [
+            (place - self.start) * self.rate
+            for one in self.channels.values()
+            for hole in one.holes
+            for place in hole[:2]
+        ]
+        ends, begins = (
+            (math.ceil(edge - ROUNDED) for edge in edges[1::2]),
+            (math.floor(edge + ROUNDED) for edge in edges[::2]),
+        )
+        low = max(self.parts[0][0], first - extra, *(end for end in ends if end <= first))
+        high = min(self.parts[-1][1], last + extra, *(begin for begin in begins if begin >= last))
         return self.times(low, high), slice(first - low, last - low + 1)
 
     def _slope(self, key: str, first: int, last: int, window: float) -> Array:

@@ -80,7 +80,7 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
                     "time goes back", "warning", f"{name}: {number} of {count} samples {what}", number / count, "1"
                 )
         if clock.set_back:
-            what = f"{name}: the clock was set back, {clock.set_back} times: samples stand where their stamps say"
+            what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
             yield Finding("time goes back", "warning", what, clock.set_back, "1")
         if clock.late is None or not len(clock.late):
             continue
