@@ -182,18 +182,11 @@ class Record:
     def _wide(self, first: int, last: int) -> tuple[Array, slice]:
         """Return the common times of a stretch with margins, which end at holes, and where the stretch is in them."""
         extra = round(BLOCK_MARGIN * self.rate)
-        edges = [
-            (place - self.start) * self.rate
-            for one in self.channels.values()
-            for hole in one.holes
-            for place in hole[:2]
-        ]
-        ends, begins = (
-            (math.ceil(edge - ROUNDED) for edge in edges[1::2]),
-            (math.floor(edge + ROUNDED) for edge in edges[::2]),
-        )
-        low = max(self.parts[0][0], first - extra, *(end for end in ends if end <= first))
-        high = min(self.parts[-1][1], last + extra, *(begin for begin in begins if begin >= last))
+        low, high = max(self.parts[0][0], first - extra), min(self.parts[-1][1], last + extra)
+        for begin, end, _ in (hole for channel in self.channels.values() for hole in channel.holes):
+            before = math.floor((begin - self.start) * self.rate + ROUNDED)
+            after = math.ceil((end - self.start) * self.rate - ROUNDED)
+            low, high = (after if low < after <= first else low), (before if last <= before < high else high)
         return self.times(low, high), slice(first - low, last - low + 1)
 
     def _slope(self, key: str, first: int, last: int, window: float) -> Array:
