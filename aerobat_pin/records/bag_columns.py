@@ -17,8 +17,8 @@ from aerobat_pin.records.messages import entries, stamp
 from aerobat_pin.records.spool import Series, Spool
 
 LATEST_STAMP = 3600.0  # [s]: header stamps further from the recorder's are taken for another epoch, not for a delay
-MESSAGES = "cdr"  # encoding of ROS 2
-DEFINITIONS = ("", "ros2msg", "ros2idl", "omgidl")  # languages of schemas that `rosbags` reads
+ROS_ENCODING = "cdr"  # encoding of ROS 2
+KNOWN_SCHEMAS = ("", "ros2msg", "ros2idl", "omgidl")  # languages of schemas that `rosbags` reads
 REORDERED = 10_000  # messages of a topic that are put in order together
 
 
@@ -30,7 +30,7 @@ def _foreign_schemas() -> Iterator[None]:
     read_string, get_msgdef = storage_mcap.read_string, storage_mcap.get_msgdef
 
     def definition(schema: Any) -> Any:
-        return get_msgdef(schema if schema is None or schema.encoding in DEFINITIONS else None)
+        return get_msgdef(schema if schema is None or schema.encoding in KNOWN_SCHEMAS else None)
 
     storage_mcap.read_string = lambda file: storage_mcap.read_bytes(file).decode(errors="replace")
     storage_mcap.get_msgdef = definition
@@ -70,7 +70,7 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     reader = rosbags_reader(path)
     try:
         known = reader.typestore.fielddefs
-        readable = [one for one in reader.connections if one.msgtype in known and _encoding(one) == MESSAGES]
+        readable = [one for one in reader.connections if one.msgtype in known and _encoding(one) == ROS_ENCODING]
         kinds = {connection.topic: connection.msgtype for connection in readable}
         unread = {one.topic: _encoding(one) for one in reader.connections if one.topic not in kinds}
         topics = set(kinds) if wanted is None else {name.partition(".")[0] for name in wanted}
@@ -114,12 +114,12 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
 
 def _encoding(connection: Any) -> str:
     """Return how the messages of a connection are encoded; those of a ROS 1 bag do not say."""
-    return str(getattr(connection.ext, "serialization_format", MESSAGES))
+    return str(getattr(connection.ext, "serialization_format", ROS_ENCODING))
 
 
 def _unread(topic: str, how: str) -> str:
     """Return that messages of a topic cannot be read, which are encoded in some way or have a type."""
-    return f"topic {topic} has messages without a description" if how == MESSAGES else f"topic {topic} is {how}"
+    return f"topic {topic} has messages without a description" if how == ROS_ENCODING else f"topic {topic} is {how}"
 
 
 class _Topic:

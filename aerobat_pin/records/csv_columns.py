@@ -108,7 +108,7 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             values: dict[str, Array] = {}
             for i, label in zip(used, chunk.columns, strict=True):
                 values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
-                if separator != "," or chunk[label].dtype.kind not in "fiub":
+                if strict and (separator != "," or chunk[label].dtype.kind not in "fiub"):
                     signs[names[i]] = _one_sign(path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2)
             if len(chunk):
                 stamps = _stamps(path, log, column, values, len(table), len(chunk))

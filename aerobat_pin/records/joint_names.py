@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-ALIKE = 0.6  # of names, from which one is suggested for the other
+LIKENESS = 0.6  # of names, from which one is suggested for the other
 
 
 def _checked(given: Any) -> Any:
@@ -42,7 +42,7 @@ def nearest_joints(heard: Iterable[str], joints: Iterable[str]) -> dict[str, str
     found = {}
     for joint in joints:
         plain = re.sub("[^a-z0-9]", "", joint.lower().removesuffix("_joint"))
-        for close in difflib.get_close_matches(plain, left, n=1, cutoff=ALIKE):
+        for close in difflib.get_close_matches(plain, left, n=1, cutoff=LIKENESS):
             found[left.pop(close)] = joint
     return found
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from aerobat_pin.numerics import Array
 
 FEW = 10  # rows whose stamps do not fit between their neighbours': they are left out
-JUMP = 10.0  # usual steps; a longer one ends a stretch of rows, as the clock may have been set
+LONG_STEP = 10.0  # usual steps; a longer one ends a stretch of rows, as the clock may have been set
 OTHER_EPOCH = 3600.0  # [s] from all others, of a single first or last stamp that is left out
 
 
@@ -74,7 +74,7 @@ def in_order(time: Array) -> Order:
 def _placed(time: Array, stretches: list[Any]) -> list[Any]:
     """Return stretches of rows by their stamps, cut where these jump, without rows at times that are taken."""
     steps = np.concatenate([np.diff(time[rows]) for rows in stretches] or [np.zeros(0)])
-    longest = JUMP * float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else np.inf
+    longest = LONG_STEP * float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else np.inf
     firsts: list[float] = []  # and last stamps of what is found so far
     lasts: list[float] = []
     found: list[Any] = []

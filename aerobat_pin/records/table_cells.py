@@ -142,7 +142,7 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
         name: of the column.
         cells: (n,) pandas series.
         first: number of rows before the first cell.
-        strict: whether a cell that is no number is an error; else a column with one is NaN throughout.
+        strict: whether a cell that is no finite number is an error; else a column with one is NaN throughout.
 
     Raises:
         LogError: a cell is no number, or no finite one.
@@ -152,7 +152,7 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
     else:
         texts = cells.astype(str)
         if len(texts) and texts.iloc[0].startswith("["):
-            return _lists(path, name, texts)
+            return _lists(path, name, texts, strict=strict)
         read = pd.to_numeric(cells, errors="coerce")
         wrong = (read.isna() & cells.notna()).to_numpy()
         if wrong.any():
@@ -168,16 +168,20 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
             raise LogError(f"{where}: {name} = '{texts.iloc[k][:40]}': {rule}")
         numbers = np.asarray(read, float)
     if np.isinf(numbers).any():
+        if not strict:
+            return {name: np.full(len(cells), np.nan)}
         k = int(np.argmax(np.isinf(numbers)))
         where = f"log {path}, line {line_of(path, first + k)}"
         raise LogError(f"{where}: {name} = {numbers[k]:g}: a finite number was expected")
     return {name: numbers}
 
 
-def _lists(path: Path, name: str, texts: Any) -> dict[str, Array]:
+def _lists(path: Path, name: str, texts: Any, *, strict: bool) -> dict[str, Array]:
     try:
         table = np.array([np.ravel(json.loads(text)) for text in texts], float)
     except (ValueError, RecursionError) as error:
+        if not strict:
+            return {name: np.full(len(texts), np.nan)}
         raise LogError(f"log {path}: '{name}' has lists of different lengths or of no numbers") from error
     if table.shape[1] == 1:
         return {name: table[:, 0]}

@@ -253,6 +253,27 @@ def test_rows_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> 
     assert "1 of them differ: the first value stays" in found[0].text
 
 
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"turn_q": np.nan, "lift_q": np.nan, "bend_q": np.nan},
+        {"acc_x": np.nan, "acc_y": np.nan, "acc_z": np.nan},
+        {"note": ["1,5", "1.5"] * 500},
+        {"v": [["[1, 2]", "[1]"][k % 2] for k in range(1000)]},
+        {"range": np.inf},
+        {"t": pd.date_range("2026-01-01", periods=1000, freq="2ms")},
+        {"t": 0.0},
+    ],
+    ids=["empty joints", "empty group", "both decimals", "ragged lists", "infinite", "dates", "one time"],
+)
+def test_a_map_is_suggested_whatever_other_columns_hold(more: Any, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Columns that a map need not read: an estimate survives them, and so does the suggestion."""
+    (tmp_path / "arm.urdf").write_text(arm())
+    swing.assign(**more).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    assert ("turn_q" in text) == ("turn_q" not in more)
+
+
 def joint_states(path: Path, swing: pd.DataFrame, names: dict[str, str], apart: bool = False) -> None:
     """Write the arm as a bag of joint states, under other names, its first joint in messages of its own if `apart`."""
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -270,6 +291,8 @@ def joint_states(path: Path, swing: pd.DataFrame, names: dict[str, str], apart: 
                 values = (np.array([row[f"{joint}_{part}"] for joint in group]) for part in "qvi")
                 message = make[kind](header, [names.get(joint, joint) for joint in group], *values)
                 writer.write(connection, whole, store.serialize_cdr(message, kind))
+        broken = writer.add_connection("/broken", "sensor_msgs/msg/Imu", typestore=store)
+        writer.write(broken, whole, b"\0\1\0\0")
 
 
 def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> None:
@@ -311,7 +334,9 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
             read(names=wrong)
     with pytest.raises(MapError, match=r"joints\.names: each joint once"):
         read(names={"Turn 1": "turn", "Lift 2": "turn"})
-    assert 'names = {"Turn 1" = "turn", "Lift 2" = "lift"}' in suggested_map(tmp_path / "bag", tmp_path / "arm.urdf")
+    text = suggested_map(tmp_path / "bag", tmp_path / "arm.urdf")
+    assert 'names = {"Turn 1" = "turn", "Lift 2" = "lift"}' in text
+    assert "# topic /broken is sensor_msgs/msg/Imu: left out" in text  # one message of it is damaged
     chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
     with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
         open_record(tmp_path / "bag", chosen, tmp_path)
