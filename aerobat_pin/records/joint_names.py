@@ -13,7 +13,7 @@ from pydantic import BeforeValidator
 LIKENESS = 0.6  # of names, from which one is suggested for the other
 
 
-def _checked(given: Any) -> Any:
+def _checked_names(given: Any) -> Any:
     """Return a list of texts, or a table of texts. Raises ValueError for anything else."""
     texts = (*given, *given.values()) if isinstance(given, Mapping) else given
     if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
@@ -23,7 +23,7 @@ def _checked(given: Any) -> Any:
     return given
 
 
-JointNames = Annotated[tuple[str, ...] | dict[str, str], BeforeValidator(_checked)]
+JointNames = Annotated[tuple[str, ...] | dict[str, str], BeforeValidator(_checked_names)]
 
 
 def listed_joints(names: tuple[str, ...] | dict[str, str]) -> tuple[str, ...]:
