@@ -31,6 +31,7 @@ from aerobat_pin.records import (
     entries,
     joint_requests,
     line_means,
+    listed_joints,
     robot_of_map,
     rotation_matrices,
     sampled,
@@ -91,7 +92,8 @@ class OnlineEstimator:
         self._values = FittedValues()
         if calibration is not None:
             self._values = replace(calibration.fitted, row_noise=calibration.row_noise)
-        names = chosen.joints.names or tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        every = tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        names = listed_joints(chosen.joints.names) or every
         self.joints = names
         if calibration is not None:
             calibration.belief.refuse_other(belief_of(chosen, self.robot, names))

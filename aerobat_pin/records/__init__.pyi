@@ -13,6 +13,7 @@ from .channels import requests_of as requests_of
 from .columns import Columns as Columns
 from .columns import in_step as in_step
 from .file_source import open_record as open_record
+from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition
 from .learnable import Extras as Extras
 from .learnable import Parameter as Parameter
@@ -39,7 +40,6 @@ from .record import body_turn as body_turn
 from .record import world_turn as world_turn
 from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
-from .resample import holes as holes
 from .resample import line_means as line_means
 from .resample import neighbour_rates as neighbour_rates
 from .resample import rotation_matrices as rotation_matrices

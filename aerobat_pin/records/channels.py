@@ -12,7 +12,9 @@ from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
+from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
+from aerobat_pin.records.resample import holes
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
 
@@ -92,7 +94,10 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
     torque per ampere of every joint.
     """
     table = chosen.joints
-    joints = joints or table.names  # where the robot itself finds the joints, they can have efforts alone
+    joints = joints or listed_joints(
+        table.names
+    )  # where the robot itself finds the joints, they can have efforts alone
+    heard = {joint: name for name, joint in renamed_joints(table.names).items()}
     driven = tuple(name for name in joints if name not in chosen.robot.rows.ignore)
     for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
         key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
@@ -103,7 +108,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             names, optional = section.columns, False
             _check_count(key, names, counts)
         elif topic is not None and joints:
-            names, optional = tuple(f"{topic}.{part}.{joint}" for joint in joints), part != "position"
+            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in joints), part != "position"
         else:
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
@@ -159,11 +164,11 @@ def _torque_per_unit(section: EffortSection | None, joint: str, joints: tuple[st
     return section.torque_of(joint)
 
 
-def channel_of(request: Request, columns: Columns) -> LogChannel | None:
-    """Read a channel; None if it is optional and missing.
+def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:
+    """Read a channel, at the stamps of its fastest column, with the holes longer than `longest_gap` [s] of any column.
 
-    Raises LogError if the log has no such columns, if they are in another unit, or if quaternions do not have length
-    one.
+    None if it is optional and missing. Raises LogError if the log has no such columns, if they are in another unit or
+    share no time, or if quaternions do not have length one.
     """
     if request.optional and not all(name in columns.values for name in request.names):
         return None
@@ -171,9 +176,14 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         if name in columns.units and not same_unit(columns.units[name], unit):
             raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
-    own = parts[0][0]
-    time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
-    for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
+    own = max((stamps for stamps, _ in parts), key=len)
+    low = own.index(max(float(stamps[0]) for stamps, _ in parts))
+    high = own.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
+    if high - low < 2:
+        raise LogError(f"log {columns.path}: {', '.join(request.names)} ({request.key}) share less than two samples")
+    whole = request.delay == 0.0 and high - low == len(own)
+    time, values = own if whole else Series(own.spool), Series(own.spool, len(parts))
+    for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
         stamps = own[rows]
         table = request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1)
         if request.key == "base.quaternion":
@@ -183,7 +193,26 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         values.append(table)
         if time is not own:
             time.append(stamps - request.delay)
-    return LogChannel(request.key, request.names, time, values)
+    gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
+    return LogChannel(request.key, request.names, time, values, holes=gaps)
+
+
+def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tuple[float, float, str], ...]:
+    """Return the holes of the columns of a channel, whose stamps are given, the request's delay taken off."""
+    own = {id(stamps): holes(stamps, longest) for stamps in clocks}
+    found: dict[tuple[float, float], list[str]] = {}
+    for label, stamps in zip(request.joints or request.names, clocks, strict=True):
+        for hole in own[id(stamps)]:
+            found.setdefault(hole, []).append(label)
+    return tuple(
+        (
+            begin - request.delay,
+            end - request.delay,
+            key if len(whose) == len(clocks) else f"{key} of {', '.join(whose)}",
+        )
+        for key in (request.key,)
+        for (begin, end), whose in found.items()
+    )
 
 
 def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from aerobat_pin.records.joint_names import JointNames
 from aerobat_pin.scenario import Number, ObserverSettings, Positive, Section
 
 Stretch = Annotated[tuple[Number, Number], Field()]
@@ -157,7 +158,9 @@ class JointsTable(Section):
     """The joints' channels."""
 
     topic: str | None = Field(None, description="JointState: names, positions, velocities and efforts")
-    names: tuple[str, ...] = Field((), description="joints of the columns")
+    names: JointNames = Field(
+        (), description='joints of the columns; or, of a topic, name there -> joint: {"Wrist 1" = "wrist_1_joint"}'
+    )
     position: JointPositionSection | None = None
     velocity: JointVelocitySection | None = None
     effort: EffortSection | None = None

@@ -263,7 +263,9 @@ def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     text = "" if mjcf else _with_angles(path)
 
     def read() -> pin.Model:
-        return pin.buildModelFromMJCF(str(path), *root) if mjcf else pin.buildModelFromXML(text, *root)
+        if not mjcf:
+            return pin.buildModelFromXML(text, *root)
+        return (pin.buildModelFromMJCFAndRootJoint if free else pin.buildModelFromMJCF)(str(path), *root)
 
     model = read_robot(path, read)
     if model.njoints > 2 and all(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints.tolist()[1:3]):

@@ -188,8 +188,8 @@ def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np
     found = calibrated(folder, "free", arm_map(), "mass")
     (folder / "noise.nc").write_bytes(calibration_bytes(found))
     assert read_calibration(folder / "noise.nc").row_noise == found.row_noise
-    share = -np.expm1(-GAIN / RATE)  # of an interval's noise that a low-pass takes on
-    efforts = 0.01 * CONSTANT / 2**0.5 * (share / (2.0 - share)) ** 0.5
+    share = -np.expm1(-100.0 / RATE)  # of the means of two samples that a low-pass takes on
+    efforts = 0.01 * CONSTANT * (share / (2.0 - share)) ** 0.5
     assert all(0.85 < found.row_noise[joint] / efforts < 1.5 for joint in JOINTS)
     recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
     values = arm_map() | {"use": {"free": [0, 8]}}
