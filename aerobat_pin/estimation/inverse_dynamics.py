@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.records import Block, Record, slopes, world_turn
 
 SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
@@ -97,6 +97,6 @@ def contact_torque(record: Record, block: Block) -> Array:
     data, index = model.createData(), model.getFrameId(point)
     found = np.empty_like(block.tau)
     for k in range(len(found)):
-        jacobian = pin.computeFrameJacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        jacobian = frame_jacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
         found[k] = jacobian[: force.shape[1]].T @ force[k]
     return found

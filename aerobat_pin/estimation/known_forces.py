@@ -16,7 +16,7 @@ import pinocchio as pin
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.calibration.harmonics import Harmonics
 from aerobat_pin.estimation.inverse_dynamics import turned
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Block, KnownSection, Record, world_turn
 
@@ -181,10 +181,9 @@ def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Ar
     data, found = model.createData(), np.empty((len(wrench), model.nv))
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
-        jacobian = pin.computeFrameJacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
-        return np.asarray(wrench @ jacobian)
+        return wrench @ frame_jacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
     for k, q in enumerate(block.q[:-1]):
-        found[k] = pin.computeFrameJacobian(model, data, q, frame, axes).T @ wrench[k]
+        found[k] = frame_jacobian(model, data, q, frame, axes).T @ wrench[k]
     return found
 
 

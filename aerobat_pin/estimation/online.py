@@ -137,7 +137,7 @@ class OnlineEstimator:
                 if at == kept[-1][0]:
                     continue
                 raise LogError(f"{key}: time went from {kept[-1][0]} s to {at} s: messages in time order were expected")
-            kept.append((at, request.factor * np.array([values[name] for name in request.names])))
+            kept.append((at, request.converted(np.array([values[name] for name in request.names]))))
         return self._advance()
 
     def _check(self) -> None:
@@ -188,7 +188,7 @@ class OnlineEstimator:
         return built_observers(self._map, self.robot, rows, (), self._expected(np.zeros_like(self._v)))[0]
 
     def _expected(self, effort: Array) -> Expected | None:
-        """Return what is expected, from the rms (nv,) of the efforts so far; a row without effort carries the weight."""
+        """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight."""
         if not self.robot.limits_forces:
             return None
         carried = self.robot.weight * row_scale(self.robot.model)

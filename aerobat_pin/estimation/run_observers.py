@@ -96,7 +96,7 @@ def rows_of(
     ignored = list(chosen.robot.rows.ignore)
     notes = []
     ignored += [joint for joint in chosen.joints.held if joint not in ignored]
-    unsensed = [joint for joint in joints if joint not in ignored]
+    unsensed = [joint for joint in joints if joint not in (*ignored, *chosen.joints.passive)]
     if "joints.effort" not in channels and unsensed:
         ignored += unsensed
         notes.append(f"no effort is recorded: rows of {', '.join(unsensed)} are not believed")

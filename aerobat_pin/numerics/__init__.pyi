@@ -37,6 +37,7 @@ from .memory import rewind as rewind
 from .memory import take as take
 from .memory import take_integers as take_integers
 from .pinocchio_models import frame_id as frame_id
+from .pinocchio_models import frame_jacobian as frame_jacobian
 from .pinocchio_models import read_robot as read_robot
 from .pinocchio_views import DOUBLE as DOUBLE
 from .pinocchio_views import addresses as addresses

@@ -49,6 +49,7 @@ from .rows import MOMENT_ARM as MOMENT_ARM
 from .rows import AllBut as AllBut
 from .rows import Rows as Rows
 from .rows import Tie as Tie
+from .rows import has_free_base as has_free_base
 from .rows import moving_weight as moving_weight
 from .rows import row_names as row_names
 from .rows import tie_joints as tie_joints

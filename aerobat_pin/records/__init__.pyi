@@ -12,6 +12,7 @@ from .channels import joint_requests as joint_requests
 from .channels import requests_of as requests_of
 from .columns import Columns as Columns
 from .columns import in_step as in_step
+from .encoders import encoder_words as encoder_words
 from .file_source import open_record as open_record
 from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition
@@ -50,7 +51,9 @@ from .resample import turn_rates as turn_rates
 from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
 from .robots import PlainRobot as PlainRobot
+from .robots import load_robot as load_robot
 from .robots import robot_of_map as robot_of_map
+from .robots import urdf_of as urdf_of
 from .spool import EXTENT as EXTENT
 from .spool import Series as Series
 from .spool import Spool as Spool

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
-from aerobat_pin.records.joint_names import listed_joints, renamed_joints
+from aerobat_pin.records.encoders import effort_matrix, encoder_matrix, encoder_offset
 from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
 from aerobat_pin.records.resample import holes
 from aerobat_pin.records.robots import PlainRobot
@@ -57,6 +57,8 @@ class Request:
         joints: whose columns these are, for a channel of joints.
         units: of the columns, which a header may state; empty where the map does not say.
         wraps: whether full turns are taken out.
+        mix: (k, k) from the columns in SI to the channel; None if they are the channel.
+        shift: (k,) that is added then.
     """
 
     key: str
@@ -67,6 +69,13 @@ class Request:
     joints: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     wraps: bool = False
+    mix: Array | None = None
+    shift: float | Array = 0.0
+
+    def converted(self, values: Array) -> Array:
+        """Return the channel (..., k) in SI units of what the columns hold."""
+        values = self.factor * values
+        return values if self.mix is None else values @ self.mix.T + self.shift
 
 
 def requests_of(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> list[Request]:
@@ -91,35 +100,41 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
     """Yield what a map asks of the log about joints, those that have channels, in the order of the columns.
 
     Raises LogError for a number of columns or a unit that do not fit the key, and MapError for a current without a
-    torque per ampere of every joint.
+    torque per ampere of every joint, or encoders that do not tell the joints apart.
     """
     table = chosen.joints
-    joints = joints or listed_joints(
-        table.names
-    )  # where the robot itself finds the joints, they can have efforts alone
+    joints = joints or listed_joints(table.names)  # where the robot finds the joints, they can have efforts alone
     heard = {joint: name for name, joint in renamed_joints(table.names).items()}
-    driven = tuple(name for name in joints if name not in chosen.robot.rows.ignore)
+    sensed = tuple(name for name in joints if name not in table.passive)
+    driven = tuple(name for name in sensed if name not in chosen.robot.rows.ignore)
+    geared = bool(table.factor or table.offset or table.coupling)
+    coupled = {*table.coupling, *(name for row in table.coupling.values() for name in row), *table.factor}
     for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
         key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
         if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
             continue
-        counts = (len(joints), len(driven)) if part == "effort" else (len(joints),)
+        own, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
         if section is not None and section.columns:
             names, optional = section.columns, False
             _check_count(key, names, counts)
-        elif topic is not None and joints:
-            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in joints), part != "position"
+        elif topic is not None and own:
+            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in own), part != "position"
         else:
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-        own = joints if len(names) == len(joints) else driven
+        own = own if len(names) == len(own) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
         if part == "effort":
             factor *= [_torque_per_unit(table.effort, joint, own) for joint in own]
-        elif unit is not None and not unit.startswith("m"):  # sliding joints stay in m: a unit of angles is not theirs
-            factor[[robot.slides(joint) for joint in own]] = 1.0
+        elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
+            factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in own]] = 1.0
         units = () if any(map(robot.slides, own)) else _units(unit, kind, len(names))
-        yield Request(key, names, factor, delay, optional, own, units)
+        request = Request(key, names, factor, delay, optional, own, units)
+        if geared:
+            mix = effort_matrix(table, joints, own) if part == "effort" else encoder_matrix(table, joints)
+            shift = encoder_offset(table, joints) if part == "position" else 0.0
+            request = replace(request, mix=mix, shift=shift)
+        yield request
 
 
 def further_requests(chosen: Map) -> Iterator[Request]:
@@ -185,7 +200,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogCha
     time, values = own if whole else Series(own.spool), Series(own.spool, len(parts))
     for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
         stamps = own[rows]
-        table = request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1)
+        table = request.converted(np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1))
         if request.key == "base.quaternion":
             table = _unit_length(columns, request, stamps, table)
         if request.wraps:

@@ -96,7 +96,7 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     """Return the joints that have channels, and notes. Raises MapError unless every joint is known or held."""
     table = chosen.joints
     listed, renamed = listed_joints(table.names), renamed_joints(table.names)
-    unknown = [name for name in (*listed, *renamed.values(), *table.held) if name not in robot.joints]
+    unknown = [name for name in (*listed, *renamed.values(), *table.held, *table.passive) if name not in robot.joints]
     if unknown:
         raise MapError(f"map: joints: no joint '{unknown[0]}' in the robot; there are {', '.join(robot.joints)}")
     notes, strangers = [], list[str]()
@@ -125,6 +125,10 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
             f"map: joints: {', '.join(missing)} have no channel; {hint}, or write joints.held = "
             f"{{{missing[0]} = 0.0}} for a joint that stands still (its row is then not believed)"
         )
+    if still := [name for name in table.passive if name in table.held]:
+        raise MapError(f"map: joints: {still[0]} is in held, which drives it by an unknown effort, and in passive: one")
+    if table.passive:
+        notes.append(f"without a motor, efforts known to be 0: {', '.join(table.passive)}")
     if table.held:
         held = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
         notes.append(f"held still, rows not believed: {held}")

@@ -28,12 +28,15 @@ class RowsSection(Section):
 
 
 class RobotTable(Section):
-    """The robot: a file that Pinocchio reads, or one rigid body; exactly one of body, urdf and mjcf."""
+    """The robot: a file that Pinocchio reads, one rigid body, or a known one; exactly one of body, urdf, mjcf, name."""
 
     body: BodySection | None = None
     urdf: str | None = Field(None, description="URDF file, relative to the map")
     mjcf: str | None = Field(None, description="MJCF file, relative to the map")
-    root: Literal["free_flyer", "fixed"] = Field("free_flyer", description="whether the base moves")
+    name: str | None = Field(None, description="a robot of the extra `robots`, such as ur5; a wrong name lists them")
+    root: Literal["free_flyer", "fixed"] | None = Field(
+        None, description="whether the base moves; left out: free_flyer, or as the robot of that name does"
+    )
     points: tuple[str, ...] = Field((), description="frames at whose origins an unknown force acts")
     wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
     rows: RowsSection = RowsSection()
@@ -116,18 +119,18 @@ class BaseTable(Section):
 
 
 class JointPositionSection(ChannelSection):
-    """Angles or places of the joints, in the order of `names`; a unit of angles leaves sliding joints in m."""
+    """Angles or places of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
 
 
 class JointVelocitySection(ChannelSection):
-    """Rates of the joints, in the order of `names`; a unit of angles leaves sliding joints in m/s."""
+    """Rates of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
 
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")
 
 
 class EffortSection(ChannelSection):
-    """What drives the joints, in the order of `names`; joints whose rows are ignored can be left out, all of them."""
+    """What drives the joints, in the order of `names`: not passive ones; ignored rows can be left out, all of them."""
 
     torque_per_unit: dict[str, Number] = Field(
         default_factory=dict,
@@ -167,6 +170,20 @@ class JointsTable(Section):
     held: dict[str, Number] = Field(
         default_factory=dict,
         description='joint -> where it stands still; its row is not believed; "*": all that names leaves out [rad, m]',
+    )
+    passive: tuple[str, ...] = Field((), description="joints without a motor: their effort is known to be 0")
+    factor: dict[str, Number] = Field(
+        default_factory=dict,
+        description='joint -> its motion over that of its encoder, with its sign, such as 0.01 behind a gear; "*": all '
+        "others; efforts are divided by it [1, m/rad]",
+    )
+    offset: dict[str, Number] = Field(
+        default_factory=dict, description="joint -> where it is when all encoders show 0 [rad, m]"
+    )
+    coupling: dict[str, dict[str, Number]] = Field(
+        default_factory=dict,
+        description="joint -> shares of the encoders, each after its factor and called like the joint of its column, "
+        "that move it, such as {pitch = {pitch = 0.5, roll = -0.5}}; efforts by the transposed inverse [-]",
     )
     friction: FrictionSection | None = None
 

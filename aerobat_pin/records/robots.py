@@ -18,13 +18,14 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import Array, read_robot
-from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.numerics import Array, guarded, read_robot
+from aerobat_pin.observers import Observer, Rows, has_free_base
 from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.learnable import Condition, Extras, Parameter
 from aerobat_pin.records.map_tables import RobotTable
+from aerobat_pin.records.named_robots import named_robot
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 FREE_NQ, FREE_NV = 7, 6
@@ -199,25 +200,61 @@ class PlainRobot:
         return np.array(pin.neutral(self.model))
 
 
+@guarded()
+def load_robot(name: str) -> PlainRobot:
+    """Load one of the robots of the optional package `example-robot-data`, such as `solo12`; needs no network.
+
+    Its base is free if the robot walks or flies.
+
+    Raises:
+        LogError: there is no robot of that name, which lists those that there are, or the package is not installed.
+    """
+    return _built(RobotTable(name=name), Path())
+
+
 def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
     """Build the model of a map's robot; relative paths begin at `folder`.
 
     Raises:
         LogError: not exactly one robot is given, its file cannot be read, or a joint has several coordinates.
     """
-    given = [name for name in ("body", "urdf", "mjcf") if getattr(table, name) is not None]
+    robot = _built(table, folder)
+    model, title = robot.model, robot.title
+    for frame in (*table.points, *table.wrenches):
+        if not model.existFrame(frame):
+            names = [frame.name for frame in model.frames.tolist()[1:]]
+            raise LogError(f"map: no frame '{frame}' (robot.points) in robot {title}; it has {', '.join(names[:40])}")
+    if not (table.points or table.wrenches):
+        names = [frame.name for frame in model.frames.tolist()[1:]]
+        raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
+    return robot
+
+
+def urdf_of(table: RobotTable, folder: Path) -> Path | None:
+    """Return the URDF of a map's robot; None if it is given otherwise."""
+    if table.name is not None:
+        return named_robot(table.name)[0]
+    return None if table.urdf is None else folder / table.urdf
+
+
+def _built(table: RobotTable, folder: Path) -> PlainRobot:
+    given = [name for name in ("body", "urdf", "mjcf", "name") if getattr(table, name) is not None]
     if len(given) != 1:
-        named = " and ".join(given) or "none"
-        raise LogError(f"map: robot has {named}: exactly one of body = {{...}}, urdf = FILE, mjcf = FILE was expected")
-    free = table.root == "free_flyer"
+        raise LogError(
+            f"map: robot has {' and '.join(given) or 'none'}: exactly one of body = {{...}}, urdf = FILE, mjcf = FILE, "
+            "name = ROBOT was expected"
+        )
+    free = table.root != "fixed"
     if table.body is not None:
         model, title = _one_body(table), f"one body of {1e3 * table.body.mass:g} g"
         if not free:
             raise LogError('map: robot.root = "fixed": one rigid body cannot move then; "free_flyer" was expected')
     else:
-        path = Path(folder, table.urdf or table.mjcf or "")
-        model, title = _from_file(path, mjcf=table.mjcf is not None, free=free), path.stem
-        free = model.njoints > 1 and model.joints[1].shortname() == "JointModelFreeFlyer"
+        path = urdf_of(table, folder) or folder / (table.mjcf or "")
+        if table.name is not None and table.root is None:
+            free = named_robot(table.name)[1]
+        model, title = _from_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
+        free = has_free_base(model)
     model.gravity.linear = np.array([0.0, 0.0, -table.gravity])
     joints = tuple(model.names.tolist()[2 if free else 1 :])
     for name in joints:
@@ -227,13 +264,6 @@ def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
                 f"robot {title}: joint '{name}' has {joint.nq} coordinates: joints of one angle or one length were "
                 "expected"
             )
-    for frame in (*table.points, *table.wrenches):
-        if not model.existFrame(frame):
-            names = [frame.name for frame in model.frames.tolist()[1:]]
-            raise LogError(f"map: no frame '{frame}' (robot.points) in robot {title}; it has {', '.join(names[:40])}")
-    if not (table.points or table.wrenches):
-        names = [frame.name for frame in model.frames.tolist()[1:]]
-        raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
     return PlainRobot(model, free, joints, title)
 
 
@@ -259,17 +289,16 @@ def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     if path.stat().st_size > LARGEST_ROBOT:
         raise LogError(f"robot {path}: {path.stat().st_size} bytes: at most {LARGEST_ROBOT} were expected")
 
-    root = [pin.JointModelFreeFlyer()] if free else []
     text = "" if mjcf else _with_angles(path)
 
-    def read() -> pin.Model:
+    def read(*root: pin.JointModel) -> pin.Model:
         if not mjcf:
             return pin.buildModelFromXML(text, *root)
-        return (pin.buildModelFromMJCFAndRootJoint if free else pin.buildModelFromMJCF)(str(path), *root)
+        return pin.buildModelFromMJCFAndRootJoint(str(path), *root) if root else pin.buildModelFromMJCF(str(path))
 
-    model = read_robot(path, read)
+    model = read_robot(path, lambda: read(*([pin.JointModelFreeFlyer()] if free else [])))
     if model.njoints > 2 and all(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints.tolist()[1:3]):
-        model = read_robot(path, lambda: pin.buildModelFromMJCF(str(path)))  # the file has a free joint of its own
+        model = read_robot(path, read)  # the file has a free joint of its own
     if model.nv == 0:
         raise LogError(f"robot {path}: no joint of it moves")
     return model

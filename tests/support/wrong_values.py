@@ -281,6 +281,7 @@ def _recordings(
     record = api.open_record(folder / "drone.csv", read, folder)
     data = api.estimate_dataset(done.estimates)
     return {
+        "load_robot": (api.load_robot, {"name": "double_pendulum"}),
         "parse_map": (api.parse_map, {"values": values, "source": "here"}),
         "load_map": (api.load_map, {"path": folder / "map.toml"}),
         "with_options": (

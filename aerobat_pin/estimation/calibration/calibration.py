@@ -18,10 +18,11 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
 from aerobat_pin.estimation.use import CalibrationUse, Contact
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, factor_of
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, factor_of
 
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
+ENCODER = "the encoder of "  # of a joint, among what is believed
 LESS = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}  # torque -> usable with
 
 
@@ -47,7 +48,7 @@ class Belief:
                 f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
             )
         for key, value in self.settings.items():
-            found = other.settings.get(key, SI_EFFORT if key.startswith(EFFORT) else "nothing of that name")
+            found = other.settings.get(key, _unsaid(key))
             if found not in (LESS.get(value, (value,)) if key == TORQUE else (value,)):
                 raise CalibrationError(
                     f"the calibration was learnt with {key} = {value}, but {found} is believed: calibrate again with "
@@ -67,8 +68,17 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     if effort is not None:
         factor = factor_of("joints.effort", effort.unit, "torque")
         settings |= {f"{EFFORT}{name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
+    if not robot.moves_joints:
+        settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
     return Belief(robot.title, robot.fingerprint(), settings)
+
+
+def _unsaid(key: str) -> str:
+    """Return what holds where a belief does not say it."""
+    if key.startswith(ENCODER):
+        return f"1 {key.removeprefix(ENCODER)}"
+    return SI_EFFORT if key.startswith(EFFORT) else "nothing of that name"
 
 
 def _law(known: KnownSection) -> str:

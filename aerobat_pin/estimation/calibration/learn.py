@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation.calibration.calibration import TORQUE, Belief, Calibration, belief_of
+from aerobat_pin.estimation.calibration.calibration import EFFORT, ENCODER, TORQUE, Belief, Calibration, belief_of
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar
 from aerobat_pin.estimation.calibration.free_run import (
@@ -165,9 +165,9 @@ def _of_extras(
 
 
 def _belief_that_counts(belief: Belief, record: Record, values: FittedValues) -> Belief:
-    """Return a belief without what a map says of efforts and thrusts from which nothing was learnt."""
+    """Return a belief without what a map says of joints and thrusts from which nothing was learnt."""
     kept = {*record.robot.assumptions, *(f"known.{name}" for name in values.coefficients)}
-    kept |= {f"the effort of {joint}" for joint in values.joints}
+    kept |= {f"{what}{joint}" for joint in values.joints for what in (EFFORT, ENCODER)}
     return replace(belief, settings={key: value for key, value in belief.settings.items() if key in kept})
 
 

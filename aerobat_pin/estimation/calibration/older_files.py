@@ -44,6 +44,7 @@ def _by_map(data: xr.Dataset) -> xr.Dataset:
     if "friction" in data:
         for joint, torque in zip(data["joint"].values, data["torque_per_unit"].values, strict=True):
             settings[f"the effort of {joint}"] = f"{float(torque):.9g} N m per unit"
+            settings[f"the encoder of {joint}"] = f"1 {joint}"
     if "error_bar" in data:
         data = data.rename({"component": "force"})
     if "thrust" in data:

@@ -18,7 +18,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.run_observers import believed_rows
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import MOMENT_ARM, AllBut
 from aerobat_pin.records import Block, Record
 
@@ -201,9 +201,8 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     model, chosen = record.robot.model, record.map.robot
     parts = []
     for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
-        jacobian = pin.computeFrameJacobian(
-            model, data, q, model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = frame_jacobian(model, data, q, model.getFrameId(frame), axes)
         parts.append((jacobian[:size, rows] * weight).T)
     A = np.concatenate(parts, axis=1)
     u, values, _ = np.linalg.svd(A)
