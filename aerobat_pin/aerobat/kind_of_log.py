@@ -1,4 +1,4 @@
-"""Which kind of log a file is: one of Aerobat's tables, by the columns that their maps name, a NetCDF file, or another's.
+"""Which kind of log a file is: one of Aerobat's tables, by the columns of their maps, a NetCDF file, or another's.
 
 | map | each row |
 |---|---|

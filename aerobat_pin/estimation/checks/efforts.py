@@ -36,6 +36,7 @@ WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which ef
 FITS = 0.25  # of the needed square sum, that limbs in the right places leave at most
 NOISY = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
+MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
     "held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, recorder clock, "
     "duplicate file, accelerometer against gravity".split(", ")
@@ -135,16 +136,15 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
         yield from _reversed(record, gain, np.flatnonzero(turned))
         return
     explained = 1.0 - float(left @ left) / max(found.imbalance() * found.size, 1e-300)
-    if explained < EXPLAINED:
+    if explained < EXPLAINED or found.imbalance() < NOISY * _noise(found):
         return
     if float(left @ left) > UNFIT * found.size and explained < CLEAR:
-        if found.imbalance() > UNFIT + NOISY * _noise(found):
-            rest = 100.0 * float(np.sqrt(left @ left / found.size))
-            what = (
-                f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
-                "another order of joints, another robot"
-            )
-            yield Finding("effort against motion", "warning", what, rest, "%")
+        rest = 100.0 * float(np.sqrt(left @ left / found.size))
+        what = (
+            f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
+            "another order of joints, another robot"
+        )
+        yield Finding("effort against motion", "warning", what, rest, "%")
         return
     alone = -float(found.base @ (found.needed - found.given.sum(axis=1)))
     alone /= max(float(found.base @ found.base), 1e-300)
@@ -158,11 +158,13 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
     c, given = float(np.mean(factors[off])) if len(off) else 1.0, found.given.sum(axis=1)
     common = float(given @ found.needed) / max(float(given @ given), 1e-300)
     if len(off) and np.all(np.abs(c * ours - 1.0) < ALIKE + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
-        what = (
-            f"all efforts would have to be {c:.3g} times as large: their unit (A, N m), or all masses "
-            f"{c:.3g} times too large"
-        )
-        yield Finding("effort unit or mass", "warning", what, c, "1")
+        what, effort = f"all efforts would have to be {c:.3g} times as large: ", record.map.joints.effort
+        if effort is not None and effort.torque_per_unit and effort.unit in MILLI and abs(np.log(1e3 * c)) < ALIKE:
+            what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
+            yield Finding("effort unit or mass", "refused", what, c, "1")
+        else:
+            what += f"their unit (A, N m), or all masses {c:.3g} times too large"
+            yield Finding("effort unit or mass", "warning", what, c, "1")
         return
     gain, unsure = _measured_per_needed(found, np.ones(n), found.needed - found.given.sum(axis=1))
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
