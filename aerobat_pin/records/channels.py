@@ -13,6 +13,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
 from aerobat_pin.records.encoders import effort_matrix, encoder_matrix, encoder_offset
+from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
 from aerobat_pin.records.resample import holes
 from aerobat_pin.records.robots import PlainRobot
@@ -32,6 +33,7 @@ SI_FACTORS: dict[str, dict[str, float]] = {
 }
 JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
 CURRENTS = ("A", "mA", "1")  # units that are no torque
+MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
 COLUMN_PARTS = {
     "base.position": ("position", VECTOR),
@@ -125,7 +127,9 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         own = own if len(names) == len(own) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
         if part == "effort":
-            factor *= [_torque_per_unit(table.effort, joint, own) for joint in own]
+            if table.effort is not None:
+                _check_torques(table.effort, own)
+            factor[:] = [torque_per_unit(table.effort, joint) for joint in own]
         elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
             factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in own]] = 1.0
         units = () if any(map(robot.slides, own)) else _units(unit, kind, len(names))
@@ -162,21 +166,33 @@ def named_columns(chosen: Map) -> set[str]:
     return names | ({when.column} if when is not None and when.column is not None else set())
 
 
-def _torque_per_unit(section: EffortSection | None, joint: str, joints: tuple[str, ...]) -> float:
-    """Return the torque [N m, N] per unit of a joint's effort. Raises MapError for a current that says none."""
+def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:
+    """Raise MapError for a torque of no joint, for a current without one, and for one that counts for another unit."""
+    key, unit, given = "map: joints.effort.torque_per_unit", section.unit, section.torque_per_unit
+    wrong = [name for name in given if name not in (*joints, "*")]
+    if wrong:
+        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
+    missing = [name for name in joints if name not in given and "*" not in given]
+    if unit in CURRENTS and missing:
+        raise MapError(
+            f"map: joints.effort.unit = '{unit}': torque_per_unit = {{{missing[0]} = ...}} was expected, in N m for "
+            f'each {"unit" if unit == "1" else unit}, for {", ".join(missing)}; "*" stands for all'
+        )
+    factor = factor_of("joints.effort", unit, "torque")
+    for name, torque in given.items():
+        if factor != 1.0 and abs(torque) >= MOST_PER_MILLI:
+            raise MapError(
+                f"{key}: {name} = {torque:g} N m for each {unit}, the unit that the map states, is more than any drive "
+                f"gives: {factor * torque:g} was expected, if it is {torque:g} N m for each {(unit or '')[1:]}"
+            )
+
+
+def torque_per_unit(section: EffortSection | None, joint: str) -> float:
+    """Return the torque [N m, N] for each unit of a joint's column: what the map says, else what the unit is."""
     if section is None:
         return 1.0
-    factors = section.torque_per_unit
-    wrong = [name for name in factors if name not in (*joints, "*")]
-    if wrong:
-        raise MapError(f"map: joints.effort.torque_per_unit: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
-    missing = [name for name in joints if name not in factors and "*" not in factors]
-    if section.unit in CURRENTS and missing:
-        raise MapError(
-            f"map: joints.effort.unit = '{section.unit}': torque_per_unit = {{{missing[0]} = ...}} was "
-            f'expected, in N m per unit, for {", ".join(missing)}; "*" stands for all'
-        )
-    return section.torque_of(joint)
+    given = section.torque_per_unit
+    return float(given.get(joint, given.get("*", factor_of("joints.effort", section.unit, "torque"))))
 
 
 def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:

@@ -134,12 +134,9 @@ class EffortSection(ChannelSection):
 
     torque_per_unit: dict[str, Number] = Field(
         default_factory=dict,
-        description="joint -> torque per unit of the column, with its sign, such as {knee = -0.2}; * for all others",
+        description="joint -> N m (N) for each unit that the map states (A, mA, N m), with its sign, such as "
+        "{knee = -0.2}; * for all others",
     )
-
-    def torque_of(self, joint: str) -> float:
-        """Return the torque per unit of a joint's column."""
-        return float(self.torque_per_unit.get(joint, self.torque_per_unit.get("*", 1.0)))
 
 
 class FrictionSection(Section):

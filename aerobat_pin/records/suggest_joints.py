@@ -74,8 +74,8 @@ def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
         unit = named_unit("torque", whole["effort"])
         if unit in ("A", "mA"):
             yield f"# how many N m for each {unit} (torque constant times gear ratio, with its sign)? Or joint by joint"
-            columns_of = listed(whole["effort"])
-            yield f'effort = {{columns = {columns_of}, unit = "{unit}", torque_per_unit = {{"*" = 1.0}}}}'
+            columns_of, torque = listed(whole["effort"]), 1.0 if unit == "A" else 0.001
+            yield f'effort = {{columns = {columns_of}, unit = "{unit}", torque_per_unit = {{"*" = {torque}}}}}'
         else:
             yield f'effort = {{columns = {listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
     if len(there) < len(names):

@@ -131,7 +131,11 @@ WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], Edit, str]] = {
         edit("base", "quaternion", "sense", value="world_to_body"),
         r"REFUSED.*sense = \"body_to_world\"",
     ),
-    "world upside down": (with_column, edit("log", value={"world": "ned"}), r"REFUSED.*180\.00 deg off the vertical"),
+    "world upside down": (
+        with_column,
+        edit("log", value={"world": "ned"}),
+        r"REFUSED.*180\.00 deg off the vertical: 188 N of seeming force; up is down",
+    ),
     "sign of an effort": (scaled(["FL_HFE_tau"], -1.0), nothing, r"effort sign: the effort of FL_HFE .* -(0\.99|1)"),
     "late velocity": (shifted("vel", 0.02), nothing, r"joint velocities come 20\.\d ms after joint positions"),
     "held channel": (held("tau", 10), nothing, r"joint efforts change only 50 times a second among 500 samples"),
@@ -156,6 +160,16 @@ WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], Edit, str]] = {
         scaled(["FL_KFE_tau"], 1 / 3),
         nothing,
         r"effort of FL_KFE would .* 3(\.0\d)? times",
+    ),
+    "torque for each A, of mA": (
+        scaled(TAU, 1e3 / 3.0),
+        edit("joints", "effort", value={"columns": TAU, "unit": "mA", "torque_per_unit": {"*": 3.0}}),
+        r"REFUSED.*torque_per_unit: \* = 3 N m for each mA.*: 0\.003 was expected",
+    ),
+    "small torque for each A, of mA": (
+        scaled(TAU, 1e3 / 0.3),
+        edit("joints", "effort", value={"columns": TAU, "unit": "mA", "torque_per_unit": {"*": 0.3}}),
+        r"REFUSED.* 0\.001 times as large: torque_per_unit counts for each mA.*: a thousandth was expected",
     ),
     "missing column": (
         with_column,

@@ -340,7 +340,7 @@ NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios ship
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
-seal_netcdf netcdf_bytes read_netcdf netcdf_variables read_run joint_series
+seal_netcdf netcdf_bytes torque_per_unit read_netcdf netcdf_variables read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length low_passed
 typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture

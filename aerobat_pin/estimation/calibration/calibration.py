@@ -18,7 +18,7 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
 from aerobat_pin.estimation.use import CalibrationUse, Contact
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, factor_of
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, torque_per_unit
 
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
@@ -66,8 +66,7 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     """
     effort, settings = chosen.joints.effort, dict(robot.assumptions)
     if effort is not None:
-        factor = factor_of("joints.effort", effort.unit, "torque")
-        settings |= {f"{EFFORT}{name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
+        settings |= {f"{EFFORT}{name}": f"{torque_per_unit(effort, name):.9g} N m per unit" for name in joints}
     if not robot.moves_joints:
         settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
