@@ -45,7 +45,7 @@ def expected_of(
         values: what was learnt of the rows' errors and of friction.
         points: where forces are sought.
     """
-    if not (record.robot.limits_forces and points):
+    if not record.robot.limits_forces:
         return None
     stretches = [given for given in map(lambda ends: inputs(*ends), record.spread(LOOKED_AT)) if len(given.tau) > 1]
     if not stretches:
@@ -56,6 +56,8 @@ def expected_of(
     ]
     efforts = np.concatenate([one.tau for one in stretches])
     expected = expected_from(record.robot, values, points, _rms(efforts), _rms(np.concatenate(needed)))
+    if not points:
+        return expected
     gain, found = float(record.map.observer.gain), []
     observer = MomentumObserver(record.robot.model, points, gain, stretches[0].rows)
     for one in stretches:

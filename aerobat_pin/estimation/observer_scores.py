@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
-from aerobat_pin.estimation.use import CalibrationUse, Contact, FoundEvent
+from aerobat_pin.estimation.use import CalibrationUse, FoundEvent
 from aerobat_pin.observers import Redundancy
 
 
@@ -98,7 +99,7 @@ class ObserverScores:
             k=estimate.doubt,
             innovation=estimate.innovation,
             warnings=warnings_about(next(estimate.blocks())),
-            events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
+            events=found_events(estimate, use),
             notes=list(head.notes),
         )
 
@@ -127,10 +128,12 @@ class ObserverScores:
         return cls(points, **{**rest, **made})
 
 
-def found_events(estimate: StoredEstimate, contacts: Sequence[Contact]) -> list[FoundEvent]:
-    """Return contacts with the largest force that an observer estimates there during each."""
+def found_events(estimate: StoredEstimate, use: CalibrationUse | None) -> list[FoundEvent] | None:
+    """Return the contacts of a calibration with the largest force during each, or those of the rows; else None."""
+    if use is None or use.contacts is None:
+        return row_contacts(estimate)
     found = []
-    for contact in contacts:
+    for contact in use.contacts:
         if contact.frame in estimate.head.frames and estimate.head.are_world_forces:
             last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
             during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)

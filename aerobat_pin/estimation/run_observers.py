@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, KalmanObserver, Observer, Rows
@@ -59,7 +60,9 @@ def built_observers(
     chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = (), expected: Expected | None = None
 ) -> list[Observer]:
     """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
-    names = tuple(names) or chosen.observer.names
+    points, residuals = points_of(chosen), ("momentum",)  # without points there is nothing to project onto
+    usual = chosen.observer.names if points or "names" in chosen.observer.model_fields_set else residuals
+    names = tuple(names) or usual
     if not names or any(name not in OBSERVERS for name in names):
         raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
     section, made = chosen.observer, []
@@ -67,7 +70,7 @@ def built_observers(
         settings = section.settings(name)
         if expected is not None and not issubclass(OBSERVERS[name], KalmanObserver):  # which expects sizes of its own
             settings = {**settings, "expected": expected}
-        made.append(OBSERVERS[name](robot.model, points_of(chosen), section.gain, rows, **settings))
+        made.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
     return made
 
 
@@ -146,7 +149,9 @@ def run_observers(
                 if progress is not None:
                     progress(done / total)
                 whole = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-                if expected is not None:
+                if not whole.frames:
+                    whole = rows_as_components(whole, observer, inputs.v, expected)
+                elif expected is not None:
                     whole = replace(whole, expected_force=expected.force)
                 found[observer.name].append(_some_intervals(whole, begin - early, end - early))
                 done += end - begin

@@ -151,7 +151,8 @@ class Estimate:
     @property
     def are_world_forces(self) -> bool:
         """Whether the components are n forces in world axes, with three components each."""
-        return all(label[-3:] in (".Fx", ".Fy", ".Fz") for label in self.identifiability.components)
+        labels = self.identifiability.components
+        return len(labels) == 3 * len(self.frames) and all(label[-3:] in (".Fx", ".Fy", ".Fz") for label in labels)
 
     @property
     def force(self) -> Array:

@@ -56,6 +56,11 @@ class Expected:
         if not 1.0 <= self.doubt < np.inf:
             raise ObserverError(f"expected.doubt = {self.doubt}: a finite number of at least 1 was expected")
 
+    def row_deviation(self, v: Array) -> Array:
+        """Return the standard deviation (..., nv) of each row at velocities (..., nv), at k = 1."""
+        at_rest = 1.0 - np.tanh(v / self.stiction_rate) ** 2
+        return np.asarray(np.sqrt(self.row_error**2 + self.stiction**2 / 3.0 * at_rest))
+
     def write(self, memory: ObserverMemory) -> None:
         """Write it into an observer's memory."""
         memory.information[:] = self.force**-2.0
@@ -102,9 +107,8 @@ def with_record(
     believed = BelievedRows(model, rows)
     instants = []
     for velocity, y, J in zip(v, residual, jacobians, strict=True):
-        L, sliding = believed.map(velocity), np.tanh(velocity / expected.stiction_rate)
-        variance = expected.row_error**2 + expected.stiction**2 / 3.0 * (1.0 - sliding**2)
-        L = L / np.sqrt(np.maximum(np.sum(L**2 * variance[:, None], axis=0), 1e-300))
+        L, deviation = believed.map(velocity), expected.row_deviation(velocity)
+        L = L / np.maximum(np.linalg.norm(L * deviation[:, None], axis=0), 1e-150)
         U, sizes, _ = np.linalg.svd((J @ L).T * expected.force)
         signal = np.zeros(L.shape[1])
         signal[: len(sizes)] = sizes**2

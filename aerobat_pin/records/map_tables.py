@@ -37,7 +37,9 @@ class RobotTable(Section):
     root: Literal["free_flyer", "fixed"] | None = Field(
         None, description="whether the base moves; left out: free_flyer, or as the robot of that name does"
     )
-    points: tuple[str, ...] = Field((), description="frames at whose origins an unknown force acts")
+    points: tuple[str, ...] = Field(
+        (), description="frames at whose origins an unknown force acts; [] for the joints' residuals alone"
+    )
     wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
     rows: RowsSection = RowsSection()
     gravity: Positive = Field(9.81, description="downward, along -z of the world [m/s2]")

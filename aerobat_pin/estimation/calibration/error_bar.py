@@ -32,12 +32,11 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     if known is None:
         return {}
     record = known.record
-    names = record.map.observer.names
-    name = "force_level" if "force_level" in names else names[0]  # right for any choice of rows
     inputs = inputs_between(record, known)
     expected = expected_of(record, inputs, known.values, points_of(record.map))
-    [chosen] = observers_of(record, [name], expected)[0]
-    estimate = run_observers(record, inputs, [chosen], expected=expected)[name]
+    named = observers_of(record, (), expected)[0]
+    chosen = next((one for one in named if one.name == "force_level"), named[0])  # right for any choice of rows
+    estimate = run_observers(record, inputs, [chosen], expected=expected)[chosen.name]
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it
         side = Compared.of(estimate, sensor, record.dt)

@@ -186,6 +186,8 @@ def steady_forces(run: FreeRun) -> Iterator[str]:
     the forces found are large, they are real, or an error that looks like forces at these very points.
     """
     inputs = run.inputs
+    if not run.frames:
+        return
     observer = ForceLevelObserver(run.record.robot.model, run.frames, AT_ONCE, inputs.rows)
     found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     check, count = found.redundancy, found.components.shape[1]

@@ -299,7 +299,7 @@ def _without(runs: Sequence[FreeRun], series: Harmonics) -> list[FreeRun]:
 
 
 def _detection(runs: Sequence[FreeRun]) -> Detection | None:
-    if not runs:
+    if not (runs and runs[0].frames):
         return None
     return learn_detection(runs[0].frames, [(one.record.robot.model, one.inputs) for one in runs])
 

@@ -129,7 +129,7 @@ def _heavier_base(model: pin.Model) -> pin.Model:
 def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> Array:
     """Return an orthonormal basis (rows, k) of what the forces sought cannot reach."""
     model, chosen = record.robot.model, record.map.robot
-    parts = []
+    parts = [np.zeros((len(rows), 0))]
     for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = frame_jacobian(model, data, q, model.getFrameId(frame), axes)
