@@ -19,9 +19,9 @@ from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
 from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
+from .kind_of_log import kind_of_log as kind_of_log
+from .kind_of_log import needs_map as needs_map
 from .robot import AerobatRobot as AerobatRobot
-from .tables import kind_of_log as kind_of_log
-from .tables import needs_map as needs_map
 from .tables import read_log as read_log
 from .tables import table_record as table_record
 from .tables import write_csv as write_csv

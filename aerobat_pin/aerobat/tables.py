@@ -1,16 +1,7 @@
-"""Aerobat's own tables: which log is one, the flight in it, and how one is written. What columns mean, maps say.
-
-| map | each row |
-|---|---|
-| `maps/states.toml` | a sample of configuration, velocity and further channels |
-| `maps/raw_samples.toml` | samples of some sensors; an empty cell means that its channel has no sample there |
-"""
+"""Aerobat's own tables: the flight in one, and how one is written. What columns mean, their maps say."""
 
 from __future__ import annotations
 
-import difflib
-import os
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,21 +17,18 @@ from aerobat_pin.aerobat.channels import (
     THRUSTERS,
     Channel,
     channel,
-    did_you_mean,
     filled,
 )
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import EXTRA_CHANNELS, RAW_KEYS, flight_channels, flight_map
+from aerobat_pin.aerobat.kind_of_log import RAW_TABLE, STATE_TABLE, kind_of_log, table_map, table_requests
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import BAGS, EXTRA, NETCDF, Map, Record, Request, load_map, open_record, requests_of
-from aerobat_pin.robot import JOINTS, load_aerobat
-from aerobat_pin.scenario import ObserverSection, TextTable
+from aerobat_pin.records import EXTRA, Record, open_record
+from aerobat_pin.robot import load_aerobat
+from aerobat_pin.scenario import ObserverSection
 
-STATE_TABLE, RAW_TABLE = "states", "raw_samples"
-POSE = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
-MOST_MISSING = 2  # columns that a table lacks, of which it is then told; one that lacks more is another robot's
 THRUST_KEY = f"{EXTRA}known.thrusters"
 STATE_KEYS = {  # channel of a flight log -> keys whose columns it has, side by side
     "pose": ("base.position", "base.quaternion"),
@@ -50,86 +38,6 @@ STATE_KEYS = {  # channel of a flight log -> keys whose columns it has, side by 
     "joint_torque": ("joints.effort",),
     **{name: (f"{EXTRA}{name}",) for name in EXTRA_CHANNELS},
 }
-
-
-@cache
-def table_map(kind: str) -> Map:
-    """Return the map of a kind of table, `STATE_TABLE` or `RAW_TABLE`."""
-    return load_map(Path(__file__).parent / "maps" / f"{kind}.toml")
-
-
-@cache
-def table_requests(kind: str) -> list[Request]:
-    """Return the channels that a kind of table can have."""
-    return requests_of(table_map(kind), AerobatRobot.of(load_aerobat()), JOINTS)
-
-
-@cache
-def table_units(kind: str) -> dict[str, str]:
-    """Return the units of all columns that a kind of table can have."""
-    pairs = (zip(request.names, request.units, strict=True) for request in table_requests(kind))
-    return {"time": "s"} | {name: unit for columns in pairs for name, unit in columns}
-
-
-def kind_of_log(path: Path) -> str | None:
-    """Return which kind of log a file is: one of Aerobat's tables, by its map's name, or None for a NetCDF file.
-
-    A table is Aerobat's if it has time and pose, and the crank's angle or all joints. It has raw samples if its columns
-    are those of sensors, and cells are empty, or there is an accelerometer, or a gyro without velocity.
-
-    Raises:
-        LogError: it is neither. The message names one or two columns that are missing, or a wrong one, or asks for a
-            map, as bags and tables of other robots need one.
-    """
-    if os.path.isdir(path) or path.suffix.lower() in BAGS:
-        raise needs_map(path)
-    if path.suffix.lower() in NETCDF or _begins_as_netcdf(path):
-        return None
-    text = TextTable(path, "log", LogError)
-    names, sensors = text.names, table_units(RAW_TABLE)
-    _check_columns(path, names)
-    raw = "ax" in names or ("wx" in names and "vx" not in names)
-    if set(names) <= sensors.keys() and (raw or text.has_gaps()):
-        return RAW_TABLE
-    if alone := [name for name in names if name not in table_units(STATE_TABLE)]:
-        other = next(name for name in names if name not in sensors)
-        raise LogError(f"log {path}: {alone[0]} with {other}: an accelerometer is read from raw samples only")
-    return STATE_TABLE
-
-
-def _check_columns(path: Path, names: list[str]) -> None:
-    """Raise LogError unless columns are Aerobat's, each there once, and enough of them."""
-    known, least = table_units(STATE_TABLE) | table_units(RAW_TABLE), [(*POSE, "crank_angle"), (*POSE, *JOINTS)]
-    missing = min(([name for name in columns if name not in names] for columns in least), key=len)
-    strangers = [name for name in names if name not in known]
-    close = {name: difflib.get_close_matches(name, strangers, n=1) for name in missing}
-    if len(missing) > 2 * MOST_MISSING or sum(not found for found in close.values()) > MOST_MISSING:
-        raise needs_map(path)
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise LogError(f"log {path}: column '{twice[0]}' appears twice")
-    if missing == ["crank_angle"] and not close["crank_angle"]:
-        raise needs_map(path, f"neither crank_angle nor the joints {', '.join(JOINTS)} are there")
-    if missing:
-        told = [f"{name} (is it '{found[0]}'?)" if found else name for name, found in close.items()]
-        raise needs_map(path, f"no column named {', '.join(told)}")
-    if strangers:
-        raise LogError(f"log {path}: unknown column '{strangers[0][:60]}'; {did_you_mean(strangers[0][:60], known)}")
-
-
-def _begins_as_netcdf(path: Path) -> bool:
-    if not os.path.isfile(path):  # also False for names that no file can have
-        return False
-    with path.open("rb") as file:
-        return file.read(4) == b"\x89HDF"
-
-
-def needs_map(path: Path, lacks: str = "") -> LogError:
-    """Return the error for a log that only a map explains; `lacks` says why it is none of Aerobat's."""
-    why = f"{lacks}; if it is another robot's, " if lacks else ""
-    return LogError(
-        f"log {path}: {why}--map MAP.toml says what its columns mean and which robot it was; `aerobat estimate {path} "
-        "--suggest` prints one to begin with"
-    )
 
 
 @guarded()

@@ -9,7 +9,7 @@ import typer
 
 from aerobat_pin.cli.console import write_results
 from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
-from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, self_check_by_map
+from aerobat_pin.cli.recordings import chosen_map, estimate_by_map
 
 if TYPE_CHECKING:
     from aerobat_pin.scenario import Scenario
@@ -73,10 +73,9 @@ def estimate_command(
         if settings or morphology:
             raise LogError("estimate: --set and --morphology are for Aerobat's own tables, without --map")
         chosen, folder = chosen_map(map_file, urdf, points, observers or [])
-        if self_check:
-            self_check_by_map(log, chosen, folder)
         target = out or Path("runs") / f"{log.stem}-estimate"
-        estimate_by_map(log, chosen, folder, target, out_mcap, calibration, force=force, trust=trust)
+        options = {"force": force, "trust": trust, "self_check": self_check}
+        estimate_by_map(log, chosen, folder, target, out_mcap, calibration, **options)
         return
     if points is not None:
         settings = [

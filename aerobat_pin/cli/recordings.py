@@ -10,7 +10,7 @@ import typer
 from aerobat_pin.cli.console import write_results
 
 if TYPE_CHECKING:
-    from aerobat_pin.records import Map
+    from aerobat_pin.records import Map, Record
 
 
 def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observers: list[str]) -> tuple[Map, Path]:
@@ -24,12 +24,11 @@ def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observe
     return with_options(parse_map({"robot": {"urdf": robot}}, "of the options"), robot, names, observers), Path.cwd()
 
 
-def self_check_by_map(log: Path, chosen: Map, folder: Path) -> None:
+def _print_self_check(record: Record) -> None:
     """Play known forces into a recording, and print how well each is found again."""
     from aerobat_pin.estimation import check_record
-    from aerobat_pin.records import open_record
 
-    checks = check_record(open_record(log, chosen, folder))
+    checks = check_record(record)
     for check in checks:
         typer.echo(str(check))
     found = sum(check.ok for check in checks)
@@ -47,8 +46,9 @@ def estimate_by_map(
     *,
     force: bool,
     trust: bool,
+    self_check: bool,
 ) -> None:
-    """Estimate, print what was found, and write the results."""
+    """Estimate, after a self-check if it is wanted; print what was found, and write the results."""
     from aerobat_pin.errors import check_file
     from aerobat_pin.estimation import estimate, read_calibration
     from aerobat_pin.experiments import write_mcap
@@ -57,9 +57,12 @@ def estimate_by_map(
     if mcap is not None:
         check_file(mcap, force=force)
     learnt = None if calibration is None else read_calibration(calibration)
+    record = open_record(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
+    if record is not None:
+        _print_self_check(record)
     write_results(
         lambda show: estimate(
-            open_record(log, chosen, folder),
+            record or open_record(log, chosen, folder),
             progress=lambda share: show("estimating", share),
             trust=trust,
             calibration=learnt,

@@ -6,7 +6,7 @@ from .calibration.calibration import belief_of as belief_of
 from .calibration.calibration_file import calibration_bytes as calibration_bytes
 from .calibration.calibration_file import read_calibration as read_calibration
 from .calibration.learn import calibrate as calibrate
-from .checks.balance import effort_findings as effort_findings
+from .checks.efforts import effort_findings as effort_findings
 from .checks.motion import record_findings as record_findings
 from .compared import Compared as Compared
 from .estimate_record import estimate as estimate

@@ -102,7 +102,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
         stretch: from and to [s] after the start: no unknown force acts there.
 
     Raises:
-        MapError: the record does not show the mass.
+        MapError: the record does not show the mass, or something pushes there.
     """
     section, robot = record.map.joints.friction, record.robot
     if section is not None and section.scale and section.to is None:
@@ -137,6 +137,12 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
         raise MapError(
             f"calibrate: the record does not show the mass (standard deviation {deviation:.2g}, {UNSURE_MASS:g} was "
             "expected): move joints that carry weight, or leave --identify mass out"
+        )
+    if change <= -1.0:
+        raise MapError(
+            f"calibrate: the record wants {1.0 + change:.2f} times the mass: something pushes on the robot from "
+            f"{stretch[0]:g} to {stretch[1]:g} s, or its efforts are wrong; a stretch in which nothing touches it was "
+            "expected"
         )
     before, left, left_over = (
         rms_or_nan(np.ravel((part.tau + part.given - factor * part.needed)[:, lines]))
@@ -212,13 +218,14 @@ def _fitted_samples(
         if fits_here:
             inside.append(table[:, chosen])
         if tests_here:
-            held_out.append(table[:, ~chosen & _within(when, tested)])
+            held_out.append(table[:, ~chosen & within(when, tested)])
     if not inside:
         raise MapError(f"map: joints.friction.fit = {list(fit)}: no used part of the record is there")
     return _Rows(*np.concatenate(inside, axis=1)), _Rows(*np.concatenate(held_out, axis=1))
 
 
-def _within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+def within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """Return which times (m,) [s] are in a stretch; none if there is no stretch."""
     return np.zeros(len(when), bool) if stretch is None else (when >= stretch[0]) & (when < stretch[1])
 
 

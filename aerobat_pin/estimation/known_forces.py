@@ -65,6 +65,8 @@ class FittedValues:
         scale: (n,) factor of each of their efforts.
         mass: factor of all masses and inertias.
         fits: how well each holds.
+        row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
+            [N, N m]; empty where that is not known.
     """
 
     coefficients: dict[str, Array] = field(default_factory=dict)
@@ -73,6 +75,7 @@ class FittedValues:
     scale: Array = field(default_factory=lambda: np.ones(0))
     mass: float = 1.0
     fits: tuple[Fit, ...] = ()
+    row_noise: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ WORSE_THAN_NOTHING = "R2 below 0 is worse than no estimate, as the mean of the t
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
-SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation")
+SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation", "seen")
 
 
 @cache
@@ -270,7 +270,7 @@ def _score_cells(score: Score, unit: str) -> dict[str, str]:
     cells = {"R2": r2(score.r2)}
     if score.factor is None and score.offset is None:
         cells["R2 noise-free"] = r2(score.r2_noise_free)
-    cells["error rms"] = size(score.rmse)
+    cells["error rms"] = "not seen" if score.rmse is None else size(score.rmse)
     if score.rmse_outside_fit is not None:
         cells |= {"R2 unfitted": r2(score.r2_outside_fit), "unfitted rms": size(score.rmse_outside_fit)}
     if score.offset is not None:
@@ -286,8 +286,8 @@ def _size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
         least, most = estimate.extremes
         sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
         for size, mean, low, high in sizes:
-            numbers = (f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
-            rows.append((name, size.name, *numbers, size.certainty))
+            numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
+            rows.append((name, size.name, *numbers, size.certainty, "-" if size.seen is None else f"{size.seen:.0%}"))
     return rows
 
 

@@ -29,7 +29,9 @@ class Score:
 
     r2: float | None = field(metadata=_quantity("1", "R2 against the true force with its noise"))
     r2_noise_free: float | None = field(metadata=_quantity("1", "R2 against the noise-free part of the true force"))
-    rmse: float = field(metadata=_quantity("N", "root mean square error against the true force with its noise"))
+    rmse: float | None = field(
+        metadata=_quantity("N", "root mean square error against the true force with its noise; None where never seen")
+    )
     lag_s: float | None = field(metadata=_quantity("s", "delay of the noise-free truth that fits the estimate best"))
     r2_outside_fit: float | None = field(
         default=None, metadata=_quantity("1", "R2 on what no fit to the reference used; None without such a fit")
@@ -47,57 +49,53 @@ class Score:
 
 
 class Moments:
-    """Means and squares about the means of pairs of series (n, k), merged piece by piece.
+    """Means and squares about the means of two series, merged piece by piece.
 
     Source: Chan, Golub and LeVeque, Algorithms for computing the sample variance (1983), eq. 2.1. Of a single piece
     they are numpy's own.
-
-    Args:
-        width: number of components k.
     """
 
-    def __init__(self, width: int) -> None:
+    def __init__(self) -> None:
         self.count = 0
-        self._mean = np.zeros((2, width))
-        self._found, self._truth, self._along, self._error = np.zeros((4, width))
+        self._mean = np.zeros(2)
+        self._found = self._truth = self._along = self._error = 0.0
 
     def add(self, found: Array, truth: Array) -> None:
-        """Add rows (n, k) of both series."""
+        """Add pieces (n,) of both series."""
         if not len(found):
             return
-        rows = np.array([found.T, truth.T])
-        mean = rows.mean(axis=2)
-        one, other = rows - mean[..., None]
+        rows = np.array([found, truth])
+        mean = rows.mean(axis=1)
+        one, other = rows - mean[:, None]
         step, whole = mean - self._mean, self.count + len(found)
         share = self.count * len(found) / whole
-        self._found += np.sum(one**2, axis=1) + share * step[0] ** 2
-        self._truth += np.sum(other**2, axis=1) + share * step[1] ** 2
-        self._along += np.sum(one * other, axis=1) + share * step[0] * step[1]
-        self._error += np.sum((rows[0] - rows[1]) ** 2, axis=1)
+        self._found += float(np.sum(one**2) + share * step[0] ** 2)
+        self._truth += float(np.sum(other**2) + share * step[1] ** 2)
+        self._along += float(np.sum(one * other) + share * step[0] * step[1])
+        self._error += float(np.sum((rows[0] - rows[1]) ** 2))
         self._mean += len(found) / whole * step
         self.count = whole
 
     @property
-    def r2(self) -> list[float | None]:
-        """R2 of each component; None where the truth hardly varies."""
+    def r2(self) -> float | None:
+        """R2; None where the truth hardly varies."""
         dull = np.sqrt(self._truth / max(self.count, 1)) < NO_SIGNAL
-        pairs = zip(dull, self._error, self._truth, strict=True)
-        return [None if still else float(1.0 - error / power) for still, error, power in pairs]
+        return None if dull else 1.0 - self._error / self._truth
 
     @property
-    def rmse(self) -> list[float]:
+    def rmse(self) -> float:
         """Root mean square of the difference."""
-        return [float(size) for size in np.sqrt(self._error / max(self.count, 1))]
+        return float(np.sqrt(self._error / max(self.count, 1)))
 
     @property
-    def offset(self) -> list[float]:
+    def offset(self) -> float:
         """Mean of the estimate minus that of the truth."""
-        return [float(size) for size in self._mean[0] - self._mean[1]]
+        return float(self._mean[0] - self._mean[1])
 
     @property
-    def factor(self) -> list[float | None]:
+    def factor(self) -> float | None:
         """Truth per estimate, least squares about the means."""
-        return [float(a / p) if p > 0.0 else None for a, p in zip(self._along, self._found, strict=True)]
+        return self._along / self._found if self._found > 0.0 else None
 
 
 @guarded()

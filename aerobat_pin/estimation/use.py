@@ -25,18 +25,19 @@ class Contact:
 
 @dataclass(frozen=True)
 class FoundEvent:
-    """A `Contact` with the largest force estimated during it [N]."""
+    """A `Contact` with the largest force, or row of the residual, estimated during it [`unit`]."""
 
     point: str
     onset: float
     alarm: float
     end: float | None
     size: float
+    unit: str = "N"
 
     def __str__(self) -> str:
         """Return the event in words."""
         until = "to the end" if self.end is None else f"to {self.end:.3f} s"
-        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} mN"
+        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} m{self.unit}"
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,14 @@ from .channels import EXTRA as EXTRA
 from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
-from .channels import factor_of as factor_of
 from .channels import joint_requests as joint_requests
 from .channels import requests_of as requests_of
+from .channels import torque_per_unit as torque_per_unit
 from .columns import Columns as Columns
 from .columns import in_step as in_step
 from .encoders import encoder_words as encoder_words
 from .file_source import open_record as open_record
+from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition
 from .learnable import Extras as Extras
 from .learnable import Parameter as Parameter
@@ -40,7 +41,6 @@ from .record import body_turn as body_turn
 from .record import world_turn as world_turn
 from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
-from .resample import holes as holes
 from .resample import line_means as line_means
 from .resample import neighbour_rates as neighbour_rates
 from .resample import rotation_matrices as rotation_matrices

@@ -13,7 +13,9 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
 from aerobat_pin.records.encoders import effort_matrix, encoder_matrix, encoder_offset
+from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
+from aerobat_pin.records.resample import holes
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
 
@@ -31,6 +33,7 @@ SI_FACTORS: dict[str, dict[str, float]] = {
 }
 JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
 CURRENTS = ("A", "mA", "1")  # units that are no torque
+MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
 COLUMN_PARTS = {
     "base.position": ("position", VECTOR),
@@ -102,7 +105,8 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
     torque per ampere of every joint, or encoders that do not tell the joints apart.
     """
     table = chosen.joints
-    joints = joints or table.names  # where the robot itself finds the joints, they can have efforts alone
+    joints = joints or listed_joints(table.names)  # where the robot finds the joints, they can have efforts alone
+    heard = {joint: name for name, joint in renamed_joints(table.names).items()}
     sensed = tuple(name for name in joints if name not in table.passive)
     driven = tuple(name for name in sensed if name not in chosen.robot.rows.ignore)
     geared = bool(table.factor or table.offset or table.coupling)
@@ -116,14 +120,16 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             names, optional = section.columns, False
             _check_count(key, names, counts)
         elif topic is not None and own:
-            names, optional = tuple(f"{topic}.{part}.{joint}" for joint in own), part != "position"
+            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in own), part != "position"
         else:
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
         own = own if len(names) == len(own) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
         if part == "effort":
-            factor *= [_torque_per_unit(table.effort, joint, own) for joint in own]
+            if table.effort is not None:
+                _check_torques(table.effort, own)
+            factor[:] = [torque_per_unit(table.effort, joint) for joint in own]
         elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
             factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in own]] = 1.0
         units = () if any(map(robot.slides, own)) else _units(unit, kind, len(names))
@@ -160,28 +166,40 @@ def named_columns(chosen: Map) -> set[str]:
     return names | ({when.column} if when is not None and when.column is not None else set())
 
 
-def _torque_per_unit(section: EffortSection | None, joint: str, joints: tuple[str, ...]) -> float:
-    """Return the torque [N m, N] per unit of a joint's effort. Raises MapError for a current that says none."""
+def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:
+    """Raise MapError for a torque of no joint, for a current without one, and for one that counts for another unit."""
+    key, unit, given = "map: joints.effort.torque_per_unit", section.unit, section.torque_per_unit
+    wrong = [name for name in given if name not in (*joints, "*")]
+    if wrong:
+        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
+    missing = [name for name in joints if name not in given and "*" not in given]
+    if unit in CURRENTS and missing:
+        raise MapError(
+            f"map: joints.effort.unit = '{unit}': torque_per_unit = {{{missing[0]} = ...}} was expected, in N m for "
+            f'each {"unit" if unit == "1" else unit}, for {", ".join(missing)}; "*" stands for all'
+        )
+    factor = factor_of("joints.effort", unit, "torque")
+    for name, torque in given.items():
+        if factor != 1.0 and abs(torque) >= MOST_PER_MILLI:
+            raise MapError(
+                f"{key}: {name} = {torque:g} N m for each {unit}, the unit that the map states, is more than any drive "
+                f"gives: {factor * torque:g} was expected, if it is {torque:g} N m for each {(unit or '')[1:]}"
+            )
+
+
+def torque_per_unit(section: EffortSection | None, joint: str) -> float:
+    """Return the torque [N m, N] for each unit of a joint's column: what the map says, else what the unit is."""
     if section is None:
         return 1.0
-    factors = section.torque_per_unit
-    wrong = [name for name in factors if name not in (*joints, "*")]
-    if wrong:
-        raise MapError(f"map: joints.effort.torque_per_unit: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
-    missing = [name for name in joints if name not in factors and "*" not in factors]
-    if section.unit in CURRENTS and missing:
-        raise MapError(
-            f"map: joints.effort.unit = '{section.unit}': torque_per_unit = {{{missing[0]} = ...}} was "
-            f'expected, in N m per unit, for {", ".join(missing)}; "*" stands for all'
-        )
-    return section.torque_of(joint)
+    given = section.torque_per_unit
+    return float(given.get(joint, given.get("*", factor_of("joints.effort", section.unit, "torque"))))
 
 
-def channel_of(request: Request, columns: Columns) -> LogChannel | None:
-    """Read a channel; None if it is optional and missing.
+def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:
+    """Read a channel, at the stamps of its fastest column, with the holes longer than `longest_gap` [s] of any column.
 
-    Raises LogError if the log has no such columns, if they are in another unit, or if quaternions do not have length
-    one.
+    None if it is optional and missing. Raises LogError if the log has no such columns, if they are in another unit or
+    share no time, or if quaternions do not have length one.
     """
     if request.optional and not all(name in columns.values for name in request.names):
         return None
@@ -189,9 +207,14 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         if name in columns.units and not same_unit(columns.units[name], unit):
             raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
-    own = parts[0][0]
-    time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
-    for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
+    own = max((stamps for stamps, _ in parts), key=len)
+    low = own.index(max(float(stamps[0]) for stamps, _ in parts))
+    high = own.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
+    if high - low < 2:
+        raise LogError(f"log {columns.path}: {', '.join(request.names)} ({request.key}) share less than two samples")
+    whole = request.delay == 0.0 and high - low == len(own)
+    time, values = own if whole else Series(own.spool), Series(own.spool, len(parts))
+    for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
         stamps = own[rows]
         table = request.converted(np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1))
         if request.key == "base.quaternion":
@@ -201,7 +224,26 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         values.append(table)
         if time is not own:
             time.append(stamps - request.delay)
-    return LogChannel(request.key, request.names, time, values)
+    gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
+    return LogChannel(request.key, request.names, time, values, holes=gaps)
+
+
+def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tuple[float, float, str], ...]:
+    """Return the holes of the columns of a channel, whose stamps are given, the request's delay taken off."""
+    own = {id(stamps): holes(stamps, longest) for stamps in clocks}
+    found: dict[tuple[float, float], list[str]] = {}
+    for label, stamps in zip(request.joints or request.names, clocks, strict=True):
+        for hole in own[id(stamps)]:
+            found.setdefault(hole, []).append(label)
+    return tuple(
+        (
+            begin - request.delay,
+            end - request.delay,
+            key if len(whose) == len(clocks) else f"{key} of {', '.join(whose)}",
+        )
+        for key in (request.key,)
+        for (begin, end), whose in found.items()
+    )
 
 
 def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from aerobat_pin.records.joint_names import JointNames
 from aerobat_pin.scenario import Number, ObserverSettings, Positive, Section
 
 Stretch = Annotated[tuple[Number, Number], Field()]
@@ -36,7 +37,9 @@ class RobotTable(Section):
     root: Literal["free_flyer", "fixed"] | None = Field(
         None, description="whether the base moves; left out: free_flyer, or as the robot of that name does"
     )
-    points: tuple[str, ...] = Field((), description="frames at whose origins an unknown force acts")
+    points: tuple[str, ...] = Field(
+        (), description="frames at whose origins an unknown force acts; [] for the joints' residuals alone"
+    )
     wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
     rows: RowsSection = RowsSection()
     gravity: Positive = Field(9.81, description="downward, along -z of the world [m/s2]")
@@ -133,12 +136,9 @@ class EffortSection(ChannelSection):
 
     torque_per_unit: dict[str, Number] = Field(
         default_factory=dict,
-        description="joint -> torque per unit of the column, with its sign, such as {knee = -0.2}; * for all others",
+        description="joint -> N m (N) for each unit that the map states (A, mA, N m), with its sign, such as "
+        "{knee = -0.2}; * for all others",
     )
-
-    def torque_of(self, joint: str) -> float:
-        """Return the torque per unit of a joint's column."""
-        return float(self.torque_per_unit.get(joint, self.torque_per_unit.get("*", 1.0)))
 
 
 class FrictionSection(Section):
@@ -160,7 +160,9 @@ class JointsTable(Section):
     """The joints' channels."""
 
     topic: str | None = Field(None, description="JointState: names, positions, velocities and efforts")
-    names: tuple[str, ...] = Field((), description="joints of the columns")
+    names: JointNames = Field(
+        (), description='joints of the columns; or, of a topic, name there -> joint: {"Wrist 1" = "wrist_1_joint"}'
+    )
     position: JointPositionSection | None = None
     velocity: JointVelocitySection | None = None
     effort: EffortSection | None = None

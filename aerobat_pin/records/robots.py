@@ -49,6 +49,8 @@ class PlainRobot:
     moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
 
+    limits_forces: ClassVar[bool] = True  # whether forces are expected to be of the order of the weight
+
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """The parameters that a calibration can identify."""
@@ -222,7 +224,7 @@ def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
         if not model.existFrame(frame):
             names = [frame.name for frame in model.frames.tolist()[1:]]
             raise LogError(f"map: no frame '{frame}' (robot.points) in robot {title}; it has {', '.join(names[:40])}")
-    if not (table.points or table.wrenches):
+    if not (table.points or table.wrenches) and "points" not in table.model_fields_set:
         names = [frame.name for frame in model.frames.tolist()[1:]]
         raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
     return robot

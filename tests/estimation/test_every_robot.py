@@ -18,10 +18,12 @@ ONE_CONTACT = "a walk has no stretch without contact, and nothing can be learnt 
 NO_EFFORT = "it measures no effort, so that there is nothing to balance"
 NO_SENSOR = "the table has neither a true force nor a force sensor"
 NO_PHASE = "it has no phase"
+NO_SPARE_ROW = "3 rows have no redundancy for the forces sought"
 FIXED = "its base is fixed and its joints have positions alone: no series is measured twice"
 NOT: dict[str, dict[str, str]] = {  # feature -> source -> why it has nothing to show there
     "agreements": {SOURCES[2]: FIXED},
     "balance": {SOURCES[4]: NO_EFFORT},
+    "redundancy verdict": {SOURCES[2]: NO_SPARE_ROW, SOURCES[4]: NO_SPARE_ROW},
     "scores": {SOURCES[1]: NO_SENSOR, SOURCES[4]: NO_SENSOR},
     "contacts": {SOURCES[3]: ONE_CONTACT},
     "error bar": {SOURCES[3]: ONE_CONTACT},
@@ -53,8 +55,7 @@ class Shown:
             "agreements": any(" against " in check and not check.startswith(("effort", "sensor")) for check in checks),
             "balance": "effort against motion" in checks,
             "clocks": any(check.startswith("rate of ") for check in checks),
-            "redundancy verdict": {one.redundancy.verdict for one in observers}
-            <= {"consistent", "inconsistent", "blind"},
+            "redundancy verdict": all(one.redundancy.verdict != "blind" for one in observers),
             "deviations": any(one.deviation is not None for one in observers),
             "contacts": self.result.calibration is not None and self.result.calibration.contacts is not None,
             "error bar": learnt is not None and bool(learnt.error_bar),
@@ -64,23 +65,12 @@ class Shown:
             "series over a phase": learnt is not None and learnt.series is not None,
             "scores": all(self.result.compared.values()),
             "self-check": bool(self.found_again) and all(self.found_again),
-            "what cannot be seen": all(isinstance(one.unseen, list) for one in observers),
         }[feature]
 
 
 FEATURES = [
-    *(
-        "agreements",
-        "balance",
-        "clocks",
-        "redundancy verdict",
-        "deviations",
-        "contacts",
-        "error bar",
-        "friction",
-        "thrust",
-    ),
-    *("parameters", "series over a phase", "scores", "self-check", "what cannot be seen"),
+    *("agreements", "balance", "clocks", "redundancy verdict", "deviations", "contacts", "error bar", "friction"),
+    *("thrust", "parameters", "series over a phase", "scores", "self-check"),
 ]
 
 

@@ -10,7 +10,21 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 from support.arm import arm
-from support.planted_mistakes import FREE_BASE, LINKAGE, Mistakes, of_joints, planted
+from support.planted_mistakes import (
+    ANGLES,
+    EFFORTS,
+    FREE_BASE,
+    LINKAGE,
+    RATES,
+    Mistakes,
+    noisy,
+    of_joints,
+    planted,
+    rubbing,
+    swapped,
+    times,
+    together,
+)
 from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.aerobat import AerobatRobot, flight_record
@@ -33,24 +47,26 @@ def flight() -> Record:
     return flight_record(simulate(scenario), robot)
 
 
-def arm_table(folder: Path) -> Record:
-    """Return the record of a table: an arm that swings, and is pushed at its tool."""
+def arm_table(folder: Path, size_of_swing: float = 1.0) -> Record:
+    """Return the record of a table: an arm that swings, and is pushed at its tool; almost at rest nothing pushes."""
     model, tool = arm()
     data, time, order = model.createData(), np.arange(1500) / 500.0, np.arange(model.nq)
-    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order), 0.3 + 0.05 * order
+    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order), size_of_swing * (0.3 + 0.05 * order)
+    rests = size_of_swing < 1.0
     phase = pace * time[:, None] + order
     q, v, a = size * np.sin(phase), size * pace * np.cos(phase), -size * pace**2 * np.sin(phase)
     efforts = np.empty_like(q)
     for k, t in enumerate(time):
         push = np.array([2.0 * np.sin(3.0 * t), 1.0, 3.0 * np.cos(2.0 * t)])
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId(tool), pin.LOCAL_WORLD_ALIGNED)[:3]
-        efforts[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ push
+        efforts[k] = pin.rnea(model, data, q[k], v[k], a[k]) - (not rests) * (J.T @ push)
     parts = {"position": q, "velocity": v, "effort": efforts}
     columns = {part: [f"{part}{k}" for k in order] for part in parts}
     table = {columns[part][k]: values[:, k] for part, values in parts.items() for k in order}
     pd.DataFrame({"time": time, **table}).to_csv(folder / "arm.csv", index=False)
     joints = {part: {"columns": names} for part, names in columns.items()}
-    given = {"robot": {"points": [tool]}, "joints": {"names": list(ARM_JOINTS), **joints}}
+    use = {"free": [0, 3]} if rests else {}
+    given = {"robot": {"points": [tool]}, "joints": {"names": list(ARM_JOINTS), **joints}, "use": use}
     robot = PlainRobot(model, False, ARM_JOINTS, "arm")
     return open_record(folder / "arm.csv", parse_map(given, "of the test"), folder, robot)
 
@@ -67,7 +83,9 @@ def quadruped_bag(folder: Path) -> Record:
 def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
     """Return the good record of each robot."""
     folder = tmp_path_factory.mktemp("planted")
-    return {"aerobat": flight(), "arm": arm_table(folder), "quadruped": quadruped_bag(folder)}
+    (folder / "rest").mkdir()
+    found = {"aerobat": flight(), "arm": arm_table(folder), "quadruped": quadruped_bag(folder)}
+    return found | {"arm almost at rest": arm_table(folder / "rest", 0.003)}
 
 
 def warned(record: Record) -> list[str]:
@@ -96,3 +114,44 @@ def test_a_planted_mistake_is_named(robot: str, name: str, records: dict[str, Re
     change, expected = MISTAKES[robot][name]
     found = warned(planted(records[robot], change))
     assert any(re.search(expected, one) for one in found), found
+
+
+LOUD = ((0.0, 0.0), (0.02, 0.0), (0.1, 0.0), (0.02, 0.1))  # noise and friction of the efforts, shares of their rms
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.1, 0.5, 2.0])
+@pytest.mark.parametrize("robot", ["arm almost at rest", "arm", "quadruped"])
+def test_noise_of_the_efforts_is_no_mistake(robot: str, noise: float, records: dict[str, Record]) -> None:
+    """Also where joints carry less than their noise, as those of an arm that stands upright, almost at rest."""
+    assert warned(planted(records[robot], noisy(noise))) == []
+
+
+@pytest.mark.parametrize(("noise", "friction"), LOUD)
+@pytest.mark.parametrize("robot", ["arm almost at rest", "arm", "quadruped"])
+def test_reversed_efforts_are_named(robot: str, noise: float, friction: float, records: dict[str, Record]) -> None:
+    """One, two and all of them, and nothing else."""
+    record, loud = records[robot], together(rubbing(friction), noisy(noise))
+    for columns in ((1,), (0, 1)):
+        found = warned(planted(record, together(loud, times(EFFORTS, -1.0, *columns))))
+        assert [re.findall(r"effort sign: the effort of (\w+) is reversed", one) for one in found] == [
+            [record.driven[k]] for k in columns
+        ]
+    found = warned(planted(record, together(loud, times(EFFORTS, -1.0))))
+    assert len(found) == 1
+    assert f"effort sign: all efforts are reversed ({', '.join(record.driven)})" in found[0]
+
+
+@pytest.mark.parametrize("keys", [(EFFORTS,), (ANGLES, RATES, EFFORTS)])
+@pytest.mark.parametrize(("noise", "friction"), LOUD)
+@pytest.mark.parametrize("other", [3, 6])
+def test_swapped_legs_are_named(
+    other: int, noise: float, friction: float, keys: tuple[str, ...], records: dict[str, Record]
+) -> None:
+    """The left front leg with the right one, or the one behind it: efforts alone, or all that is measured of them."""
+    record = records["quadruped"]
+    legs = [swapped(key, 0, other, count=3) for key in keys]
+    found = warned(planted(record, together(rubbing(friction), noisy(noise), *legs)))
+    columns = "efforts" if len(keys) == 1 else "all columns"
+    assert len(found) == 1
+    first, second = (", ".join(LEGS[k : k + 3]) for k in (0, other))
+    assert found[0].startswith(f"swapped joints: {columns} of {first} and {second} in exchanged places")

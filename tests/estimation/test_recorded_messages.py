@@ -96,13 +96,17 @@ def test_the_node_of_the_docs_publishes_the_forces(folder: Path, monkeypatch: py
 
 
 def test_currents_of_all_joints_have_one_constant(folder: Path) -> None:
-    """`*` stands for every joint; a foreign name does not."""
+    """Of each unit that the map states, A or mA; `*` stands for every joint; a foreign name does not."""
     frame, values = table(walk()), table_map(Path("quadruped.urdf"))
     columns = values["joints"]["effort"]["columns"]
     frame.assign(**{name: frame[name] / 3.0 for name in columns}).to_csv("walk.csv", index=False)
     values["joints"]["effort"] |= {"unit": "A", "torque_per_unit": {"*": 3.0}}
     found = estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))
     assert found.warnings == []
+    frame.assign(**{name: 1e3 * frame[name] / 3.0 for name in columns}).to_csv("walk.csv", index=False)
+    values["joints"]["effort"] |= {"unit": "mA", "torque_per_unit": {"*": 0.003}}
+    again = estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))
+    np.testing.assert_allclose(again.estimates["force_level"].force, found.estimates["force_level"].force, atol=1e-9)
     values["joints"]["effort"]["torque_per_unit"] = {"knee": 3.0}
     with pytest.raises(MapError, match=r"torque_per_unit: no joint 'knee'"):
         estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))

@@ -18,7 +18,6 @@ from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.records import describe_map, open_record, parse_map
-from aerobat_pin.records.columns import increasing
 from aerobat_pin.records.messages import stamp
 from aerobat_pin.records.resample import line_means, turn_rates
 
@@ -132,7 +131,11 @@ WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], Edit, str]] = {
         edit("base", "quaternion", "sense", value="world_to_body"),
         r"REFUSED.*sense = \"body_to_world\"",
     ),
-    "world upside down": (with_column, edit("log", value={"world": "ned"}), r"REFUSED.*180\.00 deg off the vertical"),
+    "world upside down": (
+        with_column,
+        edit("log", value={"world": "ned"}),
+        r"REFUSED.*180\.00 deg off the vertical: 188 N of seeming force; up is down",
+    ),
     "sign of an effort": (scaled(["FL_HFE_tau"], -1.0), nothing, r"effort sign: the effort of FL_HFE .* -(0\.99|1)"),
     "late velocity": (shifted("vel", 0.02), nothing, r"joint velocities come 20\.\d ms after joint positions"),
     "held channel": (held("tau", 10), nothing, r"joint efforts change only 50 times a second among 500 samples"),
@@ -157,6 +160,16 @@ WRONG: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], Edit, str]] = {
         scaled(["FL_KFE_tau"], 1 / 3),
         nothing,
         r"effort of FL_KFE would .* 3(\.0\d)? times",
+    ),
+    "torque for each A, of mA": (
+        scaled(TAU, 1e3 / 3.0),
+        edit("joints", "effort", value={"columns": TAU, "unit": "mA", "torque_per_unit": {"*": 3.0}}),
+        r"REFUSED.*torque_per_unit: \* = 3 N m for each mA.*: 0\.003 was expected",
+    ),
+    "small torque for each A, of mA": (
+        scaled(TAU, 1e3 / 0.3),
+        edit("joints", "effort", value={"columns": TAU, "unit": "mA", "torque_per_unit": {"*": 0.3}}),
+        r"REFUSED.* 0\.001 times as large: torque_per_unit counts for each mA.*: a thousandth was expected",
     ),
     "missing column": (
         with_column,
@@ -282,13 +295,6 @@ def test_a_comparison_finds_factor_and_lag() -> None:
     assert found is not None
     assert found.factor[0] == pytest.approx(2.0, rel=0.01)
     assert found.lag == pytest.approx(0.0123, abs=1e-4)
-
-
-def test_stamps_that_repeat_or_go_back_are_counted() -> None:
-    """And left out."""
-    keep, repeated, backward = increasing(np.array([0.0, 1.0, 1.0, 0.5, 2.0]))
-    np.testing.assert_array_equal(keep, [True, True, False, False, True])
-    assert (repeated, backward) == (1, 1)
 
 
 def test_every_key_of_a_map_is_described() -> None:

@@ -43,11 +43,12 @@ def in_degrees(data: Columns) -> None:
         data[key] *= DEGREES
 
 
-def swapped(key: str, first: int, second: int) -> Change:
-    """Let two columns change places."""
+def swapped(key: str, first: int, second: int, count: int = 1) -> Change:
+    """Let two columns change places, or two groups of some columns side by side."""
 
     def change(data: Columns) -> None:
-        data[key][:, [first, second]] = data[key][:, [second, first]]
+        one, other = (np.arange(begin, begin + count) for begin in (first, second))
+        data[key][:, [*one, *other]] = data[key][:, [*other, *one]]
 
     return change
 
@@ -77,6 +78,35 @@ def off(key: str, by: float, column: int) -> Change:
 
     def change(data: Columns) -> None:
         data[key][:, column] += by
+
+    return change
+
+
+def noisy(share: float) -> Change:
+    """Add white noise to the efforts, a share of their rms."""
+
+    def change(data: Columns) -> None:
+        size = share * np.sqrt(np.mean(data[EFFORTS] ** 2))
+        data[EFFORTS][:] += size * np.random.default_rng(1).standard_normal(data[EFFORTS].shape)
+
+    return change
+
+
+def rubbing(share: float) -> Change:
+    """Add Coulomb friction to the efforts, a share of each joint's rms."""
+
+    def change(data: Columns) -> None:
+        data[EFFORTS][:] += share * np.sqrt(np.mean(data[EFFORTS] ** 2, axis=0)) * np.tanh(data[RATES] / 0.02)
+
+    return change
+
+
+def together(*changes: Change) -> Change:
+    """Make several changes, one after the other."""
+
+    def change(data: Columns) -> None:
+        for one in changes:
+            one(data)
 
     return change
 

@@ -18,7 +18,7 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
 from aerobat_pin.estimation.use import CalibrationUse, Contact
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, factor_of
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, torque_per_unit
 
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
@@ -66,8 +66,7 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     """
     effort, settings = chosen.joints.effort, dict(robot.assumptions)
     if effort is not None:
-        factor = factor_of("joints.effort", effort.unit, "torque")
-        settings |= {f"{EFFORT}{name}": f"{factor * effort.torque_of(name):.9g} N m per unit" for name in joints}
+        settings |= {f"{EFFORT}{name}": f"{torque_per_unit(effort, name):.9g} N m per unit" for name in joints}
     if not robot.moves_joints:
         settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
@@ -103,7 +102,8 @@ class Calibration:
         detection: what is normal where nothing pushes; None if that was not learnt.
         extras: what only the robot itself reads, such as an accelerometer's place.
         error_bar: component -> rms error without and with the calibration, where it was not fitted [N, N m].
-        remainder: row -> rms of what the calibration leaves unexplained [N, N m].
+        row_noise: row -> root second moment of what is left of it where nothing pushes, in data that no fit used
+            [N, N m]; empty where that is not known.
         warnings: what makes the calibration doubtful, in words.
         notes: what was found, in words.
     """
@@ -116,7 +116,7 @@ class Calibration:
     detection: Detection | None = None
     extras: Mapping[str, Array] = field(default_factory=dict)
     error_bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    remainder: Mapping[str, float] = field(default_factory=dict)
+    row_noise: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -164,7 +164,7 @@ class Calibration:
         if mine.friction is not None:
             own = replace(own, joints=mine.joints, friction=mine.friction, scale=mine.scale)
             sources[FRICTION] = "calibrated"
-        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits))
+        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits), row_noise=self.row_noise)
         return replace(forces, values=values, series=self.series, sources=sources)
 
     @property

@@ -39,9 +39,9 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         "mass": ((), fitted.mass, {"long_name": "factor of all masses and inertias", "units": "1"}),
     }
     coords: dict[str, Any] = {}
-    if calibration.remainder:
-        parts["remainder"] = ("row", list(calibration.remainder.values()), {"long_name": "rms left unexplained"})
-        coords |= {"row": list(calibration.remainder)}
+    if calibration.row_noise:
+        parts["row_noise"] = ("row", list(calibration.row_noise.values()), {"long_name": "rms left where not fitted"})
+        coords |= {"row": list(calibration.row_noise)}
     if found is not None:
         parts["change"] = ("parameter", found.values)
         parts["covariance"] = (("parameter", "other"), found.covariance)
@@ -137,8 +137,8 @@ class _Parts:
         settings = self._object("settings", dict)
         if not all(isinstance(value, str) for value in settings.values()):
             raise ValueError("settings: names and their values in words were expected")
-        rows, bar = self._texts("row"), self._texts("force")
-        left = self._numbers("remainder", len(rows)).tolist() if rows else []
+        rows, bar = self._texts("row") if "row_noise" in self._data else (), self._texts("force")
+        left = self._numbers("row_noise", len(rows)).tolist() if rows else []
         bars = self._numbers("error_bar", len(bar), 2, finite=False).tolist() if bar else []
         return Calibration(
             belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), settings),
@@ -149,7 +149,7 @@ class _Parts:
             detection=self._detection() if "normal" in self._data else None,
             extras=extras,
             error_bar={label: (before, after) for label, (before, after) in zip(bar, bars, strict=True)},
-            remainder=dict(zip(rows, left, strict=True)),
+            row_noise=dict(zip(rows, left, strict=True)),
             warnings=self._texts("warning"),
             notes=self._texts("note"),
         )

@@ -10,10 +10,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from aerobat_pin.estimation.fit_joint_friction import fit_mass
+from aerobat_pin.estimation.fit_joint_friction import fit_mass, within
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
+from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import Map, Record
 
@@ -37,10 +39,10 @@ def fits_to_sensor(chosen: Map) -> bool:
 
 def taken_as_free(record: Record) -> Record:
     """Return a record in which nothing unknown acts by its map, and friction is fitted somewhere."""
-    chosen, friction, end = record.map, record.map.joints.friction, _last_time(record)
-    if friction is not None and friction.fit is None:
-        friction = friction.model_copy(update={"fit": (0.0, FITTED_SHARE * end)})
-    free = chosen.use.free if fits_to_sensor(chosen) else (0.0, end)
+    chosen, friction = record.map, record.map.joints.friction
+    if friction is not None:
+        friction = friction.model_copy(update={"fit": fitted_stretch(record)})
+    free = chosen.use.free if fits_to_sensor(chosen) else (0.0, _time_after(record, 1.0))
     joints = chosen.joints.model_copy(update={"friction": friction})
     use = chosen.use.model_copy(update={"free": free})
     return replace(record, map=chosen.model_copy(update={"joints": joints, "use": use}))
@@ -49,13 +51,37 @@ def taken_as_free(record: Record) -> Record:
 def fitted_stretch(record: Record) -> tuple[float, float]:
     """Return from where to where a record is fitted [s]: what the map says, or the first three quarters."""
     friction = record.map.joints.friction
-    return (0.0, FITTED_SHARE * _last_time(record)) if friction is None or friction.fit is None else friction.fit
+    return (0.0, _time_after(record, FITTED_SHARE)) if friction is None or friction.fit is None else friction.fit
 
 
 def held_out_stretch(record: Record) -> tuple[float, float]:
     """Return from where to where a record tests the fits [s]; all of it if they left nothing."""
-    fit, end = fitted_stretch(record), _last_time(record)
+    fit, end = fitted_stretch(record), _time_after(record, 1.0)
     return (fit[1], end) if fit[1] < end else (0.0, end)
+
+
+def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[np.bool_]:
+    """Return which times (m,) [s] fits used that gave values, or are beyond where nothing unknown acts."""
+    friction, when = record.map.joints.friction, time - record.start
+    stretches = [] if friction is None or friction.fit is None else [friction.fit]
+    stretches += [fitted_stretch(record)] if values.mass != 1.0 else []
+    shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
+    stretches += [(_at_share(record, low), _at_share(record, high)) for low, high in shares]
+    free = record.map.use.free
+    used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~within(when, free)
+    for one in stretches:
+        used |= within(when, one)
+    return used
+
+
+def _at_share(record: Record, share: float) -> float:
+    """Return the time after the start [s] at which a share of the used intervals has passed."""
+    left = share * sum(last - first for first, last in record.parts)
+    for first, last in record.parts:
+        if left <= last - first:
+            break
+        left -= last - first
+    return float(first + left) * record.dt
 
 
 def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:
@@ -104,5 +130,11 @@ def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
         yield f"not seen in this recording, taken as zero: {', '.join(unseen)}"
 
 
-def _last_time(record: Record) -> float:
-    return record.parts[-1][1] * record.dt
+def _time_after(record: Record, share: float) -> float:
+    """Return the time after the start [s] by which a share of what is used has passed; holes do not count."""
+    left = share * sum(last - first for first, last in record.parts)
+    for first, last in record.parts:
+        if left <= last - first:
+            break
+        left -= last - first
+    return float(first + left) * record.dt

@@ -1,6 +1,6 @@
 """Calibrations in the two older forms of the file, brought to the present one, as far as a use of them needs it.
 
-What they do not have stays away: error bar, remainder, units of states, and how well each fit holds.
+What they do not have stays away: error bar, noise of the rows, units of states, and how well each fit holds.
 """
 
 from __future__ import annotations

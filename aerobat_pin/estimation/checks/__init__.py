@@ -1,6 +1,6 @@
 """The checks of a record against itself and against its map; each names the measured figure."""
 
-from aerobat_pin.estimation.checks.balance import effort_findings
+from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.estimation.checks.result import fit_findings, result_findings
 

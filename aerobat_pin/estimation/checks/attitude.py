@@ -106,9 +106,10 @@ def accelerometer_findings(
     world = np.einsum("nij,nj->ni", rotation_matrices(attitude[inside]), specific_force[inside]).mean(axis=0)
     world = world - (speeds[1] - speeds[0]) / (time[inside][-1] - time[inside][0])
     tilt = float(np.degrees(np.arccos(np.clip(world[2] / np.linalg.norm(world), -1.0, 1.0))))
+    seeming = 2.0 * weight * np.sin(np.radians(0.5 * tilt))  # between the weight and the turned weight
     text = (
         f"turned to the world it is {np.linalg.norm(world) / gravity:.3f} of gravity and {tilt:.2f} deg off the "
-        f"vertical: {1e3 * weight * np.sin(np.radians(tilt)):.3g} mN of seeming force"
+        f"vertical: {f'{seeming:.3g} N' if seeming >= 1.0 else f'{1e3 * seeming:.3g} mN'} of seeming force"
     )
     if tilt > 90.0:
         text += "; up is down: log.world or base.axes"

@@ -1,20 +1,18 @@
-"""Check the efforts against what the motion and the weight need: units, signs, swapped joints, wrong masses.
+"""The equations by which efforts are checked against what the motion and the weight need.
 
 Whatever the unknown forces f are, the believed rows obey  W (rnea(q, v, a) - known) = W (S tau) + A f  with A = W J^T.
-Projected on the directions that A does not reach, f disappears, and the factors of the efforts (and of the base link's
-mass) follow by least squares: 1 for each effort and 0 for the mass if map and robot are right.
+Projected on the directions that A does not reach, f disappears.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
-from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.run_observers import believed_rows
@@ -25,132 +23,61 @@ from aerobat_pin.records import Block, Record
 INSTANTS = 1200  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
-NAMED = 0.1  # deviation of a factor from 1 that is named
-SURE = 4.0  # in standard deviations
-EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
-UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
-CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
-SWAP = 0.5  # of the imbalance that is left if two efforts change places
 RANK = 1e-6
-HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
-    "held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, recorder clock, "
-    "duplicate file, accelerometer against gravity".split(", ")
-)
+Pair = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
+Inputs = Callable[[int, int], KnownInputs]  # of first and last index of the common times
 
 
 @dataclass(frozen=True)
 class Balance:
-    """The projected equations at some instants: `needed` (n,) = `efforts` (n, joints) s - `base` (n,) d."""
+    """The projected equations at some instants: `needed` (n,) = sum of `reach` times efforts - `base` d.
+
+    Attributes:
+        needed: (n,) what motion and weight need.
+        reach: (n, joints) what an effort of 1 N m or N of each joint gives.
+        base: (n,) what the mass of the base link needs.
+        at: (n,) the instant of each equation.
+        effort: (instants, joints) efforts [N m, N].
+        v: (instants, joints) rates.
+        a: (instants, joints) accelerations.
+        span: time that the instants cover [s].
+    """
 
     needed: Array
-    efforts: Array  # (n, joints)
-    per_joint: Array  # (n, joints, instants' joints): the column of row j for the effort of joint k
+    reach: Array
     base: Array
+    at: NDArray[np.intp]
+    effort: Array
+    v: Array
+    a: Array
+    span: float
+
+    @property
+    def given(self) -> Array:
+        """(n, joints) what each effort gives."""
+        return np.asarray(self.reach * self.effort[self.at])
+
+    @property
+    def size(self) -> float:
+        """Sum of squares of what is needed."""
+        return max(float(self.needed @ self.needed), 1e-300)
+
+    def imbalance(self, pair: Pair = ((), ()), signs: Array | float = 1.0) -> float:
+        """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
+        order = np.arange(self.effort.shape[1])
+        order[[*pair[0], *pair[1]]] = [*pair[1], *pair[0]]
+        left = self.needed - np.einsum("nj,nj->n", self.reach, (signs * self.effort)[:, order][self.at])
+        return float(left @ left) / self.size
+
+    def of_joints(self, equations: Array) -> tuple[Array, Array]:
+        """Return what equations (n,) say about each effort [N m, N], and its weight, (instants, joints) both."""
+        first = np.flatnonzero(np.diff(self.at, prepend=-1))
+        weight = np.add.reduceat(self.reach**2, first)
+        found = np.add.reduceat(self.reach * equations[:, None], first)
+        return np.divide(found, weight, out=np.zeros_like(found), where=weight > 0.0), weight
 
 
-def effort_findings(
-    record: Record, inputs: Callable[[int, int], KnownInputs], before: Sequence[Finding]
-) -> Iterator[Finding]:
-    """Yield factors of the efforts, a pair that is swapped, and the base's mass, as far as the rows show them.
-
-    Args:
-        record: the record.
-        inputs: function of first and last index of the common times: what an observer is given there.
-        before: what was found before; efforts are not compared with a motion that is misread.
-    """
-    if "joints.effort" not in record.channels or any(one.warns and one.check not in HARMLESS for one in before):
-        return
-    found = _balance(record, inputs)
-    if found is None:
-        free = "" if record.map.use.free else "; use.free names a stretch without contact"
-        yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
-        return
-    b, B = found.needed, found.efforts
-    size = float(np.sum(b * b))
-    here = float(np.sum((b - B.sum(axis=1)) ** 2))
-    share = here / max(size, 1e-300)
-    text = (
-        f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
-        "efforts and known forces"
-    )
-    yield Finding("effort against motion", "good" if share < 0.02 else "note", text, float(np.sqrt(share)), "1")
-    pair, left = _best_swap(found)
-    if pair is not None and left < SWAP * here and share > 0.005:
-        names = " and ".join(record.driven[j] for j in pair)
-        what = (
-            f"efforts of {names} in exchanged columns leave {100.0 * np.sqrt(left / size):.1f} %, as "
-            f"mapped {100.0 * np.sqrt(share):.1f} %"
-        )
-        yield Finding("swapped joints", "warning", what, float(np.sqrt(left / size)), "1")
-        return
-    yield from _factors(record, found, here)
-
-
-def _factors(record: Record, found: Balance, here: float) -> Iterator[Finding]:
-    """Yield factors of efforts and of the base's mass that differ from what the map says."""
-    b, B = found.needed, found.efforts
-    with_base = record.robot.free and bool(np.any(found.base))
-    table = np.column_stack([B, -found.base]) if with_base else B
-    scale = np.linalg.norm(table, axis=0)
-    seen = scale > 1e-6 * max(float(scale.max(initial=0.0)), 1e-300)
-    if not seen.any():
-        return
-    normal = table[:, seen] / scale[seen]
-    solution, _, rank, _ = np.linalg.lstsq(normal, b, rcond=1e-6)
-    left = b - normal @ solution
-    explained = 1.0 - float(left @ left) / max(here, 1e-300)
-    deviation = np.sqrt(float(left @ left) / max(len(b) - rank, 1) * np.diag(np.linalg.pinv(normal.T @ normal)))
-    factors, sure = np.ones(table.shape[1]), np.full(table.shape[1], np.inf)
-    factors[seen], sure[seen] = solution / scale[seen], deviation / scale[seen]
-    n = len(record.driven)
-    good = [k for k in range(n) if sure[k] * SURE < max(abs(factors[k] - 1.0), NAMED) and np.isfinite(sure[k])]
-    off = [k for k in good if abs(factors[k] - 1.0) > NAMED]
-    if explained < EXPLAINED:
-        return
-    if float(left @ left) > UNFIT * float(b @ b) and explained < CLEAR:
-        rest = 100.0 * float(np.sqrt(left @ left / (b @ b)))
-        what = (
-            f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
-            "another order of joints, another robot"
-        )
-        yield Finding("effort against motion", "warning", what, rest, "%")
-        return
-    if with_base and seen[n] and abs(factors[n]) > 0.05 and sure[n] * SURE < abs(factors[n]):
-        what = f"the record wants {1.0 + factors[n]:.2f} times the believed mass of the base link"
-        yield Finding("mass", "warning", what, 1.0 + float(factors[n]), "1")
-    if good and len(off) == len(good) and float(np.ptp(factors[good])) < 0.15 * abs(float(np.mean(factors[good]))):
-        c = float(np.mean(factors[good]))
-        what = (
-            f"all efforts would have to be {c:.3g} times as large: their unit (A, N m), or all masses "
-            f"{c:.3g} times too large"
-        )
-        yield Finding("effort unit or mass", "warning", what, c, "1")
-        return
-    for k in off:
-        what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large"
-        reason = "its sign" if factors[k] < 0.0 else "its unit (A, N m): torque_per_unit"
-        if 0.0 < factors[k] < 1.0:
-            reason += "; or friction, of which a joint that carries little shows nothing else: joints.friction"
-        yield Finding(
-            "effort sign" if factors[k] < 0.0 else "effort unit", "warning", f"{what}: {reason}", float(factors[k]), "1"
-        )
-
-
-def _best_swap(found: Balance) -> tuple[tuple[int, int] | None, float]:
-    """Return the pair of joints whose exchanged efforts leave least, and the sum of squares that is left."""
-    b, table = found.needed, found.per_joint
-    left = b - np.einsum("njj->n", table)
-    best: tuple[int, int] | None = None
-    smallest = float(np.inf)
-    for j, k in itertools.combinations(range(table.shape[1]), 2):
-        rest = left + table[:, j, j] + table[:, k, k] - table[:, j, k] - table[:, k, j]
-        size = float(rest @ rest)
-        if size < smallest:
-            best, smallest = (j, k), size
-    return best, smallest
-
-
-def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balance | None:
+def balance_of(record: Record, inputs: Inputs) -> Balance | None:
     """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     ignored = believed_rows(record)
@@ -161,8 +88,9 @@ def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balan
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
     lighter = _heavier_base(model) if robot.free else None
     data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
-    needed, efforts, base = [], [], []
+    needed, reach, base, motion = [], [], [], []
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
+    step = max(1, most // INSTANTS)
     for stretch in record.spread(most, *(free or ())):
         if stretch[1] - stretch[0] < SHORTEST:
             continue
@@ -171,21 +99,23 @@ def _balance(record: Record, inputs: Callable[[int, int], KnownInputs]) -> Balan
         a = accelerations(block, record)
         whole = required_torque(record, block, a) - sum(given.known.values())
         count = len(given.tau)
-        for k in range(count // 10, count - count // 10, max(1, most // INSTANTS)):
+        for k in range(count // 10, count - count // 10, step):
             Q = np.eye(len(rows)) if free is not None else _beyond_forces(record, data, block.q[k], rows, weight)
             if Q.shape[1] == 0:
                 return None
-            project = Q.T * weight
+            project, v = Q.T * weight, 0.5 * (block.v[k] + block.v[k + 1])
             needed.append(project @ whole[k, rows])
-            efforts.append((project @ unit)[:, :, None] * given.tau[k, at])
+            reach.append(project @ unit)
+            motion.append((given.tau[k, at], v[at], a[k, at]))
             base.append(np.zeros(Q.shape[1]))
             if lighter is not None:
-                v = 0.5 * (block.v[k] + block.v[k + 1])
                 base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
     if not needed:
         return None
-    per_joint = np.concatenate(efforts)
-    return Balance(np.concatenate(needed), np.einsum("njj->nj", per_joint).copy(), per_joint, np.concatenate(base))
+    instants = np.repeat(np.arange(len(needed)), [len(one) for one in needed])
+    effort, rates, bends = np.array(motion).swapaxes(0, 1)
+    b, reached, heavier = (np.concatenate(one) for one in (needed, reach, base))
+    return Balance(b, reached, heavier, instants, effort, rates, bends, len(needed) * step * record.dt)
 
 
 def _heavier_base(model: pin.Model) -> pin.Model:
@@ -199,7 +129,7 @@ def _heavier_base(model: pin.Model) -> pin.Model:
 def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> Array:
     """Return an orthonormal basis (rows, k) of what the forces sought cannot reach."""
     model, chosen = record.robot.model, record.map.robot
-    parts = []
+    parts = [np.zeros((len(rows), 0))]
     for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = frame_jacobian(model, data, q, model.getFrameId(frame), axes)
@@ -208,3 +138,18 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     u, values, _ = np.linalg.svd(A)
     rank = int(np.sum(values > RANK * max(float(values.max(initial=0.0)), 1e-300)))
     return np.asarray(u[:, rank:])
+
+
+def exchanged(record: Record, inputs: Inputs, pair: Pair) -> Inputs:
+    """Return inputs in which two limbs have each other's motion and efforts."""
+    robot, own, others = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
+    at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))
+
+    def between(first: int, last: int) -> KnownInputs:
+        given = inputs(first, last)
+        q, v, tau = given.q.copy(), given.v.copy(), given.tau.copy()
+        for values, at in ((q, at_q), (v, at_v), (tau, at_v)):
+            values[:, at[own]] = values[:, at[others]]
+        return replace(given, q=q, v=v, tau=tau)
+
+    return between

@@ -10,6 +10,7 @@ import pinocchio as pin
 from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
 from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
+from aerobat_pin.estimation.checks.seen import seen_findings
 from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
@@ -39,13 +40,15 @@ def result_findings(result: Result) -> Iterator[Finding]:
     sums, count = np.zeros(len(estimate.head.units)), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
-        sums, count = sums + block.components[good].sum(axis=0), count + int(good.sum())
+        sums += np.where(block.shown, block.components, 0.0)[good].sum(axis=0)
+        count += int(good.sum())
     if not count:
         yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
     if estimate.head.are_world_forces:
         yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
         yield from _power(record, estimate)
+    yield from seen_findings(record, forces, estimates)
     if record.map.use.free is not None:
         yield from _free_stretch(record, estimates)
 
@@ -187,6 +190,10 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
             yield Finding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
         labels, units = estimate.head.identifiability.components, estimate.head.units
-        words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
+        words = ", ".join(
+            f"{label} {size:.3g} {unit}"
+            for label, size, unit in zip(labels, sizes, units, strict=True)
+            if np.isfinite(size)
+        )
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
-        yield Finding("stretch without contact", "note", text, float(sizes.max()), "N")
+        yield Finding("stretch without contact", "note", text, float(np.nanmax(sizes)), "N")

@@ -124,8 +124,9 @@ class _Panels:
             labels = estimate.head.identifiability.components
             if f"{frame}.{label}" not in labels:
                 continue
-            time, force, low, high = self._lines(estimate, partial(_band, k=labels.index(f"{frame}.{label}")), span)
-            rough = float(np.std(np.diff(force))) > smooth
+            k = labels.index(f"{frame}.{label}")
+            time, force, low, high = self._lines(estimate, partial(_band, k=k), span)
+            rough = float(np.nanstd(np.diff(force))) > smooth if np.any(np.isfinite(np.diff(force))) else False
             order = 2.1 if rough else 2.3
             axis.plot(time, force, line, color=colour, linewidth=0.8, label=f"estimated: {name}", zorder=order)
             if rough:
@@ -133,6 +134,21 @@ class _Panels:
             if estimate.head.standard_deviation is not None:
                 words = f"{name}: {DEVIATIONS:g} standard deviations"
                 axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
+            if estimate is next(iter(self.result.stored.values())) and np.any(np.isnan(force)):
+                axis.fill_between(
+                    time,
+                    0.0,
+                    1.0,
+                    where=np.isnan(force),
+                    transform=axis.get_xaxis_transform(),
+                    color=style.FAINT,
+                    hatch="////",
+                    alpha=0.5,
+                    lw=0,
+                    zorder=0.5,
+                    step="mid",
+                    label="not seen: the pose does not show it",
+                )
         axis.set_ylabel(f"$F_{label[1]}$ [N]" if label[0] == "F" else f"$M_{label[1]}$ [N m]")
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
@@ -164,8 +180,8 @@ def _actual(part: Estimate, at: int, reference: Reference, k: int) -> Array:
 
 
 def _band(part: Estimate, _: int, k: int) -> Array:
-    """Return a component (n, 3): the estimate, and the lower and upper end of its band, NaN where this is infinite."""
-    force, sure = part.components[:, k], part.standard_deviation
+    """Return a component (n, 3): estimate, lower and upper end of its band; NaN where not seen, or infinite."""
+    force, sure = np.where(part.shown[:, k], part.components[:, k], np.nan), part.standard_deviation
     half = np.zeros(len(force)) if sure is None else np.where(np.isfinite(sure[:, k]), DEVIATIONS * sure[:, k], np.nan)
     return np.column_stack([force, force - half, force + half])
 
@@ -173,7 +189,8 @@ def _band(part: Estimate, _: int, k: int) -> Array:
 def _error(part: Estimate, at: int, side: Compared, k: int) -> Array:
     rows = slice(at, at + len(part.components))
     difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
-    return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
+    scored = side.reference.scored(part.time[:-1]) & (side.shown[rows][:, k] > 0.0)
+    return np.where(scored, difference, np.nan)[:, None]
 
 
 @dataclass(frozen=True)
@@ -237,6 +254,7 @@ def _fit_close_ups(axes: Sequence[Axes]) -> None:
     ends = []
     for axis in axes:
         values = np.concatenate([np.asarray(line.get_ydata(), float) for line in axis.lines] or [np.zeros(1)])
+        values = values[np.isfinite(values)] if np.any(np.isfinite(values)) else np.zeros(1)
         ends.append((float(values.min()), float(values.max())))
     half = 0.65 * max(high - low for low, high in ends) + 1e-3
     for axis, (low, high) in zip(axes, ends, strict=True):

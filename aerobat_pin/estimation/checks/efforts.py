@@ -1,0 +1,221 @@
+"""Check the efforts against what the motion and the weight need: units, signs, swapped joints and limbs, wrong masses.
+
+The factors of the efforts (and of the base link's mass) follow from the balance by least squares: 1 for each effort and
+0 for the mass if map and robot are right. But noise and friction of an effort make its factor too small. So an effort
+is named only if also the other way round, beside friction and a rotor, what is measured of it is not what is needed:
+
+    x = g y + c1 + c2 tanh(v / v_s) + c3 v + c4 a + e,     c ~ N(0, t^2)
+
+where t is what is left of the typical joint, and y takes the other efforts as mapped, but for their signs. Where a
+joint carries less than its noise, g is unknown, and nothing is said.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.estimation.checks.balance import Balance, Inputs, Pair, balance_of, exchanged
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import SMOOTH_RATE
+from aerobat_pin.records import Record
+
+APART = 0.2  # [s] between instants whose errors are independent: friction and errors of the model last
+NAMED, NAMED_MASS = 0.1, 0.05  # deviation of a factor from 1 that is named
+ALIKE = 0.15  # deviation from their mean by which factors are all the same
+SURE = 4.0  # in standard deviations
+EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
+UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
+CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
+SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
+WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
+FITS = 0.25  # of the needed square sum, that limbs in the right places leave at most
+NOISY = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
+SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
+MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
+HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
+    "held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, recorder clock, "
+    "duplicate file, accelerometer against gravity".split(", ")
+)
+
+
+def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -> Iterator[Finding]:
+    """Yield factors of the efforts, columns that are exchanged, and the base's mass, as far as the rows show them.
+
+    Args:
+        record: the record.
+        inputs: what an observer is given between two indices of the common times.
+        before: what was found before; efforts are not compared with a motion that is misread.
+    """
+    if "joints.effort" not in record.channels or any(one.warns and one.check not in HARMLESS for one in before):
+        return
+    found = balance_of(record, inputs)
+    if found is None:
+        free = "" if record.map.use.free else "; use.free names a stretch without contact"
+        yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
+        return
+    share = found.imbalance()
+    text = (
+        f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
+        "efforts and known forces"
+    )
+    yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
+    limbs, signs = _limb_pairs(record), _best_signs(found)
+    joints: list[Pair] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
+    left, pair = min(((found.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
+    if share > WORTH and left < min(SWAP * share, found.imbalance(signs=signs)):
+        yield _swap(record, "efforts", pair, left, share)
+        return
+    factors, least = _least_squares(found)
+    if share > GOOD:
+        others = ((pair, balance_of(record, exchanged(record, inputs, pair))) for pair in limbs)
+        sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
+        left, pair = min(sizes, default=(np.inf, ((), ())))
+        if left < min(SWAP * share, found.imbalance(signs=signs), FITS):
+            yield _swap(record, "all columns", pair, left, share)
+            return
+    yield from _factors(record, found, signs, factors, least)
+
+
+def _swap(record: Record, columns: str, pair: Pair, left: float, share: float) -> Finding:
+    names = " and ".join(", ".join(record.driven[k] for k in limb) for limb in pair)
+    what = (
+        f"{columns} of {names} in exchanged places leave {100.0 * np.sqrt(left):.1f} %, as mapped "
+        f"{100.0 * np.sqrt(share):.1f} %"
+    )
+    return Finding("swapped joints", "warning", what, float(np.sqrt(left)), "1")
+
+
+def _limb_pairs(record: Record) -> list[Pair]:
+    """Return pairs of limbs, chains of joints without a branch, with equally many efforts, two or more."""
+    model, limbs = record.robot.model, dict[int, list[int]]()
+    parents = model.parents.tolist()
+    first = list(range(model.njoints))
+    for k in range(2, model.njoints):
+        if parents.count(parents[k]) == 1:
+            first[k] = first[parents[k]]
+    for column, joint in enumerate(record.driven):
+        limbs.setdefault(first[model.getJointId(joint)], []).append(column)
+    pairs = itertools.combinations([tuple(limb) for limb in limbs.values()], 2)
+    return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
+
+
+def _best_signs(found: Balance) -> Array:
+    """Return signs of the efforts (joints,), +1 or -1, of which no other single one leaves less."""
+    gram, along = found.given.T @ found.given, found.given.T @ found.needed
+    best = []
+    for start in (1.0, -1.0):
+        signs, worse = np.full(len(along), start), np.full(1, -1.0)
+        while worse.min(initial=0.0) < 0.0:
+            worse = signs * (along - gram @ signs) + np.diag(gram)  # a quarter of what a change of this sign adds
+            if worse.min(initial=0.0) < 0.0:
+                signs[np.argmin(worse)] *= -1.0
+        best.append((float(signs @ gram @ signs - 2.0 * along @ signs), signs))
+    return min(best, key=lambda pair: pair[0])[1]
+
+
+def _least_squares(found: Balance) -> tuple[Array, Array]:
+    """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,)."""
+    table = np.column_stack([found.given, -found.base])
+    scale = np.linalg.norm(table, axis=0)
+    seen = scale > 1e-6 * max(float(scale.max()), 1e-300)
+    fitted = np.append(np.ones(table.shape[1] - 1), 0.0)
+    fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], found.needed, rcond=1e-6)[0] / scale[seen]
+    return fitted, found.needed - table @ fitted
+
+
+def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: Array) -> Iterator[Finding]:
+    """Yield efforts that are reversed, and factors of efforts and of the base's mass that the map does not say."""
+    n = len(record.driven)
+    gain, unsure = _measured_per_needed(found, signs, found.needed - found.given @ signs)
+    if np.any(turned := gain + SURE * unsure < 0.0):
+        yield from _reversed(record, gain, np.flatnonzero(turned))
+        return
+    explained = 1.0 - float(left @ left) / max(found.imbalance() * found.size, 1e-300)
+    if explained < EXPLAINED or found.imbalance() < NOISY * _noise(found):
+        return
+    if float(left @ left) > UNFIT * found.size and explained < CLEAR:
+        rest = 100.0 * float(np.sqrt(left @ left / found.size))
+        what = (
+            f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
+            "another order of joints, another robot"
+        )
+        yield Finding("effort against motion", "warning", what, rest, "%")
+        return
+    alone = -float(found.base @ (found.needed - found.given.sum(axis=1)))
+    alone /= max(float(found.base @ found.base), 1e-300)
+    if min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
+        what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
+        yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
+    ours, doubt = _measured_per_needed(found, fitted[:n], left)
+    factors = 1.0 / np.where(ours == 0.0, np.inf, ours)
+    sure = doubt * SURE < np.abs(ours) * np.minimum(1.0, np.maximum(np.abs(1.0 - ours), NAMED))
+    off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
+    c, given = float(np.mean(factors[off])) if len(off) else 1.0, found.given.sum(axis=1)
+    common = float(given @ found.needed) / max(float(given @ given), 1e-300)
+    if len(off) and np.all(np.abs(c * ours - 1.0) < ALIKE + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
+        what, effort = f"all efforts would have to be {c:.3g} times as large: ", record.map.joints.effort
+        if effort is not None and effort.torque_per_unit and effort.unit in MILLI and abs(np.log(1e3 * c)) < ALIKE:
+            what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
+            yield Finding("effort unit or mass", "refused", what, c, "1")
+        else:
+            what += f"their unit (A, N m), or all masses {c:.3g} times too large"
+            yield Finding("effort unit or mass", "warning", what, c, "1")
+        return
+    gain, unsure = _measured_per_needed(found, np.ones(n), found.needed - found.given.sum(axis=1))
+    off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
+    yield from _reversed(record, ours, off[factors[off] < 0.0])
+    for k in off[factors[off] > 0.0]:
+        what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large: its unit (A, N m)"
+        friction = "; or friction: joints.friction" if factors[k] < 1.0 else ""
+        yield Finding("effort unit", "warning", f"{what}: torque_per_unit{friction}", float(factors[k]), "1")
+
+
+def _reversed(record: Record, gain: Array, which: NDArray[np.intp]) -> Iterator[Finding]:
+    """Yield efforts that show the opposite of what is needed, `gain` (joints,) times it."""
+    names = [record.driven[k] for k in which]
+    if len(names) == len(record.driven) > 1:
+        what = f"all efforts are reversed ({', '.join(names)}): torque_per_unit"
+        yield Finding("effort sign", "warning", what, float(1.0 / np.median(gain)), "1")
+        return
+    for k, name in zip(which, names, strict=True):
+        factor = float(1.0 / gain[k])
+        what = f"the effort of {name} is reversed: it would have to be {factor:.3g} times as large: torque_per_unit"
+        yield Finding("effort sign", "warning", what, factor, "1")
+
+
+def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[Array, Array]:
+    """Return what is measured of each effort per what the rows need of it, g (joints,), and its standard deviation.
+
+    Args:
+        found: the equations.
+        factors: (joints,) of the other efforts.
+        left: (n,) what all factors together leave.
+    """
+    rest, weight = found.of_joints(left)
+    weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
+    needed, count = found.effort * factors + rest, max(1.0, found.span / APART)
+    prior = float(np.median(np.sqrt(np.sum(weight * rest**2, axis=0))))
+    gain, deviation = np.zeros((2, len(factors)))
+    for k, x in enumerate(found.effort.T):
+        v, a, w = found.v[:, k], found.a[:, k], weight[:, k]
+        sizes = (max(float(np.sqrt(np.mean(one**2))), 1e-12) for one in (v, a))
+        v_size, a_size = sizes
+        X = np.column_stack([needed[:, k], np.ones_like(v), np.tanh(v / SMOOTH_RATE), v / v_size, a / a_size])
+        noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
+        least = 1e-12 + 1e-12 * float(w @ x**2)
+        share = count / (float(w @ noise**2) + least)
+        inverse = np.linalg.pinv(share * (X.T * w) @ X + np.diag([0.0, *(4 * [1.0 / (prior**2 + least)])]), rcond=1e-18)
+        gain[k], deviation[k] = (inverse @ (share * (X.T * w) @ x))[0], np.sqrt(max(inverse[0, 0], 0.0))
+    return gain, deviation
+
+
+def _noise(found: Balance) -> float:
+    """Return the square sum of what is white in the efforts, over the needed one."""
+    x = found.effort  # means over intervals, of which only every other one has noise of its own
+    white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / SECOND_DIFFERENCE
+    return float(np.sum((found.reach * white) ** 2)) / found.size
