@@ -13,7 +13,7 @@ from aerobat_pin.records import Record
 
 RARE = 0.05  # share of the samples on either side that may be a sensor's faults
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
-FAR, FAR_SLIDE = 2.0 * math.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
+A_TURN, TEN_RANGES = 2.0 * math.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
 SMALLER = {"rad": ("deg", math.pi / 180.0), "m": ("mm", 1e-3)}  # unit -> what may have been meant
 
@@ -35,7 +35,7 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
             continue
         where = f"{joint} is at {least:.3g} to {most:.3g} {unit}, its limits are {low:.3g} to {high:.3g} {unit}"
         beyond.append((excess / span, joint, where, unit))
-        certain |= excess > (FAR if unit == "rad" else FAR_SLIDE * span)
+        certain |= excess > (A_TURN if unit == "rad" else TEN_RANGES * span)
         meant &= low <= least * SMALLER[unit][1] and most * SMALLER[unit][1] <= high
     if not beyond:
         return
