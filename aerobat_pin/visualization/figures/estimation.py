@@ -50,7 +50,7 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
     named = any(estimate.head.frames for estimate in result.stored.values())
     what = (
-        f"Unknown force at each {kind}, world axes" if named else "Residual of each joint: what pushes, or is not known"
+        f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
     )
     style.title_of(figure, f"{what}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
