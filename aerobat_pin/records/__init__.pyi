@@ -7,13 +7,13 @@ from .channels import EXTRA as EXTRA
 from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
-from .channels import joint_requests as joint_requests
-from .channels import requests_of as requests_of
-from .channels import torque_per_unit as torque_per_unit
 from .columns import Columns as Columns
 from .columns import in_step as in_step
 from .encoders import encoder_words as encoder_words
 from .file_source import open_record as open_record
+from .joint_channels import joint_requests as joint_requests
+from .joint_channels import requests_of as requests_of
+from .joint_channels import torque_per_unit as torque_per_unit
 from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition
 from .learnable import Extras as Extras

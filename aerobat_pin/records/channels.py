@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
-from aerobat_pin.records.encoders import effort_matrix, encoder_matrix, encoder_offset
-from aerobat_pin.records.joint_names import listed_joints, renamed_joints
-from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
+from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
 from aerobat_pin.records.resample import holes
-from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series
 
 EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
@@ -31,9 +28,6 @@ SI_FACTORS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
     "none": {},
 }
-JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
-CURRENTS = ("A", "mA", "1")  # units that are no torque
-MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
 COLUMN_PARTS = {
     "base.position": ("position", VECTOR),
@@ -80,11 +74,6 @@ class Request:
         return values if self.mix is None else values @ self.mix.T + self.shift
 
 
-def requests_of(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> list[Request]:
-    """Return all that a map asks of the log; see the three functions that yield it."""
-    return [*base_requests(chosen), *joint_requests(chosen, robot, joints), *further_requests(chosen)]
-
-
 def base_requests(chosen: Map) -> Iterator[Request]:
     """Yield what a map asks of the log about a free base. Raises LogError for a number of columns or a unit."""
     base = chosen.base
@@ -96,49 +85,6 @@ def base_requests(chosen: Map) -> Iterator[Request]:
         yield from _asked("base.velocity", base.velocity, "speed", 3, base.topic)
     if base.rate is None or base.rate.from_ is None:
         yield from _asked("base.rate", base.rate, "rate", 3, base.topic)
-
-
-def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:
-    """Yield what a map asks of the log about joints, those that have channels, in the order of the columns.
-
-    Raises LogError for a number of columns or a unit that do not fit the key, and MapError for a current without a
-    torque per ampere of every joint, or encoders that do not tell the joints apart.
-    """
-    table = chosen.joints
-    joints = joints or listed_joints(table.names)  # where the robot finds the joints, they can have efforts alone
-    heard = {joint: name for name, joint in renamed_joints(table.names).items()}
-    sensed = tuple(name for name in joints if name not in table.passive)
-    driven = tuple(name for name in sensed if name not in chosen.robot.rows.ignore)
-    geared = bool(table.factor or table.offset or table.coupling)
-    coupled = {*table.coupling, *(name for row in table.coupling.values() for name in row), *table.factor}
-    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
-        key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
-        if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
-            continue
-        own, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
-        if section is not None and section.columns:
-            names, optional = section.columns, False
-            _check_count(key, names, counts)
-        elif topic is not None and own:
-            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in own), part != "position"
-        else:
-            continue
-        unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-        own = own if len(names) == len(own) else driven
-        factor = np.full(len(names), factor_of(key, unit, kind))
-        if part == "effort":
-            if table.effort is not None:
-                _check_torques(table.effort, own)
-            factor[:] = [torque_per_unit(table.effort, joint) for joint in own]
-        elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
-            factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in own]] = 1.0
-        units = () if any(map(robot.slides, own)) else _units(unit, kind, len(names))
-        request = Request(key, names, factor, delay, optional, own, units)
-        if geared:
-            mix = effort_matrix(table, joints, own) if part == "effort" else encoder_matrix(table, joints)
-            shift = encoder_offset(table, joints) if part == "position" else 0.0
-            request = replace(request, mix=mix, shift=shift)
-        yield request
 
 
 def further_requests(chosen: Map) -> Iterator[Request]:
@@ -153,7 +99,7 @@ def further_requests(chosen: Map) -> Iterator[Request]:
         if not names or (section.unit is not None and section.kind is None):
             raise LogError(f"map: {key}: columns in the robot's own unit were expected, or a key kind beside unit")
         factor = factor_of(key, section.unit, section.kind or "none")
-        units = () if section.kind is None else _units(section.unit, section.kind, len(names))
+        units = () if section.kind is None else units_of(section.unit, section.kind, len(names))
         yield Request(key, names, factor, section.delay, units=units, wraps=section.wraps)
 
 
@@ -164,35 +110,6 @@ def named_columns(chosen: Map) -> set[str]:
     names = {name for section in sections if section is not None for name in section.columns}
     names |= {topic for topic in (table.topic, chosen.base.topic) if topic is not None}
     return names | ({when.column} if when is not None and when.column is not None else set())
-
-
-def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:
-    """Raise MapError for a torque of no joint, for a current without one, and for one that counts for another unit."""
-    key, unit, given = "map: joints.effort.torque_per_unit", section.unit, section.torque_per_unit
-    wrong = [name for name in given if name not in (*joints, "*")]
-    if wrong:
-        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
-    missing = [name for name in joints if name not in given and "*" not in given]
-    if unit in CURRENTS and missing:
-        raise MapError(
-            f"map: joints.effort.unit = '{unit}': torque_per_unit = {{{missing[0]} = ...}} was expected, in N m for "
-            f'each {"unit" if unit == "1" else unit}, for {", ".join(missing)}; "*" stands for all'
-        )
-    factor = factor_of("joints.effort", unit, "torque")
-    for name, torque in given.items():
-        if factor != 1.0 and abs(torque) >= MOST_PER_MILLI:
-            raise MapError(
-                f"{key}: {name} = {torque:g} N m for each {unit}, the unit that the map states, is more than any drive "
-                f"gives: {factor * torque:g} was expected, if it is {torque:g} N m for each {(unit or '')[1:]}"
-            )
-
-
-def torque_per_unit(section: EffortSection | None, joint: str) -> float:
-    """Return the torque [N m, N] for each unit of a joint's column: what the map says, else what the unit is."""
-    if section is None:
-        return 1.0
-    given = section.torque_per_unit
-    return float(given.get(joint, given.get("*", factor_of("joints.effort", section.unit, "torque"))))
 
 
 def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:
@@ -285,7 +202,7 @@ def factor_of(key: str, unit: str | None, kind: str) -> float:
     return known[unit]
 
 
-def _units(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
+def units_of(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
     """Return the units of columns that a header may state; six columns of a force have moments behind it."""
     unit = unit or next(iter(SI_FACTORS[kind]), "-")
     return (unit,) * 3 + (f"{unit} m",) * 3 if kind == "force" and count == 6 else (unit,) * count
@@ -305,17 +222,18 @@ def _asked(
         names = tuple(f"{topic}.{part}.{axis}" for axis in axes)
     else:
         return
-    _check_count(key, names, (count,) if isinstance(count, int) else count)
+    check_count(key, names, (count,) if isinstance(count, int) else count)
     unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-    units = _units(unit, kind, len(names))
+    units = units_of(unit, kind, len(names))
     yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional, units=units)
 
 
-def _check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
+def check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
     """Raise LogError unless there are as many columns as a key takes."""
     if len(names) not in allowed:
         expected = " or ".join(map(str, dict.fromkeys(allowed)))
-        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected")
+        hint = "; joints.passive names those without a motor" if key == "joints.effort" else ""
+        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected{hint}")
 
 
 def _known(key: str, known: KnownSection) -> Iterator[Request]:
@@ -327,7 +245,7 @@ def _known(key: str, known: KnownSection) -> Iterator[Request]:
     if not known.powers and len(names) not in (3, 6):
         raise LogError(f"map: {key} has {len(names)} columns: 3 of force, or 6 with the moment, were expected")
     factor = 1.0 if known.powers else factor_of(key, known.unit, "force")
-    units = () if known.powers else _units(known.unit, "force", len(names))
+    units = () if known.powers else units_of(known.unit, "force", len(names))
     yield Request(key, names, factor, -known.delay if known.powers else known.delay, units=units)
     supply = known.supply
     if supply is not None:

@@ -12,14 +12,9 @@ import numpy as np
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records.channel import LogChannel
-from aerobat_pin.records.channels import (
-    base_requests,
-    channel_of,
-    further_requests,
-    named_columns,
-    requests_of,
-)
+from aerobat_pin.records.channels import base_requests, channel_of, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.joint_channels import requests_of
 from aerobat_pin.records.joint_names import as_names, listed_joints, nearest_joints, renamed_joints
 from aerobat_pin.records.map_file import load_map
 from aerobat_pin.records.map_tables import Map

@@ -115,6 +115,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "held and passive": ({"held": {"lift": 0.0}, "passive": ["lift"]}, r"lift is in held.* and in passive"),
     "a passive stranger": ({"passive": ["rail"]}, r"no joint 'rail' in the robot; there are turn, lift, bend"),
+    "too few efforts": ({"effort": {"columns": ["turn_i"]}}, r"3 were expected; joints\.passive names those without"),
     "a passive joint's effort": ({"passive": ["lift"]}, r"joints\.effort has 3 columns .*: 2 were expected"),
 }
 

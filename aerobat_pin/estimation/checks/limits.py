@@ -41,9 +41,9 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
         return
     worst, first, where, unit = max(beyond)
     others = ", ".join(joint for _, joint, _, _ in beyond if joint != first)
-    cause = f'unit = "{SMALLER[unit][0]}" for joints.position would leave all within them'
-    if not meant:
-        cause = "another unit, zero or gear (joints.offset, joints.factor), order or robot? Or does it turn on and on"
-        cause += ' (type="continuous")?'
+    cause = f'unit = "{SMALLER[unit][0]}" for joints.position would leave all within them, or ' if meant else ""
+    cause += (
+        'another zero or gear (joints.offset, joints.factor), order or robot, or it turns on and on (type="continuous")'
+    )
     text = f"{where}{'; beyond theirs, too: ' if others else ''}{others}; {cause}"
     yield Finding("joint limits", "refused" if certain else "warning", text, worst, "ranges")
