@@ -71,14 +71,14 @@ class Compared:
                 self.shown[rows],
             )
 
-    def sample(self, most: int) -> tuple[Array, Array]:
-        """Return estimate and reference without noise (n, k) of the first `most` intervals that are scored."""
+    def sample(self, k: int, most: int) -> tuple[Array, Array]:
+        """Return component `k` and its reference without noise (n,), the first `most` that are seen and scored."""
         found: list[Array] = []
         truth: list[Array] = []
-        for start, one, _, other, _ in self.pieces():
-            counts = self.reference.scored(start)
-            found.append(one[counts])
-            truth.append(other[counts])
+        for start, one, _, other, shown in self.pieces():
+            counts = self.reference.scored(start) & (shown[:, k] > 0.0)
+            found.append(one[counts, k])
+            truth.append(other[counts, k])
             if sum(map(len, found)) >= most:
                 break
         return np.concatenate(found)[:most], np.concatenate(truth)[:most]
@@ -97,13 +97,12 @@ class Compared:
                 outside[k].add(found[inside & ~used, k], truth[inside & ~used, k])
             fitted = fitted or bool(used.any())
         sensed = reference.kind == "sensor"
-        sample, true_sample = self.sample(MOST_LAGGED)
         return {
             label: Score(
                 r2=whole[k].r2,
                 r2_noise_free=None if reference.noise_free is None else noise_free[k].r2,
                 rmse=whole[k].rmse if whole[k].count else None,
-                lag_s=lag(sample[:, k], true_sample[:, k], self.dt),
+                lag_s=lag(*self.sample(k, MOST_LAGGED), self.dt),
                 r2_outside_fit=outside[k].r2 if fitted and outside[k].count > 2 else None,
                 rmse_outside_fit=outside[k].rmse if fitted and outside[k].count > 2 else None,
                 factor=whole[k].factor if sensed else None,
@@ -115,7 +114,8 @@ class Compared:
     @property
     def liveliest(self) -> int:
         """Index of the component of which the reference varies most."""
-        return int(np.argmax(self.sample(MOST_LAGGED)[1].std(axis=0)))
+        samples = (self.sample(k, MOST_LAGGED)[1] for k in range(len(self.reference.labels)))
+        return int(np.argmax([sample.std() if len(sample) else 0.0 for sample in samples]))
 
 
 def zero_phase(values: Array, frequency: float | None, dt: float) -> Array:

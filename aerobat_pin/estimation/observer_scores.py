@@ -14,7 +14,7 @@ from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
 from aerobat_pin.estimation.use import CalibrationUse, FoundEvent
-from aerobat_pin.observers import Redundancy
+from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,15 @@ class ObserverScores:
             events=found_events(estimate, use),
             notes=list(head.notes),
         )
+
+    @property
+    def judgement(self) -> tuple[str, bool]:
+        """What no force explains says about the belief, in words, and whether the belief is wrong."""
+        if self.k is None:
+            return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
+        words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
+        doubtful = self.k > DOUBTFUL
+        return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""

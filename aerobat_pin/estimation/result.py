@@ -116,10 +116,10 @@ class Result:
 
     @property
     def verdicts(self) -> dict[str, list[str]]:
-        """What the redundancy says about the belief: line of text -> observers that say it."""
+        """What no force explains says about the belief: line of text -> observers that say it."""
         lines: dict[str, list[str]] = {}
         for name, found in self.observers.items():
-            lines.setdefault(found.redundancy.describe(), []).append(name)
+            lines.setdefault(found.judgement[0], []).append(name)
         return lines
 
     @property
@@ -131,7 +131,7 @@ class Result:
         lines += [
             f"{', '.join(names)}: {words}"
             for words, names in self.verdicts.items()
-            if self.observers[names[0]].redundancy.verdict == "inconsistent"
+            if self.observers[names[0]].judgement[1]
         ]
         for name, found in self.observers.items():
             lines += [f"{name}: {line}" for line in found.warnings]

@@ -118,7 +118,7 @@ def lag(estimate: Array, truth: Array, dt: float) -> float | None:
     A parabola interpolates between samples. The result is None if `truth` hardly varies, or if the best delay lies at
     an end of the searched range, 0 to 50 ms (less for a short flight).
     """
-    if np.std(truth) < NO_SIGNAL:
+    if not len(truth) or np.std(truth) < NO_SIGNAL:
         return None
     longest = min(max(2, round(LONGEST_LAG / dt)), len(truth) // 4)
     # Row i of `windows` is the truth at delay longest - i samples, cut to the samples in which every delay has data.

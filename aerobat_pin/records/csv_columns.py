@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 import re
 from collections.abc import Collection, Iterable
@@ -20,7 +19,6 @@ from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool
 from aerobat_pin.records.table_cells import (
     CUT,
-    Beginning,
     check_rows,
     cut_row,
     decimal_sign,
@@ -91,31 +89,34 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     table, strict = GrowingTable(Spool()), wanted is not None
     signs: dict[str, str] = {}
     last = -np.inf
-    end = cut_row(path, separator, len(names), strict=log.times == "own")
+    end, rows = cut_row(path, separator, len(names), strict=log.times == "own") or (None, None)
     check_rows(path, separator, len(names), end)
     try:
-        chunks = pd.read_csv(
-            io.BufferedReader(Beginning(path, end)),
+        with pd.read_csv(
+            path,
             sep=separator,
             usecols=used,
+            nrows=rows,
             chunksize=ROWS_AT_ONCE,
             encoding="utf-8-sig",
             skipinitialspace=True,
             keep_default_na=log.times == "even",
             na_values=[""],  # at own times a written NaN is no empty cell
-        )
-        for chunk in chunks:
-            values: dict[str, Array] = {}
-            for i, label in zip(used, chunk.columns, strict=True):
-                values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
-                if strict and (separator != "," or chunk[label].dtype.kind not in "fiub"):
-                    signs[names[i]] = _one_sign(path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2)
-            if len(chunk):
-                stamps = _stamps(path, log, column, values, len(table), len(chunk))
-                if log.times == "own":
-                    _check_rising(path, stamps, last, len(table))
-                    last = float(stamps[-1])
-                table.add(stamps, values)
+        ) as chunks:
+            for chunk in chunks:
+                values: dict[str, Array] = {}
+                for i, label in zip(used, chunk.columns, strict=True):
+                    values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
+                    if strict and (separator != "," or chunk[label].dtype.kind not in "fiub"):
+                        signs[names[i]] = _one_sign(
+                            path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2
+                        )
+                if len(chunk):
+                    stamps = _stamps(path, log, column, values, len(table), len(chunk))
+                    if log.times == "own":
+                        _check_rising(path, stamps, last, len(table))
+                        last = float(stamps[-1])
+                    table.add(stamps, values)
     except (ValueError, OSError) as error:
         if isinstance(error, LogError):
             raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import json
 import os
@@ -16,41 +15,11 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
 BYTES_AT_ONCE = 1_000_000  # also the longest row
-
-
 CUT = "the last row is cut short, as by a logger that was killed: it is left out"
 
 
-class Beginning(io.RawIOBase):
-    """The first bytes of a file.
-
-    Args:
-        path: the file.
-        size: how many; None for all.
-    """
-
-    def __init__(self, path: Path, size: int | None) -> None:
-        self._file = path.open("rb")
-        self._left = os.path.getsize(path) if size is None else size
-
-    def readable(self) -> bool:
-        """Return that it can be read."""
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        """Read into a buffer; return the number of bytes."""
-        count = self._file.readinto(memoryview(buffer)[: self._left])
-        self._left -= count
-        return count
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-        super().close()
-
-
-def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> int | None:
-    """Return where the last row of a table begins if it is cut short; None if it is whole.
+def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> tuple[int, int] | None:
+    """Return where the last row of a table begins [bytes], and how many are above it, if it is cut; else None.
 
     A row without an end of line is cut: its last number may lack digits.
 
@@ -64,11 +33,14 @@ def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> int | 
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - BYTES_AT_ONCE))
         tail = file.read()
-    text = tail.rstrip(b"\r\n ")
-    begin = text.rfind(b"\n") + 1
-    row = text[begin:]
-    short = not strict and separator != " " and b'"' not in row and row.count(separator.encode()) + 1 < columns
-    return size - len(tail) + begin if begin and (short or b"\n" not in tail[len(text) :]) else None
+        text = tail.rstrip(b"\r\n ")
+        begin = text.rfind(b"\n") + 1
+        row = text[begin:]
+        short = not strict and separator != " " and b'"' not in row and row.count(separator.encode()) + 1 < columns
+        if not begin or not (short or b"\n" not in tail[len(text) :]):
+            return None
+        file.seek(0)
+        return size - len(tail) + begin, sum(bool(line.strip()) for line in file) - 2
 
 
 def check_rows(path: Path, separator: str, columns: int, end: int | None) -> None:
@@ -86,8 +58,8 @@ def check_rows(path: Path, separator: str, columns: int, end: int | None) -> Non
     if separator == " ":
         return
     row, rest = 1, b""
-    with Beginning(path, end) as file:
-        while block := file.read(BYTES_AT_ONCE):
+    with path.open("rb") as file:
+        while block := file.read(BYTES_AT_ONCE if end is None else min(BYTES_AT_ONCE, end - file.tell())):
             text = rest + block
             cut = text.rfind(b"\n") + 1
             lines, rest = text[:cut], text[cut:]

@@ -13,7 +13,7 @@ from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.estimation import estimate
+from aerobat_pin.estimation import OnlineEstimator, estimate
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.records import Record, open_record, parse_map, suggested_map
 from aerobat_pin.records.columns import GrowingTable
@@ -327,6 +327,14 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
     np.testing.assert_array_equal(
         record.channels["joints.position"].values[:], swing[[f"{joint}_q" for joint in record.joints]][:100]
     )
+    whole = estimate(record, trust=True).estimates["force_level"]
+    online, heard = OnlineEstimator(record.map, tmp_path), []
+    for _, row in swing[:100].iterrows():
+        parts = zip(("position", "velocity", "effort"), "qvi", strict=True)
+        names = dict(zip(("Turn 1", "Lift 2", "bend"), JOINTS, strict=True))
+        sample = {f"{part}.{name}": row[f"{joint}_{end}"] for part, end in parts for name, joint in names.items()}
+        heard += online.push(100.0 + row.t, {f"/joint_states.{name}": value for name, value in sample.items()})
+    np.testing.assert_allclose(list(heard[-1].components.values()), whole.components[-1], atol=0.01)
     with pytest.raises(MapError, match=r"no joint 'trun' in the robot"):
         read(names={"Turn 1": "trun"})
     for wrong in (3, ["a", 1], {"a": 1}):

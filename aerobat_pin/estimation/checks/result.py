@@ -73,8 +73,8 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
 def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
     """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
     k = side.liveliest
-    one, other = side.sample(MOST_SAMPLES)
-    found = compare(one[:, [k]], other[:, [k]], np.arange(len(one)) * record.dt)
+    one, other = side.sample(k, MOST_SAMPLES)
+    found = compare(one[:, None], other[:, None], np.arange(len(one)) * record.dt) if len(one) else None
     if found is None or not found.swings.all():
         return
     factor, correlation = float(found.factor[0]), float(found.correlation[0])

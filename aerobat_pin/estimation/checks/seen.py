@@ -1,4 +1,4 @@
-"""Findings about what the rows show of the forces sought, and about the size of the rows' errors."""
+"""Findings about what the rows show of the forces sought, and whether anything shows the size of their errors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import DOUBTFUL, Applications
+from aerobat_pin.observers import Applications
 from aerobat_pin.records import Record
 
 MOST_NAMED = 3  # stretches of a component that is not seen
@@ -22,9 +22,9 @@ FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have l
 
 
 def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate]) -> Iterator[Finding]:
-    """Yield when the pose does not show a component and why, and whether the rows' errors are as large as stated."""
+    """Yield when the pose does not show a component and why, and whether anything verifies the deviations."""
     told: set[str] = set()
-    for name, estimate in estimates.items():
+    for estimate in estimates.values():
         if estimate.seen is None:
             continue
         for k, size in enumerate(estimate.component_sizes()):
@@ -42,15 +42,15 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             why = _reason(record, estimate, (begin + end) // 2)
             text = f"{size.name}: seen {size.seen:.0%} of the time{sure}; not seen {times}: {why}"
             yield Finding("what the pose shows", "note", text, size.seen, "1")
-        k_mean = estimate.doubt
-        if estimate.head.doubt is not None and k_mean is None and not forces.values.row_noise and "bar" not in told:
+        if (
+            estimate.head.doubt is not None
+            and estimate.doubt is None
+            and not forces.values.row_noise
+            and "bar" not in told
+        ):
             told.add("bar")
             text = "error bar unverified: no row to spare shows how large the errors are, and no calibration says it"
             yield Finding("error bar", "note", text)
-        if k_mean is not None:
-            text = f"{name}: squared errors of the rows are {k_mean:.2g} times as large as stated"
-            words = ": forces elsewhere, a moment, or a wrong model" if k_mean > DOUBTFUL else ""
-            yield Finding("errors of the rows", "warning" if words else "good", text + words, k_mean, "1")
 
 
 def _stretches(estimate: StoredEstimate, k: int) -> list[tuple[int, int]]:

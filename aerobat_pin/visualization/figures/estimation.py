@@ -48,7 +48,11 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     height = 0.45 + sum(heights) * (1.77 if known else 1.67)
     figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
-    style.title_of(figure, f"Unknown force at each {kind}, world axes: interval means")
+    named = any(estimate.head.frames for estimate in result.stored.values())
+    what = (
+        f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
+    )
+    style.title_of(figure, f"{what}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
     enlarged = _enlarged(result, panels, events)
     step, free = 2 if known else 1, None if result.record is None else result.record.map.use.free
@@ -149,7 +153,8 @@ class _Panels:
                     step="mid",
                     label="not seen: the pose does not show it",
                 )
-        axis.set_ylabel(f"$F_{label[1]}$ [N]" if label[0] == "F" else f"$M_{label[1]}$ [N m]")
+        letter = f"${label[0]}_{label[1]}$" if len(label) > 1 else f"${label}$"
+        axis.set_ylabel(f"{letter} [{'N' if label[0] == 'F' else 'N m'}]")
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
