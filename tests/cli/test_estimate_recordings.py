@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from support.commands import call
 from support.walking_log import FEET, bag, table, table_map, urdf, walk
 
-from aerobat_pin.records import parse_map
+from aerobat_pin import records
+from aerobat_pin.records import open_record, parse_map
 
 
 @pytest.fixture
@@ -68,6 +69,23 @@ def test_a_map_gives_every_file(
     assert call(monkeypatch, *words, "--force") == 0
     assert (folder / "again.mcap").is_file()
     assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
+
+
+def test_a_self_check_opens_the_record_once(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its results come first, then those of the estimate."""
+    opened: list[Path] = []
+
+    def counted(log: Path, *rest: Any) -> records.Record:
+        opened.append(log)
+        return open_record(log, *rest)
+
+    monkeypatch.setattr(records, "open_record", counted)
+    assert call(monkeypatch, "estimate", "walk.csv", "--map", "map.toml", "--self-check") == 0
+    said = capsys.readouterr().out
+    assert said.index("self-check: 12 of 12 known forces") < said.index("force_level FL_FOOT Fz")
+    assert opened == [Path("walk.csv")]
 
 
 def check_arrows(time: int, update: Any) -> None:

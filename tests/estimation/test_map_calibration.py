@@ -29,6 +29,7 @@ from support.swinging_arm import (
     arm_map,
     recording,
 )
+from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, CalibrationError, MapError
 from aerobat_pin.estimation import (
@@ -295,6 +296,30 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     assert "rate 8.97 rad/s, learnt from 5.05" in faster.calibration.words
     with pytest.raises(CalibrationError, match="this robot has none"):
         estimate(opened("again", plain), calibration=found[geared])
+
+
+def test_samples_of_the_boot_do_not_move_what_is_fitted(arms: tuple[Path, np.ndarray], tmp_path: Path) -> None:
+    """Four samples a thousand seconds before the rest: three quarters of what is used are fitted, not of the clock."""
+    rows = pd.read_csv(arms[0] / "free.csv")
+    boot = rows[:4].assign(t=rows.t[:4] - 1000.0)
+    (tmp_path / "arm.urdf").write_text(arm())
+    found = []
+    for name, kept in (("clean", rows[4:]), ("boot", pd.concat([boot, rows[4:]]))):
+        kept.to_csv(tmp_path / f"{name}.csv", index=False)
+        record = open_record(tmp_path / f"{name}.csv", parse_map(arm_map(), "of the test"), tmp_path)
+        found.append(calibrate([record]).fitted.friction)
+    np.testing.assert_allclose(found[1].coulomb, found[0].coulomb, rtol=1e-3)  # type: ignore[union-attr]
+
+
+def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
+    """A walk: the ground pushes."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    table(walk()).to_csv(tmp_path / "walk.csv", index=False)
+    chosen = parse_map(table_map(tmp_path / "quadruped.urdf"), "of the test")
+    with pytest.raises(
+        MapError, match=r"the record wants -0\.\d\d times the mass: something pushes on the robot from 0"
+    ):
+        calibrate([open_record(tmp_path / "walk.csv", chosen, tmp_path)], parameters=["mass"])
 
 
 def test_what_cannot_be_learnt_or_used_is_refused(

@@ -47,25 +47,24 @@ def flight() -> Record:
     return flight_record(simulate(scenario), robot)
 
 
-def arm_table(folder: Path, size_of_swing: float = 1.0) -> Record:
-    """Return the record of a table: an arm that swings, and is pushed at its tool; almost at rest nothing pushes."""
+def arm_table(folder: Path, swing: float = 1.0, pushed: bool = True) -> Record:
+    """Return the record of a table: an arm that swings, and is pushed at its tool."""
     model, tool = arm()
     data, time, order = model.createData(), np.arange(1500) / 500.0, np.arange(model.nq)
-    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order), size_of_swing * (0.3 + 0.05 * order)
-    rests = size_of_swing < 1.0
+    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order), swing * (0.3 + 0.05 * order)
     phase = pace * time[:, None] + order
     q, v, a = size * np.sin(phase), size * pace * np.cos(phase), -size * pace**2 * np.sin(phase)
     efforts = np.empty_like(q)
     for k, t in enumerate(time):
         push = np.array([2.0 * np.sin(3.0 * t), 1.0, 3.0 * np.cos(2.0 * t)])
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId(tool), pin.LOCAL_WORLD_ALIGNED)[:3]
-        efforts[k] = pin.rnea(model, data, q[k], v[k], a[k]) - (not rests) * (J.T @ push)
+        efforts[k] = pin.rnea(model, data, q[k], v[k], a[k]) - pushed * (J.T @ push)
     parts = {"position": q, "velocity": v, "effort": efforts}
     columns = {part: [f"{part}{k}" for k in order] for part in parts}
     table = {columns[part][k]: values[:, k] for part, values in parts.items() for k in order}
     pd.DataFrame({"time": time, **table}).to_csv(folder / "arm.csv", index=False)
     joints = {part: {"columns": names} for part, names in columns.items()}
-    use = {"free": [0, 3]} if rests else {}
+    use = {} if pushed else {"free": [0, 3]}
     given = {"robot": {"points": [tool]}, "joints": {"names": list(ARM_JOINTS), **joints}, "use": use}
     robot = PlainRobot(model, False, ARM_JOINTS, "arm")
     return open_record(folder / "arm.csv", parse_map(given, "of the test"), folder, robot)
@@ -83,9 +82,11 @@ def quadruped_bag(folder: Path) -> Record:
 def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
     """Return the good record of each robot."""
     folder = tmp_path_factory.mktemp("planted")
-    (folder / "rest").mkdir()
+    for name in ("rest", "held"):
+        (folder / name).mkdir()
     found = {"aerobat": flight(), "arm": arm_table(folder), "quadruped": quadruped_bag(folder)}
-    return found | {"arm almost at rest": arm_table(folder / "rest", 0.003)}
+    found["arm almost at rest"] = arm_table(folder / "rest", 0.003, pushed=False)
+    return found | {"arm almost at rest, pushed": arm_table(folder / "held", 0.003)}
 
 
 def warned(record: Record) -> list[str]:
@@ -120,7 +121,7 @@ LOUD = ((0.0, 0.0), (0.02, 0.0), (0.1, 0.0), (0.02, 0.1))  # noise and friction 
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.1, 0.5, 2.0])
-@pytest.mark.parametrize("robot", ["arm almost at rest", "arm", "quadruped"])
+@pytest.mark.parametrize("robot", ["arm almost at rest", "arm almost at rest, pushed", "arm", "quadruped"])
 def test_noise_of_the_efforts_is_no_mistake(robot: str, noise: float, records: dict[str, Record]) -> None:
     """Also where joints carry less than their noise, as those of an arm that stands upright, almost at rest."""
     assert warned(planted(records[robot], noisy(noise))) == []

@@ -35,6 +35,7 @@ SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 FITS = 0.25  # of the needed square sum, that limbs in the right places leave at most
 NOISY = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
+TURNED = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
 SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
 MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
@@ -67,7 +68,7 @@ def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -
     limbs, signs = _limb_pairs(record), _best_signs(found)
     joints: list[Pair] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     left, pair = min(((found.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
-    if share > WORTH and left < min(SWAP * share, found.imbalance(signs=signs)):
+    if share > WORTH and left < min(SWAP * share, 1.0, found.imbalance(signs=signs)):
         yield _swap(record, "efforts", pair, left, share)
         return
     factors, least = _least_squares(found)
@@ -105,17 +106,20 @@ def _limb_pairs(record: Record) -> list[Pair]:
 
 
 def _best_signs(found: Balance) -> Array:
-    """Return signs of the efforts (joints,), +1 or -1, of which no other single one leaves less."""
+    """Return signs of the efforts (joints,), +1 or -1, of which no other single one leaves less.
+
+    Efforts that hold each other leave as little with all signs changed: the change must be worth what they give.
+    """
     gram, along = found.given.T @ found.given, found.given.T @ found.needed
-    best = []
+    best, most = np.ones(len(along)), 0.0
     for start in (1.0, -1.0):
-        signs, worse = np.full(len(along), start), np.full(1, -1.0)
-        while worse.min(initial=0.0) < 0.0:
-            worse = signs * (along - gram @ signs) + np.diag(gram)  # a quarter of what a change of this sign adds
-            if worse.min(initial=0.0) < 0.0:
-                signs[np.argmin(worse)] *= -1.0
-        best.append((float(signs @ gram @ signs - 2.0 * along @ signs), signs))
-    return min(best, key=lambda pair: pair[0])[1]
+        signs = np.full(len(along), start)
+        while np.any((worse := signs * (along - gram @ signs) + np.diag(gram)) < 0.0):
+            signs[np.argmin(worse)] *= -1.0
+        gained = 2.0 * along @ (signs - 1.0) - signs @ gram @ signs + np.sum(gram)
+        if gained > max(most, TURNED * np.diag(gram)[signs < 0.0].sum()):
+            best, most = signs, float(gained)
+    return best
 
 
 def _least_squares(found: Balance) -> tuple[Array, Array]:
@@ -139,6 +143,8 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
     if explained < EXPLAINED or found.imbalance() < NOISY * _noise(found):
         return
     if float(left @ left) > UNFIT * found.size and explained < CLEAR:
+        if found.imbalance() * found.size < UNFIT * float(np.sum(found.given**2)):
+            return  # what is needed is small beside efforts that hold each other
         rest = 100.0 * float(np.sqrt(left @ left / found.size))
         what = (
             f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
@@ -158,6 +164,9 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
     c, given = float(np.mean(factors[off])) if len(off) else 1.0, found.given.sum(axis=1)
     common = float(given @ found.needed) / max(float(given @ given), 1e-300)
     if len(off) and np.all(np.abs(c * ours - 1.0) < ALIKE + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
+        if c < 0.0:
+            yield from _reversed(record, ours, off)
+            return
         what, effort = f"all efforts would have to be {c:.3g} times as large: ", record.map.joints.effort
         if effort is not None and effort.torque_per_unit and effort.unit in MILLI and abs(np.log(1e3 * c)) < ALIKE:
             what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
