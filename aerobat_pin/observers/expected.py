@@ -15,6 +15,7 @@ from aerobat_pin.observers.rows import BelievedRows, Rows
 SHOWN = 0.9  # of what was expected of a component: what is seen better counts as seen
 DOUBTFUL = 3.0  # how many times as large as stated the errors of the rows may be (in squares) before it is said
 LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
+ROUNDS = 3  # each finds the size of the forces given that of the errors, and then the errors
 SIZES_TRIED = 2.0 ** np.arange(0.0, 10.5, 0.5)
 SHARE_OF_WEIGHT = 1.0 / 3.0  # of the robot's weight: the size of a force that nothing else is known of
 
@@ -114,13 +115,13 @@ def with_record(
         signal[: len(sizes)] = sizes**2
         instants.append((np.square(U.T @ (L.T @ y)), signal))
     squares, signal = (np.stack(part) for part in zip(*instants, strict=True))  # along the rows' principal directions
-    unsettled = (1.0 + signal) ** -2.0  # see `estimate_posterior`: what is left of the square of a row's error
-    spare = np.sum(unsettled, axis=1)
-    sizes = np.sum(squares * unsettled**2, axis=1)[spare >= LEAST_SPARE] / spare[spare >= LEAST_SPARE]
-    k = max(1.0, float(np.median(sizes))) if len(sizes) else 1.0
-    scores = []
-    for factor in SIZES_TRIED:
-        variance = k + factor**2 * signal
-        scores.append(float(np.sum(np.log(variance) + squares / variance)))
-    factor = float(SIZES_TRIED[int(np.argmin(scores))])
+    factor, k = 1.0, 1.0
+    for _ in range(ROUNDS):
+        variances = [k + tried**2 * signal for tried in SIZES_TRIED]
+        likely = [float(np.sum(np.log(variance) + squares / variance)) for variance in variances]
+        factor = float(SIZES_TRIED[int(np.argmin(likely))])
+        left = (1.0 + factor**2 * signal) ** -2.0  # share of a row's error that no force takes up, see the kernel
+        spare = np.sum(left, axis=1)
+        sizes = (np.sum(squares * left**2, axis=1) / np.maximum(spare, LEAST_SPARE))[spare >= LEAST_SPARE]
+        k = max(1.0, float(np.median(sizes))) if len(sizes) else 1.0
     return replace(expected, force=factor * expected.force, doubt=k)
