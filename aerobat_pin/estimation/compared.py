@@ -30,14 +30,12 @@ class Compared:
         start: (m,) starts of the intervals [s].
         estimate: (m, k) estimated components, in the order of the reference's labels.
         dt: typical length of an interval [s].
-        shown: (m, k) 1 where a component is seen well enough to be scored, else 0.
     """
 
     reference: Reference
     start: Series
     estimate: Series
     dt: float
-    shown: Series
 
     @classmethod
     def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
@@ -46,20 +44,18 @@ class Compared:
         wanted = [f"{reference.frame}.{label}" for label in reference.labels]
         if not set(wanted) <= set(known):
             return None
-        columns = [known.index(label) for label in wanted]
-        found, shown = (Series(estimate.start.spool, len(wanted)) for _ in range(2))
+        columns, found = [known.index(label) for label in wanted], Series(estimate.start.spool, len(wanted))
         margin = 0 if reference.filter is None else int(np.ceil(FORGOTTEN / (reference.filter * dt)))
         for first, last in reference.stretches or ((0, len(estimate)),):
             for begin in range(first, last, EXTENT):
                 end = min(begin + EXTENT, last)
                 low, high = max(first, begin - margin), min(last, end + margin)
-                own, inside = estimate.between(low, high), slice(begin - low, end - low)
-                found.append(zero_phase(own.components[:, columns], reference.filter, dt)[inside])
-                shown.append(own.shown[inside][:, columns].astype(float))
-        return cls(reference, estimate.start, found, dt, shown)
+                own = estimate.between(low, high).components[:, columns]
+                found.append(zero_phase(own, reference.filter, dt)[begin - low : end - low])
+        return cls(reference, estimate.start, found, dt)
 
     def pieces(self) -> Iterator[tuple[Array, ...]]:
-        """Yield starts (n,), estimate, reference, the reference without noise, and what is shown (n, k), in pieces."""
+        """Yield starts (n,), estimate, reference and the reference without noise (n, k), piece by piece."""
         values, clean = self.reference.values, self.reference.noise_free
         for first in range(0, len(self.start), EXTENT):
             rows = slice(first, first + EXTENT)
@@ -68,45 +64,43 @@ class Compared:
                 self.estimate[rows],
                 values[rows],
                 values[rows] if clean is None else clean[rows],
-                self.shown[rows],
             )
 
-    def sample(self, k: int, most: int) -> tuple[Array, Array]:
-        """Return component `k` and its reference without noise (n,), the first `most` that are seen and scored."""
+    def sample(self, most: int) -> tuple[Array, Array]:
+        """Return estimate and reference without noise (n, k) of the first `most` intervals that are scored."""
         found: list[Array] = []
         truth: list[Array] = []
-        for start, one, _, other, shown in self.pieces():
-            counts = self.reference.scored(start) & (shown[:, k] > 0.0)
-            found.append(one[counts, k])
-            truth.append(other[counts, k])
+        for start, one, _, other in self.pieces():
+            counts = self.reference.scored(start)
+            found.append(one[counts])
+            truth.append(other[counts])
             if sum(map(len, found)) >= most:
                 break
         return np.concatenate(found)[:most], np.concatenate(truth)[:most]
 
     def scores(self) -> dict[str, Score]:
-        """Return component -> scores where it is seen; the lag is that of the first `MOST_LAGGED` intervals."""
+        """Return component -> scores; the lag is that of the first `MOST_LAGGED` intervals."""
         reference, width = self.reference, len(self.reference.labels)
-        whole, noise_free, outside = ([Moments() for _ in range(width)] for _ in range(3))
+        whole, noise_free, outside = (Moments(width) for _ in range(3))
         fitted = False
-        for start, found, truth, clean, shown in self.pieces():
+        for start, found, truth, clean in self.pieces():
             counts, used = reference.scored(start), reference.used(start)
-            for k in range(width):
-                inside = counts & (shown[:, k] > 0.0)
-                whole[k].add(found[inside, k], truth[inside, k])
-                noise_free[k].add(found[inside, k], clean[inside, k])
-                outside[k].add(found[inside & ~used, k], truth[inside & ~used, k])
+            whole.add(found[counts], truth[counts])
+            noise_free.add(found[counts], clean[counts])
+            outside.add(found[counts & ~used], truth[counts & ~used])
             fitted = fitted or bool(used.any())
-        sensed = reference.kind == "sensor"
+        apart, sensed = fitted and outside.count > 2, reference.kind == "sensor"
+        sample, true_sample = self.sample(MOST_LAGGED)
         return {
             label: Score(
-                r2=whole[k].r2,
-                r2_noise_free=None if reference.noise_free is None else noise_free[k].r2,
-                rmse=whole[k].rmse if whole[k].count else None,
-                lag_s=lag(*self.sample(k, MOST_LAGGED), self.dt),
-                r2_outside_fit=outside[k].r2 if fitted and outside[k].count > 2 else None,
-                rmse_outside_fit=outside[k].rmse if fitted and outside[k].count > 2 else None,
-                factor=whole[k].factor if sensed else None,
-                offset=whole[k].offset if sensed else None,
+                r2=whole.r2[k],
+                r2_noise_free=None if reference.noise_free is None else noise_free.r2[k],
+                rmse=whole.rmse[k],
+                lag_s=lag(sample[:, k], true_sample[:, k], self.dt),
+                r2_outside_fit=outside.r2[k] if apart else None,
+                rmse_outside_fit=outside.rmse[k] if apart else None,
+                factor=whole.factor[k] if sensed else None,
+                offset=whole.offset[k] if sensed else None,
             )
             for k, label in enumerate(reference.labels)
         }
@@ -114,8 +108,7 @@ class Compared:
     @property
     def liveliest(self) -> int:
         """Index of the component of which the reference varies most."""
-        samples = (self.sample(k, MOST_LAGGED)[1] for k in range(len(self.reference.labels)))
-        return int(np.argmax([sample.std() if len(sample) else 0.0 for sample in samples]))
+        return int(np.argmax(self.sample(MOST_LAGGED)[1].std(axis=0)))
 
 
 def zero_phase(values: Array, frequency: float | None, dt: float) -> Array:

@@ -270,7 +270,7 @@ def _score_cells(score: Score, unit: str) -> dict[str, str]:
     cells = {"R2": r2(score.r2)}
     if score.factor is None and score.offset is None:
         cells["R2 noise-free"] = r2(score.r2_noise_free)
-    cells["error rms"] = "not seen" if score.rmse is None else size(score.rmse)
+    cells["error rms"] = size(score.rmse)
     if score.rmse_outside_fit is not None:
         cells |= {"R2 unfitted": r2(score.r2_outside_fit), "unfitted rms": size(score.rmse_outside_fit)}
     if score.offset is not None:

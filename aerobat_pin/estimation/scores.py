@@ -29,9 +29,7 @@ class Score:
 
     r2: float | None = field(metadata=_quantity("1", "R2 against the true force with its noise"))
     r2_noise_free: float | None = field(metadata=_quantity("1", "R2 against the noise-free part of the true force"))
-    rmse: float | None = field(
-        metadata=_quantity("N", "root mean square error against the true force with its noise; None where never seen")
-    )
+    rmse: float = field(metadata=_quantity("N", "root mean square error against the true force with its noise"))
     lag_s: float | None = field(metadata=_quantity("s", "delay of the noise-free truth that fits the estimate best"))
     r2_outside_fit: float | None = field(
         default=None, metadata=_quantity("1", "R2 on what no fit to the reference used; None without such a fit")
@@ -49,53 +47,57 @@ class Score:
 
 
 class Moments:
-    """Means and squares about the means of two series, merged piece by piece.
+    """Means and squares about the means of pairs of series (n, k), merged piece by piece.
 
     Source: Chan, Golub and LeVeque, Algorithms for computing the sample variance (1983), eq. 2.1. Of a single piece
     they are numpy's own.
+
+    Args:
+        width: number of components k.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, width: int) -> None:
         self.count = 0
-        self._mean = np.zeros(2)
-        self._found = self._truth = self._along = self._error = 0.0
+        self._mean = np.zeros((2, width))
+        self._found, self._truth, self._along, self._error = np.zeros((4, width))
 
     def add(self, found: Array, truth: Array) -> None:
-        """Add pieces (n,) of both series."""
+        """Add rows (n, k) of both series."""
         if not len(found):
             return
-        rows = np.array([found, truth])
-        mean = rows.mean(axis=1)
-        one, other = rows - mean[:, None]
+        rows = np.array([found.T, truth.T])
+        mean = rows.mean(axis=2)
+        one, other = rows - mean[..., None]
         step, whole = mean - self._mean, self.count + len(found)
         share = self.count * len(found) / whole
-        self._found += float(np.sum(one**2) + share * step[0] ** 2)
-        self._truth += float(np.sum(other**2) + share * step[1] ** 2)
-        self._along += float(np.sum(one * other) + share * step[0] * step[1])
-        self._error += float(np.sum((rows[0] - rows[1]) ** 2))
+        self._found += np.sum(one**2, axis=1) + share * step[0] ** 2
+        self._truth += np.sum(other**2, axis=1) + share * step[1] ** 2
+        self._along += np.sum(one * other, axis=1) + share * step[0] * step[1]
+        self._error += np.sum((rows[0] - rows[1]) ** 2, axis=1)
         self._mean += len(found) / whole * step
         self.count = whole
 
     @property
-    def r2(self) -> float | None:
-        """R2; None where the truth hardly varies."""
+    def r2(self) -> list[float | None]:
+        """R2 of each component; None where the truth hardly varies."""
         dull = np.sqrt(self._truth / max(self.count, 1)) < NO_SIGNAL
-        return None if dull else 1.0 - self._error / self._truth
+        pairs = zip(dull, self._error, self._truth, strict=True)
+        return [None if still else float(1.0 - error / power) for still, error, power in pairs]
 
     @property
-    def rmse(self) -> float:
+    def rmse(self) -> list[float]:
         """Root mean square of the difference."""
-        return float(np.sqrt(self._error / max(self.count, 1)))
+        return [float(size) for size in np.sqrt(self._error / max(self.count, 1))]
 
     @property
-    def offset(self) -> float:
+    def offset(self) -> list[float]:
         """Mean of the estimate minus that of the truth."""
-        return float(self._mean[0] - self._mean[1])
+        return [float(size) for size in self._mean[0] - self._mean[1]]
 
     @property
-    def factor(self) -> float | None:
+    def factor(self) -> list[float | None]:
         """Truth per estimate, least squares about the means."""
-        return self._along / self._found if self._found > 0.0 else None
+        return [float(a / p) if p > 0.0 else None for a, p in zip(self._along, self._found, strict=True)]
 
 
 @guarded()
@@ -118,7 +120,7 @@ def lag(estimate: Array, truth: Array, dt: float) -> float | None:
     A parabola interpolates between samples. The result is None if `truth` hardly varies, or if the best delay lies at
     an end of the searched range, 0 to 50 ms (less for a short flight).
     """
-    if not len(truth) or np.std(truth) < NO_SIGNAL:
+    if np.std(truth) < NO_SIGNAL:
         return None
     longest = min(max(2, round(LONGEST_LAG / dt)), len(truth) // 4)
     # Row i of `windows` is the truth at delay longest - i samples, cut to the samples in which every delay has data.

@@ -49,19 +49,19 @@ def test_a_sensor_that_shows_the_truth_gives_the_scores_of_the_truth(paper: Expe
 def test_moments_of_pieces_are_those_of_the_whole() -> None:
     """Far from zero, where sums of squares would lose what the scores are made of."""
     rng = np.random.default_rng(0)
-    truth = 1e4 + rng.normal(0.0, 1.0, 5000)
+    truth = 1e4 + rng.normal(0.0, 1.0, (5000, 2))
     found = truth + rng.normal(0.0, 0.1, truth.shape)
-    whole, pieces = Moments(), Moments()
+    whole, pieces = Moments(2), Moments(2)
     whole.add(found, truth)
     for first in range(0, 5000, 777):
         pieces.add(found[first : first + 777], truth[first : first + 777])
-    expected = 1.0 - np.sum((found - truth) ** 2) / np.sum((truth - truth.mean()) ** 2)
-    slope = np.polyfit(found - 1e4, truth, 1)[0]
+    expected = 1.0 - np.sum((found - truth) ** 2, axis=0) / np.sum((truth - truth.mean(axis=0)) ** 2, axis=0)
+    slope = [np.polyfit(found[:, k] - 1e4, truth[:, k], 1)[0] for k in range(2)]
     for one in (whole, pieces):
         assert one.r2 == pytest.approx(expected, abs=1e-14)
-        assert one.rmse == pytest.approx(np.sqrt(np.mean((found - truth) ** 2)), rel=1e-13)
+        assert one.rmse == pytest.approx(np.sqrt(np.mean((found - truth) ** 2, axis=0)), rel=1e-13)
         assert one.factor == pytest.approx(slope, rel=1e-9)
-        assert one.offset == pytest.approx(np.mean(found - truth), abs=1e-11)
+        assert one.offset == pytest.approx(np.mean(found - truth, axis=0), abs=1e-11)
 
 
 def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path: Path) -> None:

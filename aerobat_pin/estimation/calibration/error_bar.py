@@ -40,9 +40,10 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it
         side = Compared.of(estimate, sensor, record.dt)
-        scores = {} if side is None else side.scores()
-        sizes = {label: score.rmse_outside_fit or score.rmse for label, score in scores.items()}
-        return {f"{sensor.frame}.{label}": np.nan if size is None else size for label, size in sizes.items()}
+        return {
+            f"{sensor.frame}.{label}": score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit
+            for label, score in (side.scores() if side is not None else {}).items()
+        }
     rms = rms_in(record, estimate, held_out_stretch(record))
     return {} if rms is None else dict(zip(estimate.head.identifiability.components, rms.tolist(), strict=True))
 

@@ -24,6 +24,7 @@ LATE_COMMAND = 5.0e-3  # [s]
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
+SEEN = 0.95  # share of the time from which a component counts as always seen
 MANY = 20_000  # intervals of which the power is taken
 
 
@@ -36,7 +37,7 @@ def result_findings(result: Result) -> Iterator[Finding]:
     yield from _check_commands(record, forces)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
-        yield from _sensor_findings(record, side)
+        yield from _sensor_findings(record, side, estimate)
     sums, count = np.zeros(len(estimate.head.units)), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
@@ -70,11 +71,14 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
             yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
 
 
-def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
-    """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
+def _sensor_findings(record: Record, side: Compared, estimate: StoredEstimate) -> Iterator[Finding]:
+    """Yield sign and factor of the sensor against the estimate, on its liveliest component, if that is always seen."""
     k = side.liveliest
-    one, other = side.sample(k, MOST_SAMPLES)
-    found = compare(one[:, None], other[:, None], np.arange(len(one)) * record.dt) if len(one) else None
+    name = f"{side.reference.frame}.{side.reference.labels[k]}"
+    if estimate.seen is not None and estimate.seen[estimate.head.identifiability.components.index(name)] < SEEN:
+        return
+    one, other = side.sample(MOST_SAMPLES)
+    found = compare(one[:, [k]], other[:, [k]], np.arange(len(one)) * record.dt)
     if found is None or not found.swings.all():
         return
     factor, correlation = float(found.factor[0]), float(found.correlation[0])
@@ -83,7 +87,6 @@ def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
         good, why = False, ": check.wrench.sign"
     elif abs(correlation) < CONFUSED:
         good, why = False, ": other axes, another point"
-    name = f"{side.reference.frame}.{side.reference.labels[k]}"
     text = f"the sensor's {name} is {factor:.3g} times the estimate, correlation {correlation:.2f}{why}"
     yield Finding("sensor against estimate", "good" if good else "warning", text, factor, "1")
 

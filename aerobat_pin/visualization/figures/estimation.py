@@ -49,9 +49,7 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
     named = any(estimate.head.frames for estimate in result.stored.values())
-    what = (
-        f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
-    )
+    what = f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
     style.title_of(figure, f"{what}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
     enlarged = _enlarged(result, panels, events)
@@ -194,8 +192,7 @@ def _band(part: Estimate, _: int, k: int) -> Array:
 def _error(part: Estimate, at: int, side: Compared, k: int) -> Array:
     rows = slice(at, at + len(part.components))
     difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
-    scored = side.reference.scored(part.time[:-1]) & (side.shown[rows][:, k] > 0.0)
-    return np.where(scored, difference, np.nan)[:, None]
+    return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
 
 
 @dataclass(frozen=True)
