@@ -28,7 +28,7 @@ from aerobat_pin.records import Block, PlainRobot, Record
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
 LEAST_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
 LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
-WEIGHED = 10  # of them, one in so many is weighed
+WEIGHED = 20  # of them, one in so many is weighed
 SETTLED = 5.0  # time constants of the observer
 
 

@@ -16,7 +16,8 @@ SHOWN = 0.9  # of what was expected of a component: what is seen better counts a
 DOUBTFUL = 3.0  # how many times as large as stated the errors of the rows may be (in squares) before it is said
 LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
 ROUNDS = 3  # each finds the size of the forces given that of the errors, and then the errors
-SIZES_TRIED = 2.0 ** np.arange(0.0, 10.5, 0.5)
+SIZES_TRIED = 2.0 ** np.arange(11)
+CHANGES_TRIED = 2.0 ** np.arange(-2.0, 2.5, 0.5)
 SHARE_OF_WEIGHT = 1.0 / 3.0  # of the robot's weight: the size of a force that nothing else is known of
 
 
@@ -91,11 +92,11 @@ def robot_length(model: pin.Model) -> float:
 def with_record(
     expected: Expected, rows: Rows, model: pin.Model, v: Array, residual: Array, jacobians: Array
 ) -> Expected:
-    """Return what is expected once a record is known: with its k, and forces of the size that make it most likely.
+    """Return what is expected once a record is known: with its k, and forces of the sizes that make it most likely.
 
-    k is the median, over instants with rows to spare, of what no force explains. The rows y of each instant are taken
-    as N(0, k R + J^T (factor S)^2 J); factors below 1 are not tried: at rest they would call every force certain, and
-    zero.
+    The rows y of each instant are taken as N(0, k R + J^T (factor S)^2 J), with a factor for all components and then
+    one for each. Factors below 1 are not tried: at rest they would call every force certain, and zero. k is the median,
+    over instants with rows to spare, of what no force explains.
 
     Args:
         expected: what is expected without the record.
@@ -106,22 +107,29 @@ def with_record(
         jacobians: (m, c, nv) of the components.
     """
     believed = BelievedRows(model, rows)
-    instants = []
+    parts = []
     for velocity, y, J in zip(v, residual, jacobians, strict=True):
         L, deviation = believed.map(velocity), expected.row_deviation(velocity)
         L = L / np.maximum(np.linalg.norm(L * deviation[:, None], axis=0), 1e-150)
-        U, sizes, _ = np.linalg.svd((J @ L).T * expected.force)
-        signal = np.zeros(L.shape[1])
-        signal[: len(sizes)] = sizes**2
-        instants.append((np.square(U.T @ (L.T @ y)), signal))
-    squares, signal = (np.stack(part) for part in zip(*instants, strict=True))  # along the rows' principal directions
-    factor, k = 1.0, 1.0
+        parts.append((L.T @ y, (J @ L).T * expected.force))
+    y, B = (np.stack(part) for part in zip(*parts, strict=True))  # whitened rows (m, r), and what forces do to them
+    factors, k = np.ones(B.shape[2]), 1.0
+
+    def covariance(sizes: Array, k: float) -> Array:
+        return np.asarray(k * np.eye(B.shape[1]) + (B * sizes**2) @ np.swapaxes(B, 1, 2))
+
+    def unlikely(sizes: Array) -> float:
+        cov = covariance(np.maximum(sizes, 1.0), k)
+        return float(np.sum(np.linalg.slogdet(cov)[1]) + np.sum(y * np.linalg.solve(cov, y[..., None])[..., 0]))
+
     for _ in range(ROUNDS):
-        variances = [k + tried**2 * signal for tried in SIZES_TRIED]
-        likely = [float(np.sum(np.log(variance) + squares / variance)) for variance in variances]
-        factor = float(SIZES_TRIED[int(np.argmin(likely))])
-        left = (1.0 + factor**2 * signal) ** -2.0  # share of a row's error that no force takes up, see the kernel
-        spare = np.sum(left, axis=1)
-        sizes = (np.sum(squares * left**2, axis=1) / np.maximum(spare, LEAST_SPARE))[spare >= LEAST_SPARE]
-        k = max(1.0, float(np.median(sizes))) if len(sizes) else 1.0
-    return replace(expected, force=factor * expected.force, doubt=k)
+        factors = np.full(len(factors), min(SIZES_TRIED, key=lambda size: unlikely(np.full(len(factors), size))))
+        for axis in np.eye(len(factors)):
+            tried = [np.maximum(factors * np.where(axis > 0.0, change, 1.0), 1.0) for change in CHANGES_TRIED]
+            factors = min(tried, key=unlikely)
+        unsettled = np.linalg.inv(covariance(factors, 1.0))  # the share of a row's error that no force takes up ...
+        unsettled = unsettled @ unsettled  # ... is its square, see `estimate_posterior`
+        spare = np.trace(unsettled, axis1=1, axis2=2)
+        left = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= LEAST_SPARE]
+        k = max(1.0, float(np.median(left / spare[spare >= LEAST_SPARE]))) if len(left) else 1.0
+    return replace(expected, force=factors * expected.force, doubt=k)
