@@ -32,7 +32,11 @@ class FoundEvent:
     alarm: float
     end: float | None
     size: float
-    unit: str = "N"
+
+    @property
+    def unit(self) -> str:
+        """N m of a row's residual that is a moment, such as `elbow.M`; else N."""
+        return "N m" if self.point.rpartition(".")[2][:1] == "M" else "N"
 
     def __str__(self) -> str:
         """Return the event in words."""
