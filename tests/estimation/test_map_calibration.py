@@ -292,9 +292,7 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
     (tmp_path / "quadruped.urdf").write_text(urdf())
     table(walk()).to_csv(tmp_path / "walk.csv", index=False)
     chosen = parse_map(table_map(tmp_path / "quadruped.urdf"), "of the test")
-    with pytest.raises(
-        MapError, match=r"the record wants -0\.\d\d times the mass: something pushes on the robot"
-    ):
+    with pytest.raises(MapError, match=r"the record wants -0\.\d\d times the mass: something pushes on the robot"):
         calibrate([open_record(tmp_path / "walk.csv", chosen, tmp_path)], parameters=["mass"])
 
 
