@@ -140,7 +140,7 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     return np.asarray(u[:, rank:])
 
 
-def exchanged(record: Record, inputs: Inputs, pair: Pair) -> Inputs:
+def with_exchanged(record: Record, inputs: Inputs, pair: Pair) -> Inputs:
     """Return inputs in which two limbs have each other's motion and efforts."""
     robot, own, others = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
     at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))

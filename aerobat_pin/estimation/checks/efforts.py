@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.balance import Balance, Inputs, Pair, balance_of, exchanged
+from aerobat_pin.estimation.checks.balance import Balance, Inputs, Pair, balance_of, with_exchanged
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
@@ -73,7 +73,7 @@ def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -
         return
     factors, least = _least_squares(found)
     if share > GOOD:
-        others = ((pair, balance_of(record, exchanged(record, inputs, pair))) for pair in limbs)
+        others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
         left, pair = min(sizes, default=(np.inf, ((), ())))
         if left < min(SWAP * share, found.imbalance(signs=signs), FITS):
