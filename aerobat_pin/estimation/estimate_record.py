@@ -48,15 +48,16 @@ def estimate(
     name = record.title if record.log is None else str(record.log.path)
     if calibration is not None:
         record = calibration.applied(record)
+    findings = list(record_findings(record))
+    if not trust:
+        refuse_if_certain(name, findings)
+    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    record = forces.record  # whose robot carries what was found
     names = [one for one in observers if isinstance(one, str)]
     made, notes = observers_of(record, names) if names or not observers else ([], ())
     made += [one for one in observers if isinstance(one, Observer)]
     if len({one.name for one in made}) < len(made):
         raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
-    findings = list(record_findings(record))
-    if not trust:
-        refuse_if_certain(name, findings)
-    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
     watch = None if calibration is None else CalibrationWatch(calibration)
     times = record.times(*record.parts[0])
     smoothed = record.robot.motion_from(times, record.channels, made, progress)
