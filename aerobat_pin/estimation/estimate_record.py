@@ -49,11 +49,12 @@ def estimate(
     name = record.title if record.log is None else str(record.log.path)
     if calibration is not None:
         record = calibration.applied(record)
-    names = [one for one in observers if isinstance(one, str)]
     findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    record = forces.record  # whose robot carries what was found
+    names = [one for one in observers if isinstance(one, str)]
     if record.robot.limits_forces and not forces.values.row_noise:
         forces = replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces)))
     inputs = inputs_between(record, forces)

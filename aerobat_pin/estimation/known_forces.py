@@ -35,6 +35,7 @@ class Fit:
         inside: rms of what is left on the fitted part.
         outside: rms of what is left on the rest, NaN if there is none.
         log: the recording, if it is another one.
+        untold: what the record does not tell, in words.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Fit:
     inside: float
     outside: float
     log: str = ""
+    untold: str = ""
 
     def __str__(self) -> str:
         values = ", ".join(f"{key} {value:.4g}" for key, value in self.values.items())
@@ -51,7 +53,8 @@ class Fit:
         if np.isfinite(self.outside):
             outside = f"{self.outside:.3g} on the rest ({self.before:.3g} without)"
         where = f" in {self.log}" if self.log else ""
-        return f"{self.name}: {values}; left over {self.inside:.3g} {self.unit} where fitted{where}, {outside}"
+        words = f"; {self.untold}" if self.untold else ""
+        return f"{self.name}: {values}; left over {self.inside:.3g} {self.unit} where fitted{where}, {outside}{words}"
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,9 @@ class FittedValues:
         friction: of these joints; None if it is not known.
         scale: (n,) factor of each of their efforts.
         mass: factor of all masses and inertias.
+        links: (links, 10) changes of the dynamic parameters of the robot's links, in Pinocchio's order; empty if none.
+        gain_covariance: of the factors of efforts, relative, and of all errors of links over what is expected of them;
+            empty if there is none.
         fits: how well each holds.
         row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
             [N, N m]; empty where that is not known.
@@ -74,6 +80,8 @@ class FittedValues:
     friction: JointFriction | None = None
     scale: Array = field(default_factory=lambda: np.ones(0))
     mass: float = 1.0
+    links: Array = field(default_factory=lambda: np.zeros((0, 10)))
+    gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     fits: tuple[Fit, ...] = ()
     row_noise: Mapping[str, float] = field(default_factory=dict)
 

@@ -100,6 +100,7 @@ class OnlineEstimator:
             if calibration.series is not None:
                 raise MapError("online: a calibration with a series over a phase needs a whole record")
             self.robot = calibration.believed(self.robot)
+        self.robot = self.robot.carrying(chosen.payload)
         asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
         self._requests = {request.key: request for request in asked}
         self._check()
@@ -143,7 +144,8 @@ class OnlineEstimator:
     def _check(self) -> None:
         """Raise MapError for a map that needs a whole record."""
         joints, base = self._map.joints, self._map.base
-        if self._map.known or (joints.friction is not None and self._values.friction is None):
+        sought = self._map.payload is not None and self.robot.payload is None
+        if self._map.known or sought or (joints.friction is not None and self._values.friction is None):
             raise MapError(
                 "online: known forces and fits need a whole record; leave them out of the map; friction can come "
                 "from a calibration"

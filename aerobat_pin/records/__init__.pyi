@@ -25,6 +25,7 @@ from .map_file import with_options as with_options
 from .map_tables import FrictionSection as FrictionSection
 from .map_tables import KnownSection as KnownSection
 from .map_tables import Map as Map
+from .map_tables import PayloadSection as PayloadSection
 from .map_tables import QuaternionSection as QuaternionSection
 from .mcap_checksums import mcap_is_sealed as mcap_is_sealed
 from .mcap_checksums import seal_mcap as seal_mcap

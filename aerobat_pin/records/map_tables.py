@@ -187,6 +187,26 @@ class JointsTable(Section):
     friction: FrictionSection | None = None
 
 
+class PayloadSection(Section):
+    """What the robot carries: a point, or a small body, known or sought."""
+
+    frame: str = Field(description="of the robot's file, to which it is fastened")
+    mass: Positive | None = Field(None, description="left out: it is sought [kg]")
+    com: Three | None = Field(None, description="centre of mass in the frame's axes; left out: it is sought [m]")
+    inertia: Three = Field((0.0, 0.0, 0.0), description="about the centre of mass, the frame's axes [kg m2]")
+    fit: Stretch | None = Field(
+        None,
+        description="from and to: nothing touches the robot and it is sought there; left out: use.free, for "
+        "`aerobat calibrate` the first three quarters [s]",
+    )
+
+    @model_validator(mode="after")
+    def _centre_belongs_to_mass(self) -> PayloadSection:
+        if self.mass is None and self.com is not None:
+            raise ValueError("com without mass: both were expected, or mass alone (com is sought), or neither")
+        return self
+
+
 class SpecificForceSection(ChannelSection):
     """An accelerometer at the base's origin."""
 
@@ -308,6 +328,7 @@ class Map(Section):
     log: LogTable = LogTable()
     base: BaseTable = BaseTable()
     joints: JointsTable = JointsTable()
+    payload: PayloadSection | None = None
     check: CheckTable = CheckTable()
     known: dict[str, KnownSection] = Field(default_factory=dict, description="name -> known force")
     extra: dict[str, ExtraSection] = Field(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar, Self
@@ -17,14 +17,14 @@ from typing import ClassVar, Self
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.errors import LogError
+from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded, read_robot
 from aerobat_pin.observers import Observer, Rows, has_free_base
 from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.learnable import Condition, Extras, Parameter
-from aerobat_pin.records.map_tables import RobotTable
+from aerobat_pin.records.map_tables import PayloadSection, RobotTable
 from aerobat_pin.records.named_robots import named_robot
 
 LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
@@ -40,12 +40,18 @@ class PlainRobot:
         free: whether its first joint is a free-flyer.
         joints: names of the other joints, in the order of v.
         title: what it is, for reports.
+        payload: what it carries, contained in the model; None if nothing is known of it.
+        unloaded: the model without the payload; None if there is none.
+        stated: the model without payload and corrections of its links; None if there is neither.
     """
 
     model: pin.Model
     free: bool
     joints: tuple[str, ...]
     title: str
+    payload: PayloadSection | None = field(default=None, kw_only=True)
+    unloaded: pin.Model | None = field(default=None, kw_only=True)
+    stated: pin.Model | None = field(default=None, kw_only=True)
     moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
 
@@ -179,15 +185,55 @@ class PlainRobot:
         return bool(self.model.joints[self.model.getJointId(joint)].shortname().startswith("JointModelP"))
 
     def heavier(self, factor: float) -> Self:
-        """Return the robot with all masses and inertias times a factor."""
-        model = self.model.copy()
-        for k, inertia in enumerate(self.model.inertias.tolist()):
+        """Return the robot with all its own masses and inertias times a factor."""
+        model = self.own_model.copy()
+        for k, inertia in enumerate(self.own_model.inertias.tolist()):
             model.inertias[k] = pin.Inertia(factor * inertia.mass, inertia.lever, factor * inertia.inertia)
-        return replace(self, model=model)
+        return replace(self, model=model, unloaded=None).carrying(self.payload)
+
+    def with_links(self, changes: Array) -> Self:
+        """Return the robot with other dynamic parameters of its stated links, by changes (links, 10)."""
+        stated = self.stated_model
+        model = stated.copy()
+        for k, change in enumerate(changes, start=1):
+            model.inertias[k] = pin.Inertia.FromDynamicParameters(model.inertias[k].toDynamicParameters() + change)
+        return replace(self, model=model, unloaded=None, stated=stated).carrying(self.payload)
+
+    @property
+    def stated_model(self) -> pin.Model:
+        """The model as its file states it: without a payload and corrections of its links."""
+        return self.own_model if self.stated is None else self.stated
+
+    @property
+    def own_model(self) -> pin.Model:
+        """The model without a payload."""
+        return self.model if self.unloaded is None else self.unloaded
+
+    def carrying(self, payload: PayloadSection | None) -> Self:
+        """Return the robot with a payload; as it is if there is none, or one that is still sought.
+
+        Raises:
+            MapError: the payload's frame does not move, or there is none of its name.
+        """
+        if payload is None:
+            return self
+        model = self.own_model.copy()
+        frames = {frame.name: frame for frame in model.frames.tolist() if frame.parentJoint}
+        if payload.frame not in frames:
+            raise MapError(
+                f"map: payload.frame = {payload.frame}: a moving frame of robot {self.title} was expected: "
+                f"{', '.join(list(frames)[:40])}"
+            )
+        if payload.com is None or payload.mass is None:
+            return self
+        frame = frames[payload.frame]
+        inertia = pin.Inertia(payload.mass, np.array(payload.com), np.diag(payload.inertia))
+        model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
+        return replace(self, model=model, payload=payload, unloaded=self.own_model)
 
     def fingerprint(self) -> str:
-        """Return a number made of joints, their places, masses and gravity."""
-        model = self.model
+        """Return a number made of joints, their places, masses without a payload, and gravity."""
+        model = self.own_model
         parts = [str(list(model.names)), *(f"{joint.shortname()}" for joint in model.joints.tolist()[1:])]
         numbers = [place.homogeneous for place in model.jointPlacements.tolist()]
         numbers += [inertia.toDynamicParameters() for inertia in model.inertias.tolist()[1:]]

@@ -145,6 +145,7 @@ class Calibration:
         """Return a robot with all that was learnt about it."""
         robot = robot.changed(self.changes) if self.changes else robot
         robot = robot.with_extras(self.extras) if self.extras else robot
+        robot = robot.with_links(self.fitted.links) if len(self.fitted.links) else robot
         return robot if self.fitted.mass == 1.0 else robot.heavier(self.fitted.mass)
 
     def without_fits(self, chosen: Map) -> Map:
@@ -158,13 +159,12 @@ class Calibration:
 
     def forces(self, record: Record) -> KnownForces:
         """Return the known forces of a record that `applied` returned: what the map still fits, and what was learnt."""
-        forces, mine = fitted_forces(record), self.fitted
-        own, fits = forces.values, tuple(replace(fit, log=fit.log or self.records[0]) for fit in mine.fits)
+        mine = self.fitted
+        forces = fitted_forces(record, mine)
+        fits = tuple(replace(fit, log=fit.log or self.records[0]) for fit in mine.fits)
         sources = {} if self.series is None else {CALIBRATION: self.origin}
-        if mine.friction is not None:
-            own = replace(own, joints=mine.joints, friction=mine.friction, scale=mine.scale)
-            sources[FRICTION] = "calibrated"
-        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits), row_noise=self.row_noise)
+        sources |= {} if mine.friction is None else {FRICTION: "calibrated"}
+        values = replace(forces.values, fits=(*fits, *forces.values.fits), row_noise=self.row_noise)
         return replace(forces, values=values, series=self.series, sources=sources)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,9 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         parts["friction_deviation"] = (("joint", "coefficient"), fitted.friction.deviation)
         parts["effort_factor"] = ("joint", fitted.scale)
         coords |= {"joint": list(fitted.joints), "coefficient": list(FRICTION_COEFFICIENTS)}
+    if len(fitted.links):
+        parts["link_change"] = (("link", "parameter_of"), fitted.links)
+        parts["gain_covariance"] = (("gain", "gain_too"), fitted.gain_covariance)
     if fitted.coefficients:
         table = np.full((len(fitted.coefficients), MOST_POWERS), np.nan)
         for row, values in zip(table, fitted.coefficients.values(), strict=True):
@@ -186,7 +189,14 @@ class _Parts:
         if not 0.0 < mass:
             raise ValueError(f"mass {mass:g}: a factor above 0 was expected")
         fits = tuple(_fit_of(entry) for entry in self._object("fits", list))
-        return FittedValues(coefficients, joints, friction, scale, mass, fits)
+        found = FittedValues(coefficients, joints, friction, scale, mass, fits=fits)
+        if "link_change" not in self._data:
+            return found
+        links, size = int(self._data.sizes["link"]), int(self._data.sizes["gain"])
+        if size != len(joints) + 10 * links:
+            raise ValueError(f"gain_covariance of {size}: one row for each joint and ten for each link were expected")
+        errors = self._numbers("link_change", links, 10)
+        return replace(found, links=errors, gain_covariance=self._numbers("gain_covariance", size, size))
 
     def _series(self) -> Harmonics:
         states, varied = self._texts("state"), self._texts("factor")[1:]
@@ -233,4 +243,5 @@ def _fit_of(entry: dict[str, Any]) -> Fit:
     """Return a fit of its entry in a file."""
     values = {str(key): float(value) for key, value in entry["values"].items()}
     before, inside, outside = (float(entry[key]) for key in ("before", "inside", "outside"))
-    return Fit(str(entry["name"]), values, str(entry["unit"]), before, inside, outside, str(entry["log"]))
+    words = str(entry["log"]), str(entry.get("untold", ""))
+    return Fit(str(entry["name"]), values, str(entry["unit"]), before, inside, outside, *words)

@@ -30,7 +30,6 @@ from aerobat_pin.estimation.calibration.map_fits import (
     fit_notes,
     fits_anything,
     fits_thrust,
-    fits_to_sensor,
     fitted_by_map,
     kept_of,
     taken_as_free,
@@ -38,6 +37,7 @@ from aerobat_pin.estimation.calibration.map_fits import (
 from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
+from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown

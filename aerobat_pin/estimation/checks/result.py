@@ -57,6 +57,8 @@ def result_findings(result: Result) -> Iterator[Finding]:
 def fit_findings(forces: KnownForces) -> Iterator[Finding]:
     """Yield fits that do not hold on the part of the record that they did not use."""
     for fit in forces.fits:
+        if fit.untold:
+            yield Finding("fit", "note", fit.untold)
         if np.isnan(fit.outside):
             yield Finding(
                 "fit",
