@@ -161,7 +161,7 @@ class Observer:
     def expect(self, expected: Expected) -> None:
         """Expect other sizes from now on. Raises ObserverError if none were expected, or they do not fit the robot."""
         if self.expected is None:
-            raise ObserverError("expect: an observer that was made with `expected` was expected")
+            raise ObserverError("expect: this observer was made without sizes that are expected")
         expected.refuse_unusable(self._count, self._nv)
         self.expected = expected
         expected.write(fields_of(observer_in, self._memory))
@@ -251,8 +251,7 @@ class Observer:
         time = for_kernels(time)
         if time.ndim != 1 or len(time) < 2:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
-        count = len(time) - 1
-        nq, nv = int(self.model.nq), int(self.model.nv)
+        count, nq, nv = len(time) - 1, int(self.model.nq), int(self.model.nv)
         q, v = checked_record(q, count + 1, nq, "q"), checked_record(v, count + 1, nv, "v")
         check_configurations(self._directions, q)
         u = checked_record(tau, count, nv, "tau")

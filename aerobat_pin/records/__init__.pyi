@@ -25,7 +25,6 @@ from .map_file import with_options as with_options
 from .map_tables import FrictionSection as FrictionSection
 from .map_tables import KnownSection as KnownSection
 from .map_tables import Map as Map
-from .map_tables import PayloadSection as PayloadSection
 from .map_tables import QuaternionSection as QuaternionSection
 from .mcap_checksums import mcap_is_sealed as mcap_is_sealed
 from .mcap_checksums import seal_mcap as seal_mcap
@@ -49,12 +48,13 @@ from .resample import sampled as sampled
 from .resample import sampled_turns as sampled_turns
 from .resample import slopes as slopes
 from .resample import turn_rates as turn_rates
+from .robot_files import load_robot as load_robot
+from .robot_files import robot_of_map as robot_of_map
+from .robot_files import urdf_of as urdf_of
+from .robot_tables import PayloadSection as PayloadSection
 from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
 from .robots import PlainRobot as PlainRobot
-from .robots import load_robot as load_robot
-from .robots import robot_of_map as robot_of_map
-from .robots import urdf_of as urdf_of
 from .spool import EXTENT as EXTENT
 from .spool import Series as Series
 from .spool import Spool as Spool

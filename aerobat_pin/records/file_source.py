@@ -21,7 +21,8 @@ from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.optional_channels import check_same_rows, without_absent
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.record import Record
-from aerobat_pin.records.robots import PlainRobot, robot_of_map
+from aerobat_pin.records.robot_files import robot_of_map
+from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
