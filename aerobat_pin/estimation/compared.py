@@ -30,12 +30,14 @@ class Compared:
         start: (m,) starts of the intervals [s].
         estimate: (m, k) estimated components, in the order of the reference's labels.
         dt: typical length of an interval [s].
+        shown: (m, k) 1 where a component is seen, else 0; None if no force was expected.
     """
 
     reference: Reference
     start: Series
     estimate: Series
     dt: float
+    shown: Series | None = None
 
     @classmethod
     def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
@@ -44,15 +46,17 @@ class Compared:
         wanted = [f"{reference.frame}.{label}" for label in reference.labels]
         if not set(wanted) <= set(known):
             return None
-        columns, found = [known.index(label) for label in wanted], Series(estimate.start.spool, len(wanted))
+        columns = [known.index(label) for label in wanted]
+        found, shown = (Series(estimate.start.spool, len(wanted)) for _ in range(2))
         margin = 0 if reference.filter is None else int(np.ceil(FORGOTTEN / (reference.filter * dt)))
         for first, last in reference.stretches or ((0, len(estimate)),):
             for begin in range(first, last, EXTENT):
                 end = min(begin + EXTENT, last)
                 low, high = max(first, begin - margin), min(last, end + margin)
-                own = estimate.between(low, high).components[:, columns]
-                found.append(zero_phase(own, reference.filter, dt)[begin - low : end - low])
-        return cls(reference, estimate.start, found, dt)
+                own, inside = estimate.between(low, high), slice(begin - low, end - low)
+                found.append(zero_phase(own.components[:, columns], reference.filter, dt)[inside])
+                shown.append(own.shown[inside][:, columns].astype(float))
+        return cls(reference, estimate.start, found, dt, None if estimate.seen is None else shown)
 
     def pieces(self) -> Iterator[tuple[Array, ...]]:
         """Yield starts (n,), estimate, reference and the reference without noise (n, k), piece by piece."""
@@ -82,13 +86,18 @@ class Compared:
         """Return component -> scores; the lag is that of the first `MOST_LAGGED` intervals."""
         reference, width = self.reference, len(self.reference.labels)
         whole, noise_free, outside = (Moments(width) for _ in range(3))
-        fitted = False
+        fitted, at, seen = False, 0, [Moments(1) for _ in range(width)]
         for start, found, truth, clean in self.pieces():
             counts, used = reference.scored(start), reference.used(start)
             whole.add(found[counts], truth[counts])
             noise_free.add(found[counts], clean[counts])
             outside.add(found[counts & ~used], truth[counts & ~used])
             fitted = fitted or bool(used.any())
+            shown = np.zeros(found.shape) if self.shown is None else self.shown[at : at + len(start)]
+            for k in range(width):
+                inside = counts & (shown[:, k] > 0.0)
+                seen[k].add(found[inside, k : k + 1], truth[inside, k : k + 1])
+            at += len(start)
         apart, sensed = fitted and outside.count > 2, reference.kind == "sensor"
         sample, true_sample = self.sample(MOST_LAGGED)
         return {
@@ -101,6 +110,8 @@ class Compared:
                 rmse_outside_fit=outside.rmse[k] if apart else None,
                 factor=whole.factor[k] if sensed else None,
                 offset=whole.offset[k] if sensed else None,
+                r2_seen=seen[k].r2[0] if seen[k].count > 2 else None,
+                rmse_seen=seen[k].rmse[0] if seen[k].count > 2 else None,
             )
             for k, label in enumerate(reference.labels)
         }

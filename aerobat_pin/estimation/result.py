@@ -192,7 +192,7 @@ class Result:
                 f"{point} {axis}"
                 for point, axes in found.points.items()
                 for axis, score in axes.items()
-                if ((score.r2 if score.r2_noise_free is None else score.r2_noise_free) or 0.0) < 0.0
+                if next(filter(None, (score.r2_seen, score.r2_noise_free, score.r2)), 0.0) < 0.0
             ]
             lines += [f"{name}, {', '.join(worse)}: {WORSE_THAN_NOTHING}"] if worse else []
         return lines + ([self.advice] if lines and self.advice else [])
@@ -271,6 +271,8 @@ def _score_cells(score: Score, unit: str) -> dict[str, str]:
     if score.factor is None and score.offset is None:
         cells["R2 noise-free"] = r2(score.r2_noise_free)
     cells["error rms"] = size(score.rmse)
+    if score.rmse_seen is not None:
+        cells |= {"R2 where seen": r2(score.r2_seen), "rms where seen": size(score.rmse_seen)}
     if score.rmse_outside_fit is not None:
         cells |= {"R2 unfitted": r2(score.r2_outside_fit), "unfitted rms": size(score.rmse_outside_fit)}
     if score.offset is not None:

@@ -39,6 +39,8 @@ class Score:
         default=None, metadata=_quantity("1", "sensor per estimate, least squares about the means")
     )
     offset: float | None = field(default=None, metadata=_quantity("N", "mean of the estimate minus that of the sensor"))
+    r2_seen: float | None = field(default=None, metadata=_quantity("1", "R2 where the pose shows the component"))
+    rmse_seen: float | None = field(default=None, metadata=_quantity("N", "root mean square error there"))
 
     def to_json(self) -> dict[str, float | None]:
         """Return all fields, of a score against a truth those alone that a truth has."""
