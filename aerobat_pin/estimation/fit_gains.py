@@ -85,9 +85,10 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
             values, robot = replace(values, links=links, gain_covariance=spread), robot.with_links(links)
         exact = np.sqrt(np.diag(covariance)[:n]) * scale**2
         deviations = {joint: float(exact[k]) for k, joint in enumerate(joints) if told[k]}
+        units = ["N" if robot.slides(joint) else "N m" for joint in joints]
         untold = {
             joint: f"factor of {joint} cannot be told, it stays 1: its deviation would be {unsure[k]:.3g}, "
-            f"{UNSURE_FACTOR:g} was expected; the motion needs {inside.needed(k):.2g} {'N' if robot.slides(joint) else 'N m'} rms of it"
+            f"{UNSURE_FACTOR:g} was expected; the motion needs {inside.needed(k):.2g} {units[k]} rms of it"
             for k, joint in enumerate(joints)
             if not told[k]
         }
