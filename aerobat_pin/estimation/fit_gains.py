@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
 from aerobat_pin.estimation.gain_regression import Regression, link_errors, regression
 from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows
@@ -23,7 +24,7 @@ from aerobat_pin.observers import SMOOTH_RATE, AllBut
 from aerobat_pin.records import PayloadSection
 
 FACTOR_ERROR = 0.2  # expected of each effort's factor, where a record tells nothing [-]
-UNSURE = 0.1  # deviation of a factor from which a record does not tell it
+UNSURE_FACTOR = 0.1  # deviation of a factor from which a record does not tell it
 UNSEEN = 3.0  # deviations: a lighter payload is not shown by the record
 CERTAIN = 1e-3  # deviation of a factor that is known
 
@@ -71,21 +72,23 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
         precision[range(n), range(n)] = 1.0 / FACTOR_ERROR**2
         x, covariance = inside.solve(precision, mass, robot.mass)
         unsure = np.sqrt(np.diag(covariance)[:n]) / x[:n] ** 2
-        told = unsure < UNSURE
+        told = unsure < UNSURE_FACTOR
         precision[range(n), range(n)] = np.where(told, 0.0, 1.0 / FACTOR_ERROR**2)
     x, covariance = inside.solve(precision, mass, robot.mass, learn=scaled)
     if scaled:
         scale, own = np.where(told, 1.0 / x[:n], 1.0), [*range(n), *range(len(rows), len(rows) + inside.errors)]
-        links = np.einsum("kij,kj->ki", link_errors(robot.stated_model), x[own[n:]].reshape(-1, 10))
-        turn = np.append(scale, np.ones(inside.errors))
-        spread = covariance[np.ix_(own, own)] * np.outer(turn, turn)
-        values = replace(values, joints=joints, scale=scale, links=links, gain_covariance=spread)
-        robot = robot.with_links(links)
+        values = replace(values, joints=joints, scale=scale)
+        if not fits_to_sensor(record.map):  # whose own errors the links would take up
+            links = np.einsum("kij,kj->ki", link_errors(robot.stated_model), x[own[n:]].reshape(-1, 10))
+            turn = np.append(scale, np.ones(inside.errors))
+            spread = covariance[np.ix_(own, own)] * np.outer(turn, turn)
+            values, robot = replace(values, links=links, gain_covariance=spread), robot.with_links(links)
         exact = np.sqrt(np.diag(covariance)[:n]) * scale**2
         deviations = {joint: float(exact[k]) for k, joint in enumerate(joints) if told[k]}
+        units = ["N" if robot.slides(joint) else "N m" for joint in joints]
         untold = {
-            joint: f"factor of {joint} cannot be told, it stays 1: its deviation would be {unsure[k]:.2g}, {UNSURE:g} "
-            f"was expected; the motion needs {inside.needed(k):.2g} {'N' if robot.slides(joint) else 'N m'} rms of it"
+            joint: f"factor of {joint} cannot be told, it stays 1: its deviation would be {unsure[k]:.3g}, "
+            f"{UNSURE_FACTOR:g} was expected; the motion needs {inside.needed(k):.2g} {units[k]} rms of it"
             for k, joint in enumerate(joints)
             if not told[k]
         }

@@ -35,11 +35,11 @@ def fitted_blocks(
     for first, last, fits_here, tests_here in whole:
         block = record.block(first, last)
         when = block.time[:-1] - record.start
-        inside = within(when, fit)
-        yield block, inside & fits_here, ~inside & within(when, tested) & tests_here
+        inside = in_stretch(when, fit)
+        yield block, inside & fits_here, ~inside & in_stretch(when, tested) & tests_here
 
 
-def within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+def in_stretch(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
     """Return which times (m,) [s] are in a stretch; none if there is no stretch."""
     return np.zeros(len(when), bool) if stretch is None else (when >= stretch[0]) & (when < stretch[1])
 

@@ -19,14 +19,14 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
 
 MOST_REGRESSED = 40_000  # samples of which the regressor is computed
-BLOCK, FEWEST_BLOCKS = 2.5, 4  # [s] after which what is left over counts as new; shorter where there are fewer
+LASTS, FEWEST_BLOCKS = 2.5, 4  # [s] after which what is left over counts as new; shorter where there are fewer
 MASS_ERROR, CENTRE_ERROR = 0.1, 0.03  # expected of each link [-, m]
-SIZE = 0.05  # [m]: radius of gyration of a payload, and of what each link's inertia may be wrong by
+GYRATION = 0.05  # [m]: radius of gyration of a payload, and of what each link's inertia may be wrong by
 FRICTION_ERROR = 0.1  # expected of friction that another record showed, of Coulomb's for the offset [-]
 LEAST_ERROR = 0.01  # of what is expected of the links, however exact they seem
 LIKELY = 0.05  # mass of a payload over the robot's, to begin with [-]
 REST = 0.1  # [rad/s, m/s] up to which a joint counts as at rest
-ROUNDS = 12  # of Gauss and Newton, each with weights from the last
+NEWTON_ROUNDS = 12  # of Gauss and Newton, each with weights from the last
 EXACT = 1e-5  # of the rms of a row, below which no fit leaves anything; deviation of a mass that is known [-]
 
 
@@ -72,14 +72,14 @@ class Regression:
         if self.payload is not None:
             likely = mass or LIKELY * heavy
             x = np.concatenate([x, likely * np.array([1.0, *self.payload.translation]), np.zeros(6)])
-            own = [heavy if mass is None else EXACT * mass, *3 * [heavy], *6 * [likely * SIZE**2]]
+            own = [heavy if mass is None else EXACT * mass, *3 * [heavy], *6 * [likely * GYRATION**2]]
             prior = np.pad(prior, (0, len(own)))
             prior[-len(own) :, -len(own) :] = np.diag(1.0 / np.square(own))
         start, links = x.copy(), np.arange(n, n + p)
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_ROUNDS):
             x, stated = self._step(x, start, prior)
         size, covariance = 1.0, stated
-        for _ in range(ROUNDS if learn else 0):
+        for _ in range(NEWTON_ROUNDS if learn else 0):
             shown = p - float(np.sum(np.diag(covariance)[links])) / size**2
             size = float(np.clip(np.sqrt(x[links] @ x[links] / max(shown, 1.0)), LEAST_ERROR, 1.0))
             prior[links, links] = 1.0 / size**2
@@ -176,7 +176,7 @@ def link_errors(model: pin.Model) -> Array:
         ends = [[pin.Inertia(link.mass, link.lever + side * one, link.inertia) for side in (1, -1)] for one in shifts]
         own = [0.5 * (one.toDynamicParameters() - other.toDynamicParameters()) for one, other in ends]
         table[k, :, :4] = np.column_stack([MASS_ERROR * link.toDynamicParameters(), *own])
-        table[k, 4:, 4:] = link.mass * SIZE**2 * np.eye(6)
+        table[k, 4:, 4:] = link.mass * GYRATION**2 * np.eye(6)
     return table
 
 
@@ -214,7 +214,7 @@ def regression(
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
     friction = 3 * bool(known) if section is None else 4 if section.law.endswith("inertia") else 3
     p, at = errors.shape[1], errors.shape[1] + own.stop - own.start
-    length = min(BLOCK, (fit[1] - fit[0]) / FEWEST_BLOCKS)
+    length = min(LASTS, (fit[1] - fit[0]) / FEWEST_BLOCKS)
     sums: list[dict[int, Array]] = [{}, {}]
     counts = [0, 0]
     for block, *chosen in fitted_blocks(record, fit, MOST_REGRESSED):

@@ -119,7 +119,7 @@ class FrictionSection(Section):
         "`aerobat calibrate` alone: the first three quarters",
     )
     to: Literal["check.wrench"] | None = Field(None, description="the sensor's force counts as known in the fit")
-    scale: bool = Field(False, description="also fit a factor of each joint's effort")
+    scale: bool = Field(False, description="also fit a factor of each joint's effort, and errors of the links")
 
 
 class JointsTable(Section):

@@ -188,8 +188,7 @@ class PlainRobot:
 
     def with_links(self, changes: Array) -> Self:
         """Return the robot with other dynamic parameters of its stated links, by changes (links, 10)."""
-        stated = self.stated_model
-        model = stated.copy()
+        stated, model = self.stated_model, self.stated_model.copy()
         for k, change in enumerate(changes, start=1):
             model.inertias[k] = pin.Inertia.FromDynamicParameters(model.inertias[k].toDynamicParameters() + change)
         return replace(self, model=model, unloaded=None, stated=stated).carrying(self.payload)
@@ -210,18 +209,15 @@ class PlainRobot:
         Raises:
             MapError: the payload's frame does not move, or there is none of its name.
         """
-        if payload is None:
-            return self
-        model = self.own_model.copy()
-        frames = {frame.name: frame for frame in model.frames.tolist() if frame.parentJoint}
-        if payload.frame not in frames:
+        frames = {frame.name: frame for frame in self.model.frames.tolist() if frame.parentJoint}
+        if payload is not None and payload.frame not in frames:
+            names = ", ".join(list(frames)[:40])
             raise MapError(
-                f"map: payload.frame = {payload.frame}: a moving frame of robot {self.title} was expected: "
-                f"{', '.join(list(frames)[:40])}"
+                f"map: payload.frame = {payload.frame}: a moving frame of {self.title} was expected: {names}"
             )
-        if payload.com is None or payload.mass is None:
+        if payload is None or payload.com is None or payload.mass is None:
             return self
-        frame = frames[payload.frame]
+        frame, model = frames[payload.frame], self.own_model.copy()
         inertia = pin.Inertia(payload.mass, np.array(payload.com), np.diag(payload.inertia))
         model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
         return replace(self, model=model, payload=payload, unloaded=self.own_model)

@@ -269,9 +269,9 @@ first recording this makes Fx 0.924 in place of 0.919, and Fz the same.
 
 Two things let the friction of one recording help in another. Coulomb friction sets in at a rate that the fit finds, by
 predicting each quarter of its stretch from the others: 0.2 rad/s here. At 0.02 rad/s it would take a part for viscous, which
-is too large where the knee moves faster, and Fz of the hop would be 0.55. And the offset of a fit to a sensor is not kept: it
-is the sensor's tare and friction at rest as much as an error of the effort, and with it Fz would be 0.61 (with both, 0.29).
-Without the offset Fx gives back a part of its gain: 0.69 in place of 0.75.
+is too large where the knee moves faster, and Fz of the hop would be 0.63. And the offset of a fit to a sensor is not kept: it
+is the sensor's tare and friction at rest as much as an error of the effort, and with it Fz would be 0.65 (with both, 0.41).
+Without the offset Fx gives back a part of its gain: 0.66 in place of 0.72.
 
 Where the error of Fz is, without any fit:
 
@@ -283,7 +283,7 @@ Most of it is the push-off, where the knee's torque reaches 2.6 N m, of which 1.
 
 {hop_fits}
 
-A fit to the first half finds 0.78 of the knee's torque, one to the second half 1.1: less arrives while the motor drives, more
+A fit to the first half finds 0.85 of the knee's torque, one to the second half 1.2: less arrives while the motor drives, more
 while it brakes. Gears whose friction grows with the load do that. The law of the fit has no such term. One was tried,
 proportional to the torque that the gear hands on: Fz of the second half of the first recording becomes 0.986 in place of
 0.984, that of the hop 0.90 in place of 0.87 (friction of the first recording, no offset; by a plain script), and TIAGo's

@@ -102,7 +102,7 @@ def test_known_gains_tell_a_payload_beside_friction(folder: Path) -> None:
         ("light", True, (), SOUGHT, "only their ratio is seen; payload.mass was expected, or factors by --calibration"),
         ("light", False, ("mass",), SOUGHT, "the mass of all bodies, and a payload .* one of them was expected"),
         ("unloaded", False, (), SOUGHT, r"the record does not show one at tool: .* kg with a deviation of"),
-        ("light", True, (), {"frame": "hand", "mass": 2.0}, r"payload\.frame = hand: a moving frame of robot six was"),
+        ("light", True, (), {"frame": "hand", "mass": 2.0}, r"payload\.frame = hand: a moving frame of six was"),
         ("light", True, (), SOUGHT | {"com": [0, 0, 0]}, "com without mass: both were expected"),
     ],
 )

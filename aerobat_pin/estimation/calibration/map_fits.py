@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
-from aerobat_pin.estimation.fitted_stretches import fits_to_sensor, within
+from aerobat_pin.estimation.fitted_stretches import fits_to_sensor, in_stretch
 from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
 from aerobat_pin.numerics import Array
@@ -70,9 +70,9 @@ def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[n
     stretches += [] if payload is None or payload.com is not None else [payload.fit or free or (0.0, np.inf)]
     shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
     stretches += [(_at_share(record, low), _at_share(record, high)) for low, high in shares]
-    used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~within(when, free)
+    used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~in_stretch(when, free)
     for one in stretches:
-        used |= within(when, one)
+        used |= in_stretch(when, one)
     return used
 
 
