@@ -24,8 +24,8 @@ INSTANTS = 1200  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 RANK = 1e-6
-Pair = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
-Inputs = Callable[[int, int], KnownInputs]  # of first and last index of the common times
+Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
+InputsBetween = Callable[[int, int], KnownInputs]  # of first and last index of the common times
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Balance:
         """Sum of squares of what is needed."""
         return max(float(self.needed @ self.needed), 1e-300)
 
-    def imbalance(self, pair: Pair = ((), ()), signs: Array | float = 1.0) -> float:
+    def imbalance(self, pair: Exchange = ((), ()), signs: Array | float = 1.0) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
         order = np.arange(self.effort.shape[1])
         order[[*pair[0], *pair[1]]] = [*pair[1], *pair[0]]
@@ -77,7 +77,7 @@ class Balance:
         return np.divide(found, weight, out=np.zeros_like(found), where=weight > 0.0), weight
 
 
-def balance_of(record: Record, inputs: Inputs) -> Balance | None:
+def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     ignored = believed_rows(record)
@@ -133,7 +133,7 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
         jacobian = pin.computeFrameJacobian(
             model, data, q, model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
+        ).reshape(6, -1)
         parts.append((jacobian[:size, rows] * weight).T)
     A = np.concatenate(parts, axis=1)
     u, values, _ = np.linalg.svd(A)
@@ -141,7 +141,7 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     return np.asarray(u[:, rank:])
 
 
-def with_exchanged(record: Record, inputs: Inputs, pair: Pair) -> Inputs:
+def with_exchanged(record: Record, inputs: InputsBetween, pair: Exchange) -> InputsBetween:
     """Return inputs in which two limbs have each other's motion and efforts."""
     robot, own, others = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
     at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))
