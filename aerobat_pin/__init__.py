@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from aerobat_pin.estimation import estimate as estimate
     from aerobat_pin.experiments import run as run
     from aerobat_pin.flight import simulate as simulate
+    from aerobat_pin.records import load_robot as load_robot
     from aerobat_pin.records import open_record as open_record
     from aerobat_pin.robot import Aerobat as Aerobat
     from aerobat_pin.robot import closed_model as closed_model
@@ -26,7 +27,7 @@ _ROOMS = {
     "experiments": ["run"],
     "aerobat": ["FlightLog"],
     "estimation": ["calibrate", "estimate"],
-    "records": ["open_record"],
+    "records": ["load_robot", "open_record"],
     "flight": ["simulate"],
     "robot": ["Aerobat", "closed_model", "load_aerobat"],
     "scenario": ["Scenario", "load_scenario"],

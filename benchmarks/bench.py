@@ -40,7 +40,7 @@ from sweeping import sweep_figures
 from aerobat_pin.aerobat import known_inputs
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.flight import Plant, interval_means, simulate
-from aerobat_pin.observers import ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
+from aerobat_pin.observers import Expected, ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
 from aerobat_pin.robot import Aerobat, joint_table, load_aerobat
 from aerobat_pin.scenario import Scenario, load_scenario
 
@@ -189,11 +189,16 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
     }
     floor = "crba + Coriolis + gravity"
     parts = {f"{kind}{more}": stream(one[0], bool(more)) for kind, one in kinds.items() for more in ("", ", one known")}
+    rows = np.full(model.nv, 0.01)
+    sizes = Expected(np.full(6, 0.2), rows, rows, rows)
+    parts["expected"] = stream(ForceLevelObserver(model, FRAMES, expected=sizes), False)
     times = interleaved(4 * rounds, bare=bare(STREAM), **parts)
     yield figure(f"bare {floor}", 1e6 * times["bare"], "us")
     for kind, (_, target, _) in kinds.items():
         yield figure(f"update, {kind}", times[kind] / times["bare"], "x", target)
         yield figure(f"update, {kind}, one known", times[f"{kind}, one known"] / times["bare"], "x")
+    above = 1e6 * (times["expected"] - times["force_level, two points"])
+    yield figure("update, force_level, two points, sizes expected, over any size", above, "us", 8.0)
     parts = {kind: batch(one[0]) for kind, one in kinds.items()}
     parts["momentum, no points, one known"] = batch(kinds["momentum, no points"][0], {"aerodynamic": aerodynamic})
     times = interleaved(rounds, bare=bare(len(samples)), **parts)

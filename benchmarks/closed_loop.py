@@ -26,7 +26,7 @@ from closed_loop_page import TITLES, Board, draw_blow
 from aerobat_pin.control import AerobatEnv, Controller, loop_margins
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import ClosedLoop, Plant
-from aerobat_pin.robot import believed_robot, euler_angles, load_robot
+from aerobat_pin.robot import believed_robot, euler_angles, flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 PD = ("control.integral=false", "control.feedforward=false")
@@ -59,7 +59,7 @@ FIXED = tuple(range(8500))  # whose sum takes about as long as a pass of the loo
 def robots(name: str, settings: tuple[str, ...]) -> tuple[Scenario, Any, Any]:
     """Load a scenario and its robots once."""
     scenario = load_scenario(name, settings)
-    return scenario, load_robot(scenario), believed_robot(scenario)
+    return scenario, flown_robot(scenario), believed_robot(scenario)
 
 
 @cache

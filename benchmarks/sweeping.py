@@ -12,14 +12,14 @@ from aerobat_pin.aerobat import estimate_flight
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
 from aerobat_pin.experiments.sweep.run_sweep import in_this_process, on_this_machine
 from aerobat_pin.flight import Plant, interval_means, simulate
-from aerobat_pin.robot import load_robot
+from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import load_scenario
 
 
 def sweep_figures(rounds: int) -> Iterator[Figure]:
     """What a run of a sweep takes beside its flight and its observers, and what a second process brings."""
     scenario = load_scenario("paper", ["simulation.duration=1.0"])
-    robot = load_robot(scenario)
+    robot = flown_robot(scenario)
     log = simulate(scenario, robot=robot)
     edges = np.arange(scenario.simulation.count + 1) * scenario.simulation.dt
 

@@ -1,25 +1,27 @@
-"""Estimate a known force on four other robots with every observer: an arm, two flying robots and a walking robot.
+"""Estimate a known force on five other robots with every observer: two arms, two flying robots and a walking robot.
 
-Borinot, Hector and Solo are installed by `pip install 'aerobat-pinocchio[robots]'` and skipped if not installed.
+All but the first are installed by `pip install 'aerobat-pinocchio[robots]'` and skipped if not installed.
 """
-
-import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin import load_robot
+from aerobat_pin.errors import LogError
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot import external_forces, joint_wrench
 
-DATA = Path("cmeel.prefix", "share", "example-robot-data", "robots")
 DT, STEPS = 1e-3, 100
+FRAMES = {"borinot": "flying_arm_2__ee", "hector": "base_link", "solo12": "FL_FOOT", "ur5": "tool0"}
 
 
-def load(file: str) -> pin.Model | None:
-    """Return a robot of the installed package `example-robot-data`, or None if the package is not installed."""
-    found = [Path(folder) / DATA / file for folder in sys.path if (Path(folder) / DATA / file).exists()]
-    return pin.buildModelFromUrdf(str(found[0]), pin.JointModelFreeFlyer()) if found else None
+def load(name: str) -> pin.Model | None:
+    """Return a robot by its name, or None if the robots are not installed."""
+    try:
+        return load_robot(name).model
+    except LogError as error:
+        print(error)
+        return None
 
 
 def fly(model: pin.Model, frame: str, force: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,16 +45,9 @@ def fly(model: pin.Model, frame: str, force: np.ndarray, tau: np.ndarray) -> tup
     return np.array([q for q, _ in samples]), np.array([v for _, v in samples])
 
 
-robots = {
-    "arm": (pin.buildSampleModelManipulator(), "effector_body"),
-    "borinot": (load("borinot_description/urdf/borinot_flying_arm_2.urdf"), "flying_arm_2__ee"),
-    "hector": (load("hector_description/robots/quadrotor_base.urdf"), "base_link"),
-    "solo12": (load("solo_description/robots/solo12.urdf"), "FL_FOOT"),
-}
+robots = {"arm": (pin.buildSampleModelManipulator(), "effector_body")}
+robots |= {name: (model, frame) for name, frame in FRAMES.items() if (model := load(name)) is not None}
 for name, (model, frame) in robots.items():
-    if model is None:
-        print(f"{name:<9} skipped: pip install 'aerobat-pinocchio[robots]'")
-        continue
     weight = 9.81 * pin.computeTotalMass(model)
     force = 0.1 * weight * np.array([0.6, -0.5, 0.4])
     thrust = np.zeros(model.nv)

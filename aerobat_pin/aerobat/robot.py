@@ -68,6 +68,7 @@ class AerobatRobot(PlainRobot):
     thruster_scale: float = 0.0
     moves_joints: ClassVar[bool] = True  # by its crank
     remembers: ClassVar[bool] = True  # the wake is that of all flaps before
+    limits_forces: ClassVar[bool] = False  # its pose never hides a force on a wing
 
     @classmethod
     def of(cls, robot: Aerobat, air: AirSection | None = None, kind: Torque = "measured") -> AerobatRobot:

@@ -111,9 +111,9 @@ def convert_command(
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
     from aerobat_pin.errors import check_file
     from aerobat_pin.experiments import read_run, write_flight_mcap
-    from aerobat_pin.robot import load_robot
+    from aerobat_pin.robot import flown_robot
 
     check_file(mcap, force=force)
     scenario, log, estimates = read_run(run)
-    write_flight_mcap(load_robot(scenario).model, log, estimates, mcap)
+    write_flight_mcap(flown_robot(scenario).model, log, estimates, mcap)
     typer.echo(f"written to {mcap}")

@@ -37,7 +37,7 @@ from aerobat_pin.control.nominal import control_of, nominal_flight
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import believed_robot, load_robot
+from aerobat_pin.robot import believed_robot, flown_robot
 from aerobat_pin.scenario import load_scenario
 
 MISS = (4.0, 1.0, 0.1, 0.01)  # [1/m2, 1/rad2, s2/m2, s2/rad2]: of position, attitude, velocity, rate
@@ -75,7 +75,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         self.scenario = load_scenario(scenario, [f"simulation.dt={dt}", *settings])
         control_of(self.scenario)
         self.render_mode = render_mode
-        self._plant = Plant(load_robot(self.scenario), self.scenario)
+        self._plant = Plant(flown_robot(self.scenario), self.scenario)
         self._thrusters = thrusters_of(self._plant.robot.morphology)
         nominal = nominal_flight(self.scenario, believed_robot(self.scenario))
         self._trim = Allocation(self._thrusters).thrusts(nominal.wrench)

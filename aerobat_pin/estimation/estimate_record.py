@@ -7,12 +7,14 @@ from dataclasses import replace
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
+from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.compared import sensor_references
+from aerobat_pin.estimation.expected import expected_of
 from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.result import Result
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, run_observers
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Observer
@@ -47,15 +49,20 @@ def estimate(
     name = record.title if record.log is None else str(record.log.path)
     if calibration is not None:
         record = calibration.applied(record)
-    names = [one for one in observers if isinstance(one, str)]
-    made, notes = observers_of(record, names) if names or not observers else ([], ())
-    made += [one for one in observers if isinstance(one, Observer)]
-    if len({one.name for one in made}) < len(made):
-        raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
     findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
     forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    record = forces.record  # whose robot carries what was found
+    names = [one for one in observers if isinstance(one, str)]
+    if record.robot.limits_forces and not forces.values.row_noise:
+        forces = replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces)))
+    inputs = inputs_between(record, forces)
+    expected = expected_of(record, inputs, forces.values, points_of(record.map))
+    made, notes = observers_of(record, names, expected) if names or not observers else ([], ())
+    made += [one for one in observers if isinstance(one, Observer)]
+    if len({one.name for one in made}) < len(made):
+        raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
     watch = None if calibration is None else CalibrationWatch(calibration)
     times = record.times(*record.parts[0])
     smoothed = record.robot.motion_from(times, record.channels, made, progress)
@@ -63,10 +70,9 @@ def estimate(
         stored = {one: StoredEstimate.of(estimate) for one, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
-        inputs = inputs_between(record, forces)
         if record.robot.measures_effort:
             findings += effort_findings(record, inputs, findings)
-        stored = run_observers(record, inputs, made, progress, watch)
+        stored = run_observers(record, inputs, made, progress, watch, expected)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()

@@ -1,29 +1,30 @@
 """Fit friction, factors of efforts, and the mass where nothing touches the robot, or a force sensor says what does.
 
 Of each joint's row  m n(q, v, a) = c tau + tau_f + known  everything but friction tau_f, the factor c of its effort and
-the factor m of all masses is measured or computed (n: what the motion needs, Pinocchio's rnea). The first two are
-fitted joint by joint. The mass is common to all believed rows: what friction can explain of a row is taken out of it
-and of n first, and rows count by what is left over of each.
+the factor m of all masses is measured or computed (n: what the motion needs, Pinocchio's rnea). Factors come first
+(`fit_gains.py`), then friction joint by joint. The mass is common to all believed rows: what friction can explain of a
+row is taken out of it and of n first, and rows count by what is left over of each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerobat_pin.errors import MapError, ObserverError
-from aerobat_pin.estimation.inverse_dynamics import SMOOTHING, accelerations, contact_torque, required_torque
-from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces
+from aerobat_pin.estimation.fit_gains import Gains, fit_gains
+from aerobat_pin.estimation.fitted_stretches import explained, fitted_blocks, rms_or_nan
+from aerobat_pin.estimation.gain_regression import friction_columns
+from aerobat_pin.estimation.inverse_dynamics import SMOOTHING, accelerations, required_torque
+from aerobat_pin.estimation.known_forces import Fit, KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, JointFriction, fit_friction
 from aerobat_pin.records import FrictionSection, Record
 
-MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
 COULOMB_RATES = (0.01, SMOOTH_RATE, 0.05, 0.1, 0.2)  # [rad/s, m/s] from which one is chosen, see `_coulomb_rate`
 FOLDS, LEAST_DROP = 4, 0.01  # parts of the stretch, each predicted from the others; [-] of the error, for another rate
 UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a record does not show it
@@ -50,13 +51,14 @@ class _Rows:
     tau: Array
 
 
-def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
-    """Fit friction (and factors of the efforts) where the map says that no unknown force acts, or a known one.
+def fit_joint_friction(forces: KnownForces) -> KnownForces:
+    """Fit friction, and gains if the map asks for them, where it says that no unknown force acts, or a known one.
 
     Raises:
         MapError: efforts or the stretch of the fit are missing, or too short.
     """
-    section = record.map.joints.friction
+    record = forces.record
+    section, payload = record.map.joints.friction, record.map.payload
     assert section is not None
     if "joints.effort" not in record.channels:
         raise MapError("map: joints.friction needs joints.effort")
@@ -67,30 +69,34 @@ def fit_joint_friction(record: Record, forces: KnownForces) -> FittedValues:
             "map: joints.friction.fit: from and to [s], where nothing touches the robot, was expected; or "
             "--calibration FILE, which `aerobat calibrate` writes from another recording"
         )
-    inside, rest = _fitted_samples(record, forces, [record.robot.v_index(joint) for joint in joints], section.fit)
-    needed, scale = inside.needed - inside.given, np.ones(len(joints))
-    rate = _coulomb_rate(section, inside)
-    if section.scale:
-        for k in range(len(joints)):
-            scale[k] = np.linalg.lstsq(_regressors(section, inside, k, rate), needed[:, k], rcond=None)[0][-1]
+    rows = [record.robot.v_index(joint) for joint in joints]
+    inside, rest = _fitted_samples(record, forces, rows, section.fit)
+    rate, plain = _coulomb_rate(section, inside), rest
+    forces = replace(forces, values=replace(forces.values, joints=joints, scale=np.ones(len(joints))))
+    gains = Gains(forces, {}, {})
+    if section.scale or (payload is not None and payload.com is None):
+        gains = fit_gains(forces, section.fit, rate)
+        forces = gains.forces
+        inside, rest = _fitted_samples(forces.record, forces, rows, section.fit)
     try:
-        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), needed - scale * inside.tau, rate)
+        left = inside.needed - inside.given - inside.tau
+        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), left, rate)
     except ObserverError as error:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
     fits = []
     for k, joint in enumerate(joints):
-        kept, lost = (_left_over(section, part, friction, scale)[:, k] for part in (inside, rest))
-        before = rms_or_nan((rest.needed - rest.given - rest.tau)[:, k])
-        values = friction_values(friction, float(scale[k]) if section.scale else None, k)
+        kept, lost = (_left_over(section, part, friction)[:, k] for part in (inside, rest))
+        before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
+        told = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
+        if section.scale:
+            told |= {"effort times": float(forces.values.scale[k])}
+        if joint in gains.deviations:
+            told |= {"deviation of the factor": gains.deviations[joint]}
         unit = "N" if record.robot.slides(joint) else "N m"
-        fits.append(Fit(f"friction of {joint}", values, unit, before, rms_or_nan(kept), rms_or_nan(lost)))
-    return FittedValues({}, joints, friction, scale, fits=tuple(fits))
-
-
-def friction_values(friction: JointFriction, scale: float | None, k: int) -> dict[str, float]:
-    """Return coefficient -> value of joint `k`, its rate and the factor of its effort, as a fit tells them."""
-    values = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": friction.rate}
-    return values if scale is None else {**values, "effort times": scale}
+        sizes = (before, rms_or_nan(kept), rms_or_nan(lost))
+        fits.append(Fit(f"friction of {joint}", told, unit, *sizes, untold=gains.untold.get(joint, "")))
+    values = replace(forces.values, friction=friction, fits=(*forces.values.fits, *fits))
+    return replace(forces, values=values)
 
 
 def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) -> Fit:
@@ -121,7 +127,8 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     for k, row in enumerate(rows):
         needed, target = inside.needed[:, k], (inside.tau + inside.given - inside.needed)[:, k]
         if section is not None and row in joint_rows:
-            columns = _regressors(section, inside, k, SMOOTH_RATE)
+            columns = friction_columns(section.law, inside.v[:, k], inside.a[:, k], SMOOTH_RATE)
+            columns = np.column_stack([columns, inside.tau[:, k]]) if section.scale else columns
             explained = np.linalg.lstsq(columns, np.column_stack([needed, target]), rcond=None)[0]
             needed, target = (np.column_stack([needed, target]) - columns @ explained).T
         own = float(needed @ needed)
@@ -151,29 +158,17 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     return Fit("mass", {"times": 1.0 + change, "deviation": deviation}, "N, N m", before, left, left_over)
 
 
-def rms_or_nan(values: Array) -> float:
-    """Return the root mean square of values (m,); NaN if there are none."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
-
-
-def _regressors(section: FrictionSection, rows: _Rows, k: int, rate: float) -> Array:
-    """Return what friction of the law, and last a factor of the effort, can be in row `k`: (m, coefficients)."""
-    v, a = rows.v[:, k], rows.a[:, k]
-    inertia = [-a] if section.law.endswith("inertia") else []
-    factor = [rows.tau[:, k]] if section.scale else []
-    return np.column_stack([-np.tanh(v / rate), -v, *inertia, -np.ones(len(v)), *factor])
-
-
 def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
     """Return the rate at which Coulomb friction sets in: the one whose fit predicts what it did not see best.
 
     Where friction sets in too early, noise of the rate makes it a coin; too late, and a viscous part stands in for it,
     which is too large at other speeds. The stretch is cut into parts; each is predicted by the fit to the others.
     """
-    targets = rows.needed - rows.given - (0.0 if section.scale else rows.tau)
-    errors = np.zeros((len(COULOMB_RATES), targets.shape[1]))
-    for (i, rate), k in product(enumerate(COULOMB_RATES), range(targets.shape[1])):
-        table = np.column_stack([_regressors(section, rows, k, rate), targets[:, k]])
+    needed = rows.needed - rows.given
+    errors = np.zeros((len(COULOMB_RATES), needed.shape[1]))
+    for (i, rate), k in product(enumerate(COULOMB_RATES), range(needed.shape[1])):
+        target = [needed[:, k], rows.tau[:, k]] if section.scale else [needed[:, k] - rows.tau[:, k]]
+        table = np.column_stack([friction_columns(section.law, rows.v[:, k], rows.a[:, k], rate), *target])
         squares = np.stack([part.T @ part for part in np.array_split(table, FOLDS)])
         for own in squares:
             others = squares.sum(axis=0) - own
@@ -190,56 +185,26 @@ def _rotor(section: FrictionSection, rows: _Rows) -> Array:
     return rows.a if section.law.endswith("inertia") else np.zeros_like(rows.a)
 
 
-def _left_over(section: FrictionSection, rows: _Rows, friction: JointFriction, scale: Array) -> Array:
-    return np.asarray(rows.needed - rows.given - scale * rows.tau - friction.torque(rows.v, _rotor(section, rows)))
+def _left_over(section: FrictionSection, rows: _Rows, friction: JointFriction) -> Array:
+    return np.asarray(rows.needed - rows.given - rows.tau - friction.torque(rows.v, _rotor(section, rows)))
 
 
 def _fitted_samples(
     record: Record, forces: KnownForces, rows: Sequence[int], fit: tuple[float, float]
 ) -> tuple[_Rows, _Rows]:
     """Return the samples of rows of the velocity for a fit, and those that test it."""
-    to = None if record.map.joints.friction is None else record.map.joints.friction.to
-    tested = (-np.inf, np.inf) if to is not None else record.map.use.free
     inside: list[Array] = []
     held_out: list[Array] = []
     places = {record.robot.v_index(joint): record.robot.q_index(joint) for joint in record.joints}
-    for first, last, fits_here, tests_here in _fitted_stretches(record, fit, tested):
-        block = record.block(first, last)
+    for block, fitted, tested in fitted_blocks(record, fit):
         a = accelerations(block, record)
-        given = sum(forces.known(block).values(), np.zeros_like(block.tau))
-        if to is not None:
-            given = given + contact_torque(record, block)
         q = np.zeros_like(block.tau)
         q[:, list(places)] = 0.5 * (block.q[1:] + block.q[:-1])[:, list(places.values())]
         v = 0.5 * (block.v[1:] + block.v[:-1])
-        table = np.stack([q, v, a, required_torque(record, block, a), given, block.tau])[:, :, list(rows)]
-        when = block.time[:-1] - record.start
-        chosen = (when >= fit[0]) & (when < fit[1])
-        if fits_here:
-            inside.append(table[:, chosen])
-        if tests_here:
-            held_out.append(table[:, ~chosen & _within(when, tested)])
-    if not inside:
+        needed, given = required_torque(record, block, a), explained(record, forces, block)
+        table = np.stack([q, v, a, needed, given, forces.torque(block)])[:, :, list(rows)]
+        inside.append(table[:, fitted])
+        held_out.append(table[:, tested])
+    if not sum(part.shape[1] for part in inside):
         raise MapError(f"map: joints.friction.fit = {list(fit)}: no used part of the record is there")
     return _Rows(*np.concatenate(inside, axis=1)), _Rows(*np.concatenate(held_out, axis=1))
-
-
-def _within(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
-    return np.zeros(len(when), bool) if stretch is None else (when >= stretch[0]) & (when < stretch[1])
-
-
-def _fitted_stretches(
-    record: Record, fit: tuple[float, float], tested: tuple[float, float] | None
-) -> Iterator[tuple[int, int, bool, bool]]:
-    """Yield (first, last) of stretches, and whether they are for the fit, and for its test; a long record is thinned.
-
-    Args:
-        record: the record.
-        fit: times after the start [s] between which there is a fit.
-        tested: times between which nothing unknown acts, so that the fit can be tested; None: nobody knows where.
-    """
-    if sum(last - first for first, last in record.parts) <= MOST_FITTED:
-        yield from ((first, last, True, True) for first, last in record.parts)
-        return
-    yield from ((first, last, True, False) for first, last in record.spread(MOST_FITTED, *fit))
-    yield from ((first, last, False, True) for first, last in record.spread(MOST_FITTED, *(tested or ())))

@@ -11,30 +11,60 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation.fit_joint_friction import MOST_FITTED, fit_joint_friction, rms_or_nan
+from aerobat_pin.estimation.fit_gains import fit_gains
+from aerobat_pin.estimation.fit_joint_friction import fit_joint_friction
+from aerobat_pin.estimation.fitted_stretches import MOST_FITTED, rms_or_nan
 from aerobat_pin.estimation.inverse_dynamics import mean_in
 from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces, command_sum, unit_direction
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, Record
+from aerobat_pin.records import KnownSection, PayloadSection, Record
 
 
-def fitted_forces(record: Record) -> KnownForces:
-    """Fit what the map asks for, and return all known forces.
+def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownForces:
+    """Fit what the map asks for, and return all known forces of the record, whose robot then carries what was found.
+
+    Args:
+        record: the record.
+        learnt: friction, factors of efforts and the mass, if they are known; the map then fits no friction.
 
     Raises:
         MapError: a fit lacks what it is fitted to.
     """
     forces = given_forces(record)
-    coefficients, fits = dict(forces.values.coefficients), []
+    coefficients, fits = dict(forces.values.coefficients), list[Fit]()
     for name, section in record.map.known.items():
         if section.fit is not None:
             coefficients[name], fit = _fit_thrust(record, name, section)
             fits.append(fit)
-    forces = replace(forces, values=FittedValues(coefficients, fits=tuple(fits)))
-    if record.map.joints.friction is None:
+    values = replace(learnt or FittedValues(), coefficients=coefficients, fits=tuple(fits))
+    forces, payload = replace(forces, values=values), record.map.payload
+    if payload is not None and payload.com is None:
+        _refuse_the_untellable(record, payload)
+    if record.map.joints.friction is not None:
+        return fit_joint_friction(forces)
+    if payload is None or payload.com is not None:
         return forces
-    friction = fit_joint_friction(record, forces)
-    return replace(forces, values=replace(friction, coefficients=coefficients, fits=(*fits, *friction.fits)))
+    stretch = payload.fit or record.map.use.free
+    if stretch is None:
+        raise MapError("map: payload.fit: from and to [s], where nothing else touches the robot, was expected")
+    return fit_gains(forces, stretch).forces
+
+
+def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
+    """Raise MapError if a payload that is sought looks like something else that is sought."""
+    friction, fitted = (
+        record.map.joints.friction,
+        [name for name, one in record.map.known.items() if one.fit is not None],
+    )
+    if payload.mass is None and friction is not None and friction.scale:
+        raise MapError(
+            "map: payload has no mass, and joints.friction.scale = true: a heavier payload and smaller factors look "
+            "alike, only their ratio is seen; payload.mass was expected, or factors by --calibration FILE"
+        )
+    if fitted:
+        raise MapError(
+            f"map: known.{fitted[0]}.fit takes the mass as given, so the payload's mass and com were expected"
+        )
 
 
 def given_forces(record: Record) -> KnownForces:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.records import Block, Record, slopes, world_turn
 
 SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
@@ -22,10 +22,19 @@ def required_torque(record: Record, block: Block, acceleration: Array) -> Array:
     """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea)."""
     model = record.robot.model
     data, found = model.createData(), np.empty_like(block.tau)
-    v = 0.5 * (block.v[1:] + block.v[:-1])
-    for k in range(len(found)):
-        found[k] = pin.rnea(model, data, block.q[k], v[k], acceleration[k])
+    for k, motion in enumerate(
+        zip(halfway(record, block), 0.5 * (block.v[1:] + block.v[:-1]), acceleration, strict=True)
+    ):
+        found[k] = pin.rnea(model, data, *motion)
     return found
+
+
+def halfway(record: Record, block: Block) -> Array:
+    """Return the configurations (m, nq) in the middle of a block's intervals."""
+    if not record.robot.free:
+        return np.asarray(0.5 * (block.q[1:] + block.q[:-1]))
+    model = record.robot.model
+    return np.stack([pin.interpolate(model, *ends, 0.5) for ends in zip(block.q[:-1], block.q[1:], strict=True)])
 
 
 def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) -> Array:
@@ -97,6 +106,6 @@ def contact_torque(record: Record, block: Block) -> Array:
     data, index = model.createData(), model.getFrameId(point)
     found = np.empty_like(block.tau)
     for k in range(len(found)):
-        jacobian = pin.computeFrameJacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        jacobian = frame_jacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
         found[k] = jacobian[: force.shape[1]].T @ force[k]
     return found

@@ -16,7 +16,7 @@ import pinocchio as pin
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.calibration.harmonics import Harmonics
 from aerobat_pin.estimation.inverse_dynamics import turned
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Block, KnownSection, Record, world_turn
 
@@ -35,6 +35,7 @@ class Fit:
         inside: rms of what is left on the fitted part.
         outside: rms of what is left on the rest, NaN if there is none.
         log: the recording, if it is another one.
+        untold: what the record does not tell, in words.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Fit:
     inside: float
     outside: float
     log: str = ""
+    untold: str = ""
 
     def __str__(self) -> str:
         values = ", ".join(f"{key} {value:.4g}" for key, value in self.values.items())
@@ -51,7 +53,8 @@ class Fit:
         if np.isfinite(self.outside):
             outside = f"{self.outside:.3g} on the rest ({self.before:.3g} without)"
         where = f" in {self.log}" if self.log else ""
-        return f"{self.name}: {values}; left over {self.inside:.3g} {self.unit} where fitted{where}, {outside}"
+        words = f"; {self.untold}" if self.untold else ""
+        return f"{self.name}: {values}; left over {self.inside:.3g} {self.unit} where fitted{where}, {outside}{words}"
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,12 @@ class FittedValues:
         friction: of these joints; None if it is not known.
         scale: (n,) factor of each of their efforts.
         mass: factor of all masses and inertias.
+        links: (links, 10) changes of the dynamic parameters of the robot's links, in Pinocchio's order; empty if none.
+        gain_covariance: of the factors of efforts, relative, and of all errors of links over what is expected of them;
+            empty if there is none.
         fits: how well each holds.
+        row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
+            [N, N m]; empty where that is not known.
     """
 
     coefficients: dict[str, Array] = field(default_factory=dict)
@@ -72,7 +80,10 @@ class FittedValues:
     friction: JointFriction | None = None
     scale: Array = field(default_factory=lambda: np.ones(0))
     mass: float = 1.0
+    links: Array = field(default_factory=lambda: np.zeros((0, 10)))
+    gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     fits: tuple[Fit, ...] = ()
+    row_noise: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -178,10 +189,9 @@ def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Ar
     data, found = model.createData(), np.empty((len(wrench), model.nv))
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
-        jacobian = pin.computeFrameJacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
-        return np.asarray(wrench @ jacobian)
+        return wrench @ frame_jacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
     for k, q in enumerate(block.q[:-1]):
-        found[k] = pin.computeFrameJacobian(model, data, q, frame, axes).T @ wrench[k]
+        found[k] = frame_jacobian(model, data, q, frame, axes).T @ wrench[k]
     return found
 
 

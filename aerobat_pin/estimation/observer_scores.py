@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
-from aerobat_pin.estimation.use import CalibrationUse, Contact, FoundEvent
-from aerobat_pin.observers import Redundancy
+from aerobat_pin.estimation.use import CalibrationUse, FoundEvent
+from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class ObserverScores:
     Attributes:
         points: point -> axis (`Fx`, ..., `Mz`) -> scores, where there is a reference.
         components: root mean square of each estimated component.
-        mean: component -> mean.
+        mean: component -> mean, where it is seen; None where it never is.
         gain: gain K [1/s]: a number, a list with one number for each filtered quantity, or a matrix as nested lists.
         rows: which rows of the residual are used.
         rank: rank of the linear equations for the unknown components.
@@ -38,12 +39,14 @@ class ObserverScores:
         innovation: how well a filter predicts the samples; None for other observers.
         warnings: a line of text about each property of this observer that spoils the estimate.
         notes: a line of text about each thing that the observer chose or found beside the forces.
+        seen: point -> share of the time in which its three forces are seen; None if no force was expected.
+        k: how many times as large as stated the squared errors of the rows are; None if that cannot be seen.
         events: contacts that were found; None where they were not sought, as without a calibration.
     """
 
     points: Mapping[str, Mapping[str, Score]]
     components: tuple[ComponentSize, ...]
-    mean: Mapping[str, float]
+    mean: Mapping[str, float | None]
     gain: float | list[Any]
     rows: str
     rank: int
@@ -55,6 +58,8 @@ class ObserverScores:
     innovation: InnovationScore | None
     warnings: list[str]
     notes: list[str]
+    seen: Mapping[str, list[float | None]] | None = None
+    k: float | None = None
     events: list[FoundEvent] | None = None
 
     @classmethod
@@ -69,27 +74,43 @@ class ObserverScores:
             use: how a calibration was used, with the contacts that were found.
         """
         head, found, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
-        by_point = None
-        if head.standard_deviation is not None and head.are_world_forces:
-            sure = [size.deviation for size in components]
-            by_point = {point_label(frame): sure[3 * i : 3 * i + 3] for i, frame in enumerate(head.frames)}
+
+        def by_point(values: list[float | None], there: object) -> dict[str, list[float | None]] | None:
+            if there is None or not head.are_world_forces:
+                return None
+            return {point_label(frame): values[3 * i : 3 * i + 3] for i, frame in enumerate(head.frames)}
+
         return cls(
             points={point_label(side.reference.frame): side.scores() for side in compared},
             components=components,
-            mean=dict(zip(found.components, estimate.mean.tolist(), strict=True)),
+            mean={
+                name: float(mean) if np.isfinite(mean) else None
+                for name, mean in zip(found.components, estimate.mean, strict=True)
+            },
             gain=head.gain.tolist(),
             rows=head.rows,
             rank=found.rank,
             condition=found.condition if np.isfinite(found.condition) else None,
             null_direction=None if found.null_direction is None else found.null_direction.tolist(),
-            unseen=found.describe(),
+            unseen=found.describe() if head.expected_force is None else [],
             redundancy=estimate.redundancy,
-            deviation=by_point,
+            deviation=by_point([size.deviation for size in components], head.standard_deviation),
+            seen=by_point([size.seen for size in components], head.seen),
+            k=estimate.doubt,
             innovation=estimate.innovation,
             warnings=warnings_about(next(estimate.blocks())),
-            events=None if use is None or use.contacts is None else found_events(estimate, use.contacts),
+            events=found_events(estimate, use),
             notes=list(head.notes),
         )
+
+    @property
+    def judgement(self) -> tuple[str, bool]:
+        """What no force explains says about the belief, in words, and whether the belief is wrong."""
+        if self.k is None:
+            return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
+        words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
+        doubtful = self.k > DOUBTFUL
+        return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
@@ -101,7 +122,7 @@ class ObserverScores:
     @classmethod
     def from_json(cls, entry: Mapping[str, Any]) -> ObserverScores:
         """Read an entry of `metrics.json`."""
-        rest = {item.name: entry[item.name] for item in fields(cls) if item.name != "points"}
+        rest: dict[str, Any] = {item.name: entry.get(item.name) for item in fields(cls) if item.name != "points"}
         points = {
             name: {axis: Score(**score) for axis, score in axes.items()}
             for name, axes in entry.items()
@@ -116,10 +137,12 @@ class ObserverScores:
         return cls(points, **{**rest, **made})
 
 
-def found_events(estimate: StoredEstimate, contacts: Sequence[Contact]) -> list[FoundEvent]:
-    """Return contacts with the largest force that an observer estimates there during each."""
+def found_events(estimate: StoredEstimate, use: CalibrationUse | None) -> list[FoundEvent] | None:
+    """Return the contacts of a calibration with the largest force during each, or those of the rows; else None."""
+    if use is None or use.contacts is None:
+        return row_contacts(estimate)
     found = []
-    for contact in contacts:
+    for contact in use.contacts:
         if contact.frame in estimate.head.frames and estimate.head.are_world_forces:
             last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
             during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)

@@ -8,16 +8,18 @@ after its time; that is its latency, beside the observer's 1/K.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
+from aerobat_pin.estimation.expected import expected_from, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.run_observers import built_observers, rows_of
+from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers import Observer
+from aerobat_pin.observers import Expected, Observer
 from aerobat_pin.records import (
     FREE_NQ,
     FREE_NV,
@@ -29,6 +31,7 @@ from aerobat_pin.records import (
     entries,
     joint_requests,
     line_means,
+    listed_joints,
     robot_of_map,
     rotation_matrices,
     sampled,
@@ -48,12 +51,13 @@ class OnlineSample:
         start: start of the interval [s].
         end: its end [s].
         components: label -> estimate [N or N m], such as `FL_FOOT.Fz`; world axes.
+        deviation: label -> its standard deviation; that of an expected force where the pose does not show it.
     """
 
-    __slots__ = ("components", "end", "start")
+    __slots__ = ("components", "deviation", "end", "start")
 
-    def __init__(self, start: float, end: float, components: dict[str, float]) -> None:
-        self.start, self.end, self.components = start, end, components
+    def __init__(self, start: float, end: float, components: dict[str, float], deviation: dict[str, float]) -> None:
+        self.start, self.end, self.components, self.deviation = start, end, components, deviation
 
     def __repr__(self) -> str:
         values = ", ".join(f"{label} {value:.4g}" for label, value in self.components.items())
@@ -85,14 +89,18 @@ class OnlineEstimator:
     ) -> None:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map, self._heard = chosen, heard
-        self._values = FittedValues() if calibration is None else calibration.fitted
-        names = chosen.joints.names or tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        self._values = FittedValues()
+        if calibration is not None:
+            self._values = replace(calibration.fitted, row_noise=calibration.row_noise)
+        every = tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        names = listed_joints(chosen.joints.names) or every
         self.joints = names
         if calibration is not None:
             calibration.belief.refuse_other(belief_of(chosen, self.robot, names))
             if calibration.series is not None:
                 raise MapError("online: a calibration with a series over a phase needs a whole record")
             self.robot = calibration.believed(self.robot)
+        self.robot = self.robot.carrying(chosen.payload)
         asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
         self._requests = {request.key: request for request in asked}
         self._check()
@@ -105,6 +113,7 @@ class OnlineEstimator:
         self._leading = lead[0] if lead else next(iter(self._requests))
         self._last: float | None = None
         self._v = np.zeros(self.robot.model.nv)
+        self._squares, self._count = np.zeros(self.robot.model.nv), 0
         self._observer: Observer | None = None
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
@@ -129,13 +138,14 @@ class OnlineEstimator:
                 if at == kept[-1][0]:
                     continue
                 raise LogError(f"{key}: time went from {kept[-1][0]} s to {at} s: messages in time order were expected")
-            kept.append((at, request.factor * np.array([values[name] for name in request.names])))
+            kept.append((at, request.converted(np.array([values[name] for name in request.names]))))
         return self._advance()
 
     def _check(self) -> None:
         """Raise MapError for a map that needs a whole record."""
         joints, base = self._map.joints, self._map.base
-        if self._map.known or (joints.friction is not None and self._values.friction is None):
+        sought = self._map.payload is not None and self.robot.payload is None
+        if self._map.known or sought or (joints.friction is not None and self._values.friction is None):
             raise MapError(
                 "online: known forces and fits need a whole record; leave them out of the map; friction can come "
                 "from a calibration"
@@ -160,10 +170,14 @@ class OnlineEstimator:
                 self._observer = self._new_observer()
                 self._observer.reset(q, v, time)
             else:
-                tau = self._torque(self._last, time) + self._friction(v, time - self._last)
+                effort = self._torque(self._last, time)
+                self._learn_size(self._observer, effort)
+                tau = effort + self._friction(v, time - self._last)
                 sample = self._observer.update(time, q, v, tau)
                 labels = self._observer.applications.components
-                one = OnlineSample(self._last, time, dict(zip(labels, sample.components.tolist(), strict=True)))
+                values = (sample.components, sample.standard_deviation)
+                named = [{} if one is None else dict(zip(labels, one.tolist(), strict=True)) for one in values]
+                one = OnlineSample(self._last, time, *named)
                 found.append(one)
                 if self._heard is not None:
                     self._heard(one)
@@ -173,7 +187,22 @@ class OnlineEstimator:
 
     def _new_observer(self) -> Observer:
         rows, _ = rows_of(self._map, self.robot, self.joints, self._requests)
-        return built_observers(self._map, self.robot, rows)[0]
+        return built_observers(self._map, self.robot, rows, (), self._expected(np.zeros_like(self._v)))[0]
+
+    def _expected(self, effort: Array) -> Expected | None:
+        """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight."""
+        if not self.robot.limits_forces:
+            return None
+        carried = self.robot.weight * row_scale(self.robot.model)
+        return expected_from(self.robot, self._values, points_of(self._map), effort, carried)
+
+    def _learn_size(self, observer: Observer, effort: Array) -> None:
+        """Expect errors in proportion to the efforts: anew whenever twice as many intervals have shown their size."""
+        self._squares, self._count = self._squares + effort**2, self._count + 1
+        if observer.expected is not None and self._count & (self._count - 1) == 0:
+            expected = self._expected(np.sqrt(self._squares / self._count))
+            assert expected is not None
+            observer.expect(expected)
 
     def _forget(self, ready: float) -> None:
         """Drop samples that no further estimate needs."""

@@ -30,7 +30,7 @@ WORSE_THAN_NOTHING = "R2 below 0 is worse than no estimate, as the mean of the t
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
-SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation")
+SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation", "seen")
 
 
 @cache
@@ -116,10 +116,10 @@ class Result:
 
     @property
     def verdicts(self) -> dict[str, list[str]]:
-        """What the redundancy says about the belief: line of text -> observers that say it."""
+        """What no force explains says about the belief: line of text -> observers that say it."""
         lines: dict[str, list[str]] = {}
         for name, found in self.observers.items():
-            lines.setdefault(found.redundancy.describe(), []).append(name)
+            lines.setdefault(found.judgement[0], []).append(name)
         return lines
 
     @property
@@ -131,7 +131,7 @@ class Result:
         lines += [
             f"{', '.join(names)}: {words}"
             for words, names in self.verdicts.items()
-            if self.observers[names[0]].redundancy.verdict == "inconsistent"
+            if self.observers[names[0]].judgement[1]
         ]
         for name, found in self.observers.items():
             lines += [f"{name}: {line}" for line in found.warnings]
@@ -286,8 +286,8 @@ def _size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
         least, most = estimate.extremes
         sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
         for size, mean, low, high in sizes:
-            numbers = (f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
-            rows.append((name, size.name, *numbers, size.certainty))
+            numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
+            rows.append((name, size.name, *numbers, size.certainty, "-" if size.seen is None else f"{size.seen:.0%}"))
     return rows
 
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Observer, Rows
+from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, KalmanObserver, Observer, Rows
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
@@ -32,32 +33,45 @@ class Watch(Protocol):
         """Take the inputs of a block, of which the intervals `kept` count; with them a part may end."""
 
 
-def observers_of(record: Record, names: Sequence[str] = ()) -> tuple[list[Observer], tuple[str, ...]]:
+def observers_of(
+    record: Record, names: Sequence[str] = (), expected: Expected | None = None
+) -> tuple[list[Observer], tuple[str, ...]]:
     """Return observers of a record, and which rows they do not believe and why, in words.
 
     Args:
         record: the record.
         names: of the observers; those that the map names when empty.
+        expected: what is expected of forces and rows; None for forces of any size.
 
     Raises:
         MapError: there is no observer of a name.
         ObserverError: an observer cannot be built for this robot.
     """
     rows, notes = rows_of(record.map, record.robot, record.joints, record.channels)
-    return built_observers(record.map, record.robot, rows, names), notes
+    return built_observers(record.map, record.robot, rows, names, expected), notes
 
 
-def built_observers(chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = ()) -> list[Observer]:
+def points_of(chosen: Map) -> list[str | Application]:
+    """Return where a map seeks forces and wrenches."""
+    return [*chosen.robot.points, *(Application(frame, "wrench") for frame in chosen.robot.wrenches)]
+
+
+def built_observers(
+    chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = (), expected: Expected | None = None
+) -> list[Observer]:
     """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
-    names = tuple(names) or chosen.observer.names
+    points, residuals = points_of(chosen), ("momentum",)  # without points there is nothing to project onto
+    usual = chosen.observer.names if points or "names" in chosen.observer.model_fields_set else residuals
+    names = tuple(names) or usual
     if not names or any(name not in OBSERVERS for name in names):
         raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
-    points: list[str | Application] = [
-        *chosen.robot.points,
-        *(Application(frame, "wrench") for frame in chosen.robot.wrenches),
-    ]
-    section = chosen.observer
-    return [OBSERVERS[name](robot.model, points, section.gain, rows, **section.settings(name)) for name in names]
+    section, made = chosen.observer, []
+    for name in names:
+        settings = section.settings(name)
+        if expected is not None and not issubclass(OBSERVERS[name], KalmanObserver):  # which expects sizes of its own
+            settings = {**settings, "expected": expected}
+        made.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
+    return made
 
 
 def believed_rows(record: Record) -> tuple[str, ...]:
@@ -85,7 +99,7 @@ def rows_of(
     ignored = list(chosen.robot.rows.ignore)
     notes = []
     ignored += [joint for joint in chosen.joints.held if joint not in ignored]
-    unsensed = [joint for joint in joints if joint not in ignored]
+    unsensed = [joint for joint in joints if joint not in (*ignored, *chosen.joints.passive)]
     if "joints.effort" not in channels and unsensed:
         ignored += unsensed
         notes.append(f"no effort is recorded: rows of {', '.join(unsensed)} are not believed")
@@ -105,6 +119,7 @@ def run_observers(
     observers: Sequence[Observer],
     progress: Callable[[float], None] | None = None,
     watch: Watch | None = None,
+    expected: Expected | None = None,
 ) -> dict[str, StoredEstimate]:
     """Estimate the unknown forces on all parts of a record.
 
@@ -114,6 +129,7 @@ def run_observers(
         observers: the observers.
         progress: called with the share that is done.
         watch: is given what the observers are given.
+        expected: what is expected of the forces, by which a filter that states deviations is judged, too.
 
     Returns:
         Name of the observer -> estimate.
@@ -133,6 +149,10 @@ def run_observers(
                 if progress is not None:
                     progress(done / total)
                 whole = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+                if not whole.frames:
+                    whole = rows_as_components(whole, observer, inputs.v, expected)
+                elif expected is not None:
+                    whole = replace(whole, expected_force=expected.force)
                 found[observer.name].append(_some_intervals(whole, begin - early, end - early))
                 done += end - begin
     if progress is not None:
@@ -176,15 +196,21 @@ def settled(record: Record, time: Array) -> NDArray[np.bool_]:
 
 
 def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float]) -> Array | None:
-    """Return the rms (c,) of each component between two times after the start [s]; None if nothing is settled there."""
-    squares, count = np.zeros(len(estimate.head.units)), 0
+    """Return the rms (c,) of each component between two times after the start [s], where it is seen, else NaN.
+
+    None if nothing is settled and seen there.
+    """
+    squares, count = np.zeros((2, len(estimate.head.units)))
     first, last = (estimate.index(record.start + time) for time in stretch)
     for begin in range(first, last + 1, ROWS_READ):
         block = estimate.between(begin, min(begin + ROWS_READ, last + 1))
         when = block.time[:-1] - record.start
         inside = settled(record, block.time[:-1]) & (when >= stretch[0]) & (when <= stretch[1])
-        squares, count = squares + np.sum(block.components[inside] ** 2, axis=0), count + int(inside.sum())
-    return np.asarray(np.sqrt(squares / count)) if count else None
+        shown = block.shown & inside[:, None]
+        squares += np.sum(np.where(shown, block.components, 0.0) ** 2, axis=0)
+        count += shown.sum(axis=0)
+    means = np.divide(squares, count, out=np.full_like(squares, np.nan), where=count > 0.0)
+    return np.sqrt(means) if count.any() else None
 
 
 def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
@@ -198,5 +224,6 @@ def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
         residual=estimate.residual[inside].copy(),
         unexplained=estimate.unexplained[inside].copy(),
         standard_deviation=None if deviation is None else deviation[inside].copy(),
+        doubt=None if estimate.doubt is None else estimate.doubt[inside].copy(),
         innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
     )

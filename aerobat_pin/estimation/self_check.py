@@ -17,7 +17,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, observers_of, rows_of
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, frame_jacobian, guarded
 from aerobat_pin.observers import Observer, moving_weight
 from aerobat_pin.records import Record
 
@@ -114,5 +114,5 @@ def _jacobians(model: pin.Model, q: Array, frame: str) -> Array:
     data, index, axes = model.createData(), model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     found = np.empty((len(q), 3, model.nv))
     for k, configuration in enumerate(q):
-        found[k] = pin.computeFrameJacobian(model, data, configuration, index, axes).reshape(6, -1)[:3]
+        found[k] = frame_jacobian(model, data, configuration, index, axes)[:3]
     return found

@@ -50,9 +50,12 @@ class StoredEstimate:
             found["standard_deviation"] = block.standard_deviation
         if block.innovation is not None:
             found["nis"] = block.innovation.nis
+        if block.doubt is not None:
+            found["doubt"] = block.doubt
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
-            self._sum, self._squares, self._variance = np.zeros((3, block.components.shape[1]))
+            self._sum, self._squares, self._variance, self._shown = np.zeros((4, block.components.shape[1]))
+            self._doubt = 0.0
             self._columns = {
                 name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in found.items()
             }
@@ -69,12 +72,17 @@ class StoredEstimate:
         self._counts.append(len(block.components))
         self._blocks.append(block.redundancy)
         self._innovations.append(innovation_score(block))
-        self._least = np.minimum(self._least, block.components.min(axis=0))
-        self._most = np.maximum(self._most, block.components.max(axis=0))
-        self._sum += block.components.sum(axis=0)
-        self._squares += np.sum(block.components**2, axis=0)
+        shown = block.shown
+        self._shown += shown.sum(axis=0)
+        self._least = np.minimum(self._least, np.where(shown, block.components, np.inf).min(axis=0))
+        self._most = np.maximum(self._most, np.where(shown, block.components, -np.inf).max(axis=0))
+        components = np.where(shown, block.components, 0.0)
+        self._sum += components.sum(axis=0)
+        self._squares += np.sum(components**2, axis=0)
         if block.standard_deviation is not None:
-            self._variance += np.sum(block.standard_deviation**2, axis=0)
+            self._variance += np.sum(np.where(shown, block.standard_deviation, 0.0) ** 2, axis=0)
+        if block.doubt is not None:
+            self._doubt += float(np.sum(block.doubt))
 
     def __len__(self) -> int:
         """Return the number of intervals."""
@@ -109,18 +117,29 @@ class StoredEstimate:
 
     @property
     def mean(self) -> Array:
-        """Mean (c,) of each component."""
-        return np.asarray(self._sum / len(self))
+        """Mean (c,) of each component where it is seen; NaN where it never is."""
+        return self._over_shown(self._sum)
 
     @property
     def rms(self) -> Array:
-        """Root mean square (c,) of each component."""
-        return np.asarray(np.sqrt(self._squares / len(self)))
+        """Root mean square (c,) of each component where it is seen; NaN where it never is."""
+        return np.asarray(np.sqrt(self._over_shown(self._squares)))
 
     @property
     def extremes(self) -> tuple[Array, Array]:
-        """The least (c,) and the largest (c,) of each component."""
-        return self._least, self._most
+        """The least (c,) and the largest (c,) of each component where it is seen; NaN where it never is."""
+        never = self._shown == 0.0
+        return np.where(never, np.nan, self._least), np.where(never, np.nan, self._most)
+
+    @property
+    def seen(self) -> Array | None:
+        """Share (c,) of the intervals in which each component is seen; None if no force was expected."""
+        return None if self.head.seen is None else np.asarray(self._shown / len(self))
+
+    @property
+    def doubt(self) -> float | None:
+        """Mean k: how many times as large as stated the squared errors of the rows are; None if it is not known."""
+        return self._doubt / len(self) if self.head.doubt is not None and np.isfinite(self._doubt) else None
 
     @property
     def redundancy(self) -> Redundancy:
@@ -146,10 +165,15 @@ class StoredEstimate:
         found = self.head.identifiability
         sure: list[float | None] = [None] * len(self._sum)
         if "standard_deviation" in self._columns:
-            own = np.sqrt(self._variance / len(self))
+            own = np.sqrt(self._over_shown(self._variance))
             sure = [float(size) if np.isfinite(size) else None for size in own]
-        unseen = np.isinf(found.deviation).tolist()
-        return tuple(map(ComponentSize, found.components, self.rms.tolist(), self.head.units, sure, unseen))
+        seen: list[float | None] = [None] * len(sure) if self.seen is None else self.seen.tolist()
+        unseen = np.isinf(found.deviation).tolist() if self.seen is None else [share == 0.0 for share in seen]
+        rms = [float(size) if np.isfinite(size) else None for size in self.rms]
+        return tuple(map(ComponentSize, found.components, rms, self.head.units, sure, unseen, seen))
+
+    def _over_shown(self, sums: Array) -> Array:
+        return np.divide(sums, self._shown, out=np.full_like(sums, np.nan), where=self._shown > 0.0)
 
     def _average(self, values: list[float]) -> float:
         return float(np.average(values, weights=self._counts))
@@ -169,5 +193,6 @@ def _rows_of(start: Array, end: Array, columns: dict[str, Array], like: Estimate
         "residual": columns["residual"],
         "unexplained": columns["unexplained"],
         "standard_deviation": columns.get("standard_deviation"),
+        "doubt": columns.get("doubt"),
         "innovation": None if nis is None or like.innovation is None else replace(like.innovation, nis=nis),
     }

@@ -21,24 +21,27 @@ class ComponentSize:
 
     Attributes:
         name: label of the component.
-        rms: root mean square of the estimate.
+        rms: root mean square of the estimate, where it is seen; None where it never is.
         unit: N or N m.
-        deviation: root mean square of the standard deviation that the observer states; None if it states none, or if
-            it is infinite.
-        unseen: whether the component belongs to a pattern that leaves no trace at some instant of the flight.
+        deviation: root mean square of the standard deviation that the observer states, where the component is seen;
+            None if it states none, or if it is infinite.
+        unseen: whether the component belongs to a pattern that leaves no trace at some instant of the flight; if a
+            force was expected, whether it is never seen.
+        seen: share of the time in which the rows settle nine tenths of what was expected; None if nothing was.
     """
 
     name: str
-    rms: float
+    rms: float | None
     unit: str
     deviation: float | None = None
     unseen: bool = False
+    seen: float | None = None
 
     @property
     def certainty(self) -> str:
         """The deviation as text: `infinite` if the component is unseen, `-` if the observer states none."""
         if self.unseen:
-            return "infinite"
+            return "infinite" if self.seen is None else "not seen"
         return "-" if self.deviation is None else f"{1e3 * self.deviation:.2f} m{self.unit}"
 
 
@@ -71,7 +74,7 @@ def sample_noise(components: Array) -> Array:
 
 def _noisy_components(estimate: Estimate) -> list[str]:
     """Return a warning about the components that are mostly noise, if an observer states no deviations itself."""
-    if estimate.standard_deviation is not None:
+    if estimate.standard_deviation is not None and estimate.doubt is None:
         return []
     noise, rms = sample_noise(estimate.components), np.sqrt(np.mean(estimate.components**2, axis=0))
     loud = [

@@ -25,7 +25,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class FoundEvent:
-    """A `Contact` with the largest force estimated during it [N]."""
+    """A `Contact` with the largest force, or row of the residual, estimated during it [`unit`]."""
 
     point: str
     onset: float
@@ -33,10 +33,15 @@ class FoundEvent:
     end: float | None
     size: float
 
+    @property
+    def unit(self) -> str:
+        """N m of a row's residual that is a moment, such as `elbow.M`; else N."""
+        return "N m" if self.point.rpartition(".")[2][:1] == "M" else "N"
+
     def __str__(self) -> str:
         """Return the event in words."""
         until = "to the end" if self.end is None else f"to {self.end:.3f} s"
-        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} mN"
+        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} m{self.unit}"
 
 
 @dataclass(frozen=True)

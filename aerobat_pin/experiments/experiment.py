@@ -21,7 +21,7 @@ from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, f
 from aerobat_pin.flight import log_with_motion, simulate
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
-from aerobat_pin.robot import Aerobat, believed_robot, load_robot
+from aerobat_pin.robot import Aerobat, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, changed_keys, changes_text
 
 NOISE_ADVICE = "a smaller observers.gain follows the sensors' noise less"
@@ -98,7 +98,7 @@ def run(
     """
     check_names(scenario.observers.names)
     if robots is None:
-        flies = load_robot(scenario)
+        flies = flown_robot(scenario)
         robots = flies, flies if scenario.believed_robot == scenario.robot else believed_robot(scenario)
     robot, believed = robots
     pilot = None if scenario.control is None else Controller(scenario, believed)

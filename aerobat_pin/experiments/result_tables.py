@@ -74,13 +74,17 @@ def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:
 
 
 def estimate_table(estimates: dict[str, Estimate]) -> str:
-    """Return the estimates as CSV text, with a row for each interval and a column for each observer and component."""
+    """Return the estimates as CSV text, with a row for each interval and a column for each observer and component.
+
+    A cell is empty where the component is not seen.
+    """
     first = next(iter(estimates.values()))
     columns = {"start [s]": first.time[:-1], "end [s]": first.time[1:]}
     for name, estimate in estimates.items():
+        shown = estimate.shown
         for i, (label, unit) in enumerate(zip(estimate.identifiability.components, estimate.units, strict=True)):
-            columns[f"{name}.{label} [{unit}]"] = estimate.components[:, i]
+            columns[f"{name}.{label} [{unit}]"] = np.where(shown[:, i], estimate.components[:, i], np.nan)
             if estimate.standard_deviation is not None:
                 columns[f"{name}.{label} deviation [{unit}]"] = estimate.standard_deviation[:, i]
     table = pd.DataFrame(columns)
-    return str(table.to_csv(index=False, float_format="%.9g", na_rep="nan", lineterminator="\n"))
+    return str(table.to_csv(index=False, float_format="%.9g", na_rep="", lineterminator="\n"))

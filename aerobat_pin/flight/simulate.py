@@ -17,7 +17,7 @@ from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
 from aerobat_pin.numerics import announce_compilation, guarded
-from aerobat_pin.robot import Aerobat, load_robot
+from aerobat_pin.robot import Aerobat, flown_robot
 from aerobat_pin.scenario import Scenario
 
 
@@ -35,7 +35,7 @@ def simulate(
         scenario: robot, start, air, crank, forces and sensors.
         progress: called about a hundred times with the completed share, 0..1.
         drive: crank drive or motor that replaces the scenario's.
-        robot: the scenario's robot, if it is already loaded by `load_robot`.
+        robot: the scenario's robot, if it is already loaded by `flown_robot`.
         pilot: what flies the robot by its thrusters; needed if, and only if, the scenario has a table `control`.
 
     Raises:
@@ -54,7 +54,7 @@ def simulate(
             f"scenario {scenario.name} has {table} control, but {given}: `run` closes the loop by itself, and so does "
             "`simulate(scenario, pilot=aerobat_pin.control.Controller(scenario))`"
         )
-    plant = Plant(load_robot(scenario) if robot is None else robot, scenario, drive)
+    plant = Plant(flown_robot(scenario) if robot is None else robot, scenario, drive)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
 

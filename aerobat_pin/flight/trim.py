@@ -21,7 +21,7 @@ from aerobat_pin.errors import AerobatError, TrimError
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import State
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import load_robot
+from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import MOST_SECONDS, SECONDS_PER_STEP, Scenario
 
 BODY = 5  # unknowns besides the aerodynamic state: frequency, offset, pitch, vertical speed, pitch rate
@@ -83,7 +83,7 @@ def find_trim(scenario: Scenario) -> Trim:
             f"search takes some {flaps} flaps, about {seconds:.3g} s; at most {MOST_SECONDS:g} s are allowed: a longer "
             "simulation.dt was expected"
         )
-    guess = load_robot(scenario).morphology.wing.offset_x
+    guess = flown_robot(scenario).morphology.wing.offset_x
     flight = scenario.flight
     body = [
         scenario.crank.frequency,
@@ -92,7 +92,7 @@ def find_trim(scenario: Scenario) -> Trim:
         flight.velocity[2],
         flight.angular_velocity[1],
     ]
-    air = Plant(load_robot(scenario), scenario).initial.air
+    air = Plant(flown_robot(scenario), scenario).initial.air
 
     def miss(unknowns: Array) -> Array:
         try:
@@ -159,7 +159,7 @@ def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
     """Build the plant and its state at the start of the flap from scaled unknowns."""
     steady = scenario.air.model_copy(update={"warm_up_cycles": 0, "gust": None})
     flown = _trimmed(scenario, unknowns).model_copy(update={"air": steady})
-    plant = Plant(load_robot(flown), flown)
+    plant = Plant(flown_robot(flown), flown)
     return plant, State(plant.initial.placement, plant.initial.twist, unknowns[BODY:] * AIR_SCALE)
 
 

@@ -37,6 +37,7 @@ from .memory import rewind as rewind
 from .memory import take as take
 from .memory import take_integers as take_integers
 from .pinocchio_models import frame_id as frame_id
+from .pinocchio_models import frame_jacobian as frame_jacobian
 from .pinocchio_models import read_robot as read_robot
 from .pinocchio_views import DOUBLE as DOUBLE
 from .pinocchio_views import addresses as addresses
@@ -48,4 +49,5 @@ from .pinocchio_views import placements as placements
 from .small_matrices import copy_values as copy_values
 from .small_matrices import dot as dot
 from .small_matrices import eigenvectors as eigenvectors
+from .small_matrices import solve_factored as solve_factored
 from .small_matrices import solve_positive as solve_positive

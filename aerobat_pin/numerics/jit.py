@@ -57,6 +57,7 @@ KERNEL_SOURCES = (
     "observers/kalman/smoother_kernels.py",
     "observers/kernels/filters.py",
     "observers/kernels/memory.py",
+    "observers/kernels/posterior.py",
     "observers/kernels/projection.py",
     "observers/kernels/residual.py",
     "robot/link_kernels.py",

@@ -11,6 +11,7 @@ from typing import TypeVar
 import pinocchio as pin
 
 from aerobat_pin.errors import ArgumentError, FrameNotFoundError, LogError
+from aerobat_pin.numerics.arrays import Array
 
 Loaded = TypeVar("Loaded")
 LONGEST_REASON = 300  # characters
@@ -42,6 +43,12 @@ def read_robot(path: Path, read: Callable[[], Loaded]) -> Loaded:
     if errors or reason:
         raise LogError(f"robot {path}: Pinocchio cannot read it: {'; '.join(errors) or reason[:LONGEST_REASON]}")
     return loaded
+
+
+def frame_jacobian(model: pin.Model, data: pin.Data, q: Array, frame: int, axes: pin.ReferenceFrame) -> Array:
+    """Return the Jacobian (6, nv) of a frame at a configuration (nq,); Pinocchio's is (6,) for one velocity."""
+    jacobian: Array = pin.computeFrameJacobian(model, data, q, frame, axes)
+    return jacobian.reshape(6, model.nv)
 
 
 def frame_id(model: pin.Model, name: str) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.numerics.jit import inner, kernel
+from aerobat_pin.numerics.jit import inner, kernel, merged
 
 
 @inner
@@ -30,12 +30,27 @@ def dot(a: Array, b: Array) -> float:
     return (one + two) + (three + four)
 
 
+@merged
+def solve_factored(L: Array, b: Array) -> None:
+    """Solve L L^T x = b for a lower triangle L (n, n); x overwrites b."""
+    n = b.shape[0]
+    # The processor can compute the reciprocals of the diagonal early; a division of b would have to wait for b.
+    for i in range(n):
+        for k in range(i):
+            b[i] -= L[i, k] * b[k]
+        b[i] *= 1.0 / L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= L[k, i] * b[k]
+        b[i] *= 1.0 / L[i, i]
+
+
 @kernel
 def solve_positive(A: Array, b: Array) -> float:
     """Solve A x = b by Cholesky's method for A (n, n) symmetric positive definite; return the smallest pivot.
 
-    x overwrites b, and A is destroyed. Only the lower triangle of A is read. The smallest pivot shows how close A is
-    to singular. Meant for n of about six, where the call of LAPACK alone would cost several times as much.
+    x overwrites b, and L of A = L L^T the lower triangle of A, which alone is read. The smallest pivot shows how
+    close A is to singular. Meant for n of about six, where the call of LAPACK alone would cost several times as much.
     """
     n = b.shape[0]
     least = np.inf
@@ -49,15 +64,7 @@ def solve_positive(A: Array, b: Array) -> float:
             for k in range(j):
                 A[i, j] -= A[i, k] * A[j, k]
             A[i, j] *= scale
-    # The processor can compute the reciprocals of the diagonal early; a division of b would have to wait for b.
-    for i in range(n):
-        for k in range(i):
-            b[i] -= A[i, k] * b[k]
-        b[i] *= 1.0 / A[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= A[k, i] * b[k]
-        b[i] *= 1.0 / A[i, i]
+    solve_factored(A, b)
     return least
 
 

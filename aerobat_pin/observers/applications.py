@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, frame_id, guarded
+from aerobat_pin.numerics import Array, frame_id, frame_jacobian, guarded
 from aerobat_pin.observers.rows import MOMENT_ARM
 
 
@@ -126,8 +126,6 @@ class Applications:
         blocks = [np.zeros((0, model.nv))]
         for application in self.given:
             axes = pin.ReferenceFrame.LOCAL if application.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            frame = pin.computeFrameJacobian(
-                model, data, np.asarray(q, float), frame_id(model, application.frame), axes
-            )
-            blocks.append(application.directions @ frame)
+            frame = frame_id(model, application.frame)
+            blocks.append(application.directions @ frame_jacobian(model, data, np.asarray(q, float), frame, axes))
         return np.concatenate(blocks)

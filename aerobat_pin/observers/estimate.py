@@ -9,9 +9,11 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers.expected import SHOWN, seen_share
 from aerobat_pin.observers.identifiability import Identifiability
 from aerobat_pin.observers.redundancy import Redundancy, redundancy_of
 
@@ -42,6 +44,12 @@ class Sample:
     def residual(self) -> Array:
         """Generalised residual (nv,)."""
         return self._values[: self._nv]
+
+    @property
+    def standard_deviation(self) -> Array | None:
+        """Standard deviations (c,) of the components, if the observer computes them; infinite without a trace."""
+        start = self._nv + self._count
+        return self._values[start : start + self._count] if len(self._values) > start else None
 
     def __repr__(self) -> str:
         """Show the components."""
@@ -88,6 +96,9 @@ class Estimate:
         standard_deviation: (m, c) standard deviations of the components, if the observer computes them, else None;
             infinite for a component of a pattern that leaves no trace.
         innovation: how well a Kalman filter predicts the samples, else None.
+        expected_force: (c,) size of the components that was expected before, if any was, else None.
+        doubt: (m,) k: how many times as large as stated the squared errors of the rows are, where they can be seen;
+            None without expected errors, NaN where there is no row to spare.
         notes: lines of text about what the observer chose or found beside the forces.
         warnings: lines of text about what spoils the estimate.
     """
@@ -106,6 +117,8 @@ class Estimate:
     weight: float
     standard_deviation: Array | None = None
     innovation: Innovation | None = None
+    expected_force: Array | None = None
+    doubt: Array | None = None
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -123,9 +136,23 @@ class Estimate:
         return np.asarray(np.sqrt(np.sum(self.unexplained**2, axis=1) / share))
 
     @property
+    def seen(self) -> Array | None:
+        """Share (m, c) of the expected square of each component that the rows settle; None where none was expected."""
+        if self.standard_deviation is None or self.expected_force is None:
+            return None
+        return seen_share(self.standard_deviation, self.expected_force)
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """Whether each component (m, c) is seen well enough to be shown; everywhere if no force was expected."""
+        seen = self.seen
+        return np.ones(self.components.shape, bool) if seen is None else seen > SHOWN
+
+    @property
     def are_world_forces(self) -> bool:
         """Whether the components are n forces in world axes, with three components each."""
-        return all(label[-3:] in (".Fx", ".Fy", ".Fz") for label in self.identifiability.components)
+        labels = self.identifiability.components
+        return len(labels) == 3 * len(self.frames) and all(label[-3:] in (".Fx", ".Fy", ".Fz") for label in labels)
 
     @property
     def force(self) -> Array:
@@ -172,15 +199,21 @@ class Estimate:
             coords |= {"component": list(self.identifiability.components), "unit": ("component", list(self.units))}
         dims, shape = " ".join([over, *more]), (1, len(self.components), *(len(coords[dim]) for dim in more))
         sure = np.full_like(self.components, np.nan) if self.standard_deviation is None else self.standard_deviation
-        nis = np.full(len(self.components), np.nan) if self.innovation is None else self.innovation.nis
+        nothing = np.full(len(self.components), np.nan)
+        nis = nothing if self.innovation is None else self.innovation.nis
+        seen = np.full_like(self.components, np.nan) if self.seen is None else self.seen
         unit, words = ", ".join(dict.fromkeys(self.units)), f"of the estimated {meaning}, where the observer knows it"
         found = {
             name: (dims, self.components.reshape(shape), unit, f"estimated {meaning}, mean over the interval"),
             "standard_deviation": (dims, sure.reshape(shape), unit, words),
+            "seen": (dims, seen.reshape(shape), "1", f"share of the expected square of the {meaning} that is settled"),
+            "k": (over, (nothing if self.doubt is None else self.doubt)[None], "1", "squared errors over the stated"),
             "residual": (f"{over} v_axis", self.residual[None], "N, N m", "estimated generalised force"),
             "redundancy": (over, self.redundancy_series[None], "N", "what no force explains, per redundant row"),
             "nis": (over, nis[None], "1", "normalised innovation squared, per row, of a filter"),
         }
+        if name == "force_W":
+            found["force_deviation_W"] = found["standard_deviation"]
         return xr.Dataset({key: variable(*values) for key, values in found.items()}, coords=coords)
 
     def __repr__(self) -> str:

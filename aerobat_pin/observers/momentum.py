@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import LARGEST_REAL, guarded
 from aerobat_pin.observers.applications import Application
+from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kernels.filters import SECOND_ORDER, SUPER_TWISTING
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import Rows
@@ -56,7 +57,7 @@ class SuperTwistingObserver(Observer):
     faster than `slope`. The implicit Euler method avoids chattering at any step size.
 
     Args:
-        model, applications, gain, rows: as in `Observer`.
+        model, applications, gain, rows, expected: as in `Observer`.
         slope: largest rate of change of a force that is followed exactly [N/s].
 
     Raises:
@@ -73,6 +74,7 @@ class SuperTwistingObserver(Observer):
         applications: Sequence[str | Application] = (),
         gain: ArrayLike = DEFAULT_GAIN,
         rows: Rows = "all",
+        expected: Expected | None = None,
         *,
         slope: float = 1.0,
     ) -> None:
@@ -80,4 +82,4 @@ class SuperTwistingObserver(Observer):
         if not 0.0 < slope <= LARGEST_REAL:
             raise ObserverError(f"slope = {slope}: a finite positive number in N/s was expected")
         self.slope, self._settings = float(slope), {"slope": slope}
-        super().__init__(model, applications, gain, rows)
+        super().__init__(model, applications, gain, rows, expected)

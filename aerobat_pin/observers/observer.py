@@ -33,6 +33,7 @@ from aerobat_pin.numerics import (
 )
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
+from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
@@ -64,6 +65,9 @@ class Observer:
             With `"base+power"` only the power v . tau of `tau` must be right if the observer projects first.
             `momentum` filters the rows before it combines them, so part of an error in `tau` remains (2 % at 1000 1/s
             on a flapping wing).
+        expected: how large forces and errors of the rows are expected to be. The estimate is then the posterior mean,
+            which states its deviation and is small where the pose shows little; when omitted, any size is expected:
+            the rows alone decide.
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
@@ -86,6 +90,7 @@ class Observer:
         applications: Sequence[str | Application] = (),
         gain: ArrayLike = DEFAULT_GAIN,
         rows: Rows = "all",
+        expected: Expected | None = None,
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         if self.project_first and len(applications) == 0:
@@ -95,6 +100,9 @@ class Observer:
         self.applications = Applications(model, applications)
         self.believed = BelievedRows(model, rows)
         count, nv, self._directions = len(self.applications.components), int(model.nv), directions_of(model)
+        if expected is not None:
+            expected.refuse_unusable(count, nv)
+        self.expected = expected if count else None
         self.gain = np.array(gain, float)
         self._gains, self._basis = modes(self.gain, count if self.project_first else nv)
         self._sizes = ObserverSizes(
@@ -109,8 +117,11 @@ class Observer:
             filter=self.kind,
             directions=len(self._directions),
             believed=self.believed.count,
+            expected=int(self.expected is not None),
         )
-        self._width, self._nv, self._count = nv + count, nv, count
+        self._nv, self._count = nv, count
+        self._rest = nv + count if self.expected is None else nv + 2 * count + 1  # where a record has more columns
+        self._width = self._rest
         self._memory = new_memory(observer_in, *self._sizes)
         self._fill(fields_of(observer_in, self._memory))
         self._update: Any = kernels.update_observer
@@ -120,7 +131,8 @@ class Observer:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a new observer that is not yet reset: views of Pinocchio's results cannot be pickled."""
         arguments = (self.model, self.applications.given, self.gain, self.believed.rows)
-        return partial(type(self), **self._settings), arguments
+        settings = {**self._settings} if self.expected is None else {**self._settings, "expected": self.expected}
+        return partial(type(self), **settings), arguments
 
     def __repr__(self) -> str:
         """Show the name, model, rows, gain and the components that are estimated."""
@@ -141,7 +153,18 @@ class Observer:
         memory.slope[:] = self.slope
         memory.gain[:], memory.basis[:] = self._gains, self._basis
         memory.weight[:], memory.tied[:] = self.believed.weight, self.believed.tied
+        if self.expected is not None:
+            self.expected.write(memory)
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
+
+    @guarded()
+    def expect(self, expected: Expected) -> None:
+        """Expect other sizes from now on. Raises ObserverError if none were expected, or they do not fit the robot."""
+        if self.expected is None:
+            raise ObserverError("expect: this observer was made without sizes that are expected")
+        expected.refuse_unusable(self._count, self._nv)
+        self.expected = expected
+        expected.write(fields_of(observer_in, self._memory))
 
     @guarded()
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:
@@ -228,8 +251,7 @@ class Observer:
         time = for_kernels(time)
         if time.ndim != 1 or len(time) < 2:
             raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
-        count = len(time) - 1
-        nq, nv = int(self.model.nq), int(self.model.nv)
+        count, nq, nv = len(time) - 1, int(self.model.nq), int(self.model.nv)
         q, v = checked_record(q, count + 1, nq, "q"), checked_record(v, count + 1, nv, "v")
         check_configurations(self._directions, q)
         u = checked_record(tau, count, nv, "tau")
@@ -240,11 +262,6 @@ class Observer:
             self._time = time[at]
             self._refuse_time(time[at + 1])
         return self._estimate(time, *self._run(time, q, v, u, known or {}))
-
-    @property
-    def _rest(self) -> int:
-        """First column of what `fit_forces` writes for each interval of a record, after residual and components."""
-        return self._nv + self._count
 
     def _start(self, v: Array) -> None:
         """Start the filter at the sample for which Pinocchio has just computed M, C and g."""
@@ -272,6 +289,7 @@ class Observer:
         nv, count = self._nv, self._count
         rest = out[:, self._rest : self._rest + nv + 1]  # what no force explains, and the smallest pivot
         known = judge(self.applications, samples[:, 3 : 3 + count], samples[:, 2], self.believed, rest[:, nv])
+        expected = self.expected
         return Estimate(
             observer=self.name,
             gain=self.gain.copy(),
@@ -285,6 +303,9 @@ class Observer:
             unexplained=rest[:, :nv],
             rows_in_use=self.believed.count,
             weight=moving_weight(self.model),
+            standard_deviation=None if expected is None else out[:, nv + count : nv + 2 * count],
+            expected_force=None if expected is None else expected.force,
+            doubt=None if expected is None else out[:, nv + 2 * count],
         )
 
     def _refuse_huge(self, bad: int, time: Array) -> None:

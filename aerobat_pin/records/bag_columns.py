@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,30 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.records.columns import Clock, Columns, GrowingTable
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.messages import entries, stamp
-from aerobat_pin.records.spool import Spool
+from aerobat_pin.records.spool import Series, Spool
 
 LATEST_STAMP = 3600.0  # [s]: header stamps further from the recorder's are taken for another epoch, not for a delay
+ROS_ENCODING = "cdr"  # encoding of ROS 2
+KNOWN_SCHEMAS = ("", "ros2msg", "ros2idl", "omgidl")  # languages of schemas that `rosbags` reads
 REORDERED = 10_000  # messages of a topic that are put in order together
+
+
+@contextmanager
+def _foreign_schemas() -> Iterator[None]:
+    """Let `rosbags` open an MCAP file with channels of JSON or protobuf, at whose schemas it stops by itself."""
+    from rosbags.rosbag2 import storage_mcap
+
+    read_string, get_msgdef = storage_mcap.read_string, storage_mcap.get_msgdef
+
+    def definition(schema: Any) -> Any:
+        return get_msgdef(schema if schema is None or schema.encoding in KNOWN_SCHEMAS else None)
+
+    storage_mcap.read_string = lambda file: storage_mcap.read_bytes(file).decode(errors="replace")
+    storage_mcap.get_msgdef = definition
+    try:
+        yield
+    finally:
+        storage_mcap.read_string, storage_mcap.get_msgdef = read_string, get_msgdef
 
 
 def rosbags_reader(path: Path) -> Any:
@@ -28,7 +49,8 @@ def rosbags_reader(path: Path) -> Any:
         raise LogError(f"log {path}: reading bags needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
     try:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        reader.open()
+        with _foreign_schemas():
+            reader.open()
     except Exception as error:  # the reader raises errors of a dozen kinds for a damaged bag
         raise LogError(f"log {path}: cannot be read as a bag: {' '.join(str(error).split())[:200]}") from error
     return reader
@@ -47,17 +69,27 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     """
     reader = rosbags_reader(path)
     try:
-        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+        known = reader.typestore.fielddefs
+        readable = [one for one in reader.connections if one.msgtype in known and _encoding(one) == ROS_ENCODING]
+        kinds = {connection.topic: connection.msgtype for connection in readable}
+        unread = {one.topic: _encoding(one) for one in reader.connections if one.topic not in kinds}
         topics = set(kinds) if wanted is None else {name.partition(".")[0] for name in wanted}
-        read = [connection for connection in reader.connections if connection.topic in topics]
+        for topic in sorted(topics & set(unread)):
+            raise LogError(f"log {path}: {_unread(topic, unread[topic])}: a described ROS message was expected")
+        read = [connection for connection in readable if connection.topic in topics]
         tables: dict[str, _Topic] = {}
         spool = Spool()
         for connection, recorded, raw in reader.messages(connections=read) if read else ():
             table = tables.setdefault(connection.topic, _Topic(spool, log.clock))
             if table.useless:
                 continue
-            message = reader.deserialize(raw, connection.msgtype)
-            found = entries(message)
+            try:
+                message = reader.deserialize(raw, connection.msgtype)
+                found = entries(message)
+            except Exception:
+                if wanted is not None:
+                    raise
+                unread[connection.topic], found = connection.msgtype, None
             if found is None:
                 table.useless = True
                 continue
@@ -72,12 +104,22 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     values, clock_of = {}, {}
     for topic, table in tables.items():
         if not table.useless and table.count > 0:
-            table.flush(0)
-            clocks[topic] = table.clock
-            for name, column in table.rows.columns.items():
+            clocks[topic], columns = table.finished()
+            for name, column in columns.items():
                 values[f"{topic}.{name}"], clock_of[f"{topic}.{name}"] = column, topic
     names = tuple(values) if wanted is None else tuple(values) + tuple(sorted(set(kinds) - set(tables)))
-    return Columns(path, names, clocks, clock_of, values, kinds, log.clock)
+    notes = tuple(f"{_unread(topic, how)}: left out" for topic, how in unread.items())
+    return Columns(path, names, clocks, clock_of, values, kinds, log.clock, notes=notes)
+
+
+def _encoding(connection: Any) -> str:
+    """Return how the messages of a connection are encoded; those of a ROS 1 bag do not say."""
+    return str(getattr(connection.ext, "serialization_format", ROS_ENCODING))
+
+
+def _unread(topic: str, how: str) -> str:
+    """Return that messages of a topic cannot be read, which are encoded in some way or have a type."""
+    return f"topic {topic} has messages without a description" if how == ROS_ENCODING else f"topic {topic} is {how}"
 
 
 class _Topic:
@@ -126,7 +168,7 @@ class _Topic:
         self._header, self._recorded = array("d", header[rest]), array("d", recorded[rest])
         self._table = {name: array("d", column[rest]) for name, column in columns.items()}
 
-    @property
-    def clock(self) -> Clock:
-        """The stamps; with the recorder's delays if the headers have stamps of the same epoch."""
-        return self.rows.clock(late=self._stamped and self._largest_delay < LATEST_STAMP)
+    def finished(self) -> tuple[Clock, dict[str, Series]]:
+        """Return stamps and columns, with the recorder's delays if the headers have stamps of the same epoch."""
+        self.flush(0)
+        return self.rows.finished(late=self._stamped and self._largest_delay < LATEST_STAMP)

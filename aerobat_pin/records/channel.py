@@ -21,6 +21,7 @@ class LogChannel:
         deviation: standard deviation of a sample in SI units, as the log notes it; None if it does not.
         place: (3,) of the sensor from the base's centre of mass, base axes [m]; None where that has no meaning.
         turn: (3, 3) rotation matrix, sensor to base; None likewise.
+        holes: from, to [s], and what has no sample there, for holes that split the record.
     """
 
     key: str
@@ -31,6 +32,7 @@ class LogChannel:
     deviation: float | None = None
     place: Array | None = None
     turn: Array | None = None
+    holes: tuple[tuple[float, float, str], ...] = ()
 
     def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
         """Return stamps and samples from a time to another [s], and `extra` more on either side."""

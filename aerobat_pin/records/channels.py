@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
-from aerobat_pin.records.map_tables import ChannelSection, EffortSection, KnownSection, Map
-from aerobat_pin.records.robots import PlainRobot
+from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
+from aerobat_pin.records.resample import holes
 from aerobat_pin.records.spool import EXTENT, Series
 
 EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
@@ -28,9 +28,6 @@ SI_FACTORS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
     "none": {},
 }
-JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
-CURRENTS = ("A", "mA", "1")  # units that are no torque
-MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
 COLUMN_PARTS = {
     "base.position": ("position", VECTOR),
@@ -56,6 +53,8 @@ class Request:
         joints: whose columns these are, for a channel of joints.
         units: of the columns, which a header may state; empty where the map does not say.
         wraps: whether full turns are taken out.
+        mix: (k, k) from the columns in SI to the channel; None if they are the channel.
+        shift: (k,) that is added then.
     """
 
     key: str
@@ -66,11 +65,13 @@ class Request:
     joints: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     wraps: bool = False
+    mix: Array | None = None
+    shift: float | Array = 0.0
 
-
-def requests_of(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> list[Request]:
-    """Return all that a map asks of the log; see the three functions that yield it."""
-    return [*base_requests(chosen), *joint_requests(chosen, robot, joints), *further_requests(chosen)]
+    def converted(self, values: Array) -> Array:
+        """Return the channel (..., k) in SI units of what the columns hold."""
+        values = self.factor * values
+        return values if self.mix is None else values @ self.mix.T + self.shift
 
 
 def base_requests(chosen: Map) -> Iterator[Request]:
@@ -86,40 +87,6 @@ def base_requests(chosen: Map) -> Iterator[Request]:
         yield from _asked("base.rate", base.rate, "rate", 3, base.topic)
 
 
-def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:
-    """Yield what a map asks of the log about joints, those that have channels, in the order of the columns.
-
-    Raises LogError for a number of columns or a unit that do not fit the key, and MapError for a current without a
-    torque per ampere of every joint.
-    """
-    table = chosen.joints
-    joints = joints or table.names  # where the robot itself finds the joints, they can have efforts alone
-    driven = tuple(name for name in joints if name not in chosen.robot.rows.ignore)
-    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
-        key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
-        if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
-            continue
-        counts = (len(joints), len(driven)) if part == "effort" else (len(joints),)
-        if section is not None and section.columns:
-            names, optional = section.columns, False
-            _check_count(key, names, counts)
-        elif topic is not None and joints:
-            names, optional = tuple(f"{topic}.{part}.{joint}" for joint in joints), part != "position"
-        else:
-            continue
-        unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-        own = joints if len(names) == len(joints) else driven
-        factor = np.full(len(names), factor_of(key, unit, kind))
-        if part == "effort":
-            if table.effort is not None:
-                _check_torques(table.effort, own)
-            factor[:] = [torque_per_unit(table.effort, joint) for joint in own]
-        elif unit is not None and not unit.startswith("m"):  # sliding joints stay in m: a unit of angles is not theirs
-            factor[[robot.slides(joint) for joint in own]] = 1.0
-        units = () if any(map(robot.slides, own)) else _units(unit, kind, len(names))
-        yield Request(key, names, factor, delay, optional, own, units)
-
-
 def further_requests(chosen: Map) -> Iterator[Request]:
     """Yield what a map asks of the log to compare with, of known forces, and of what only the robot itself reads."""
     yield from _asked("check.specific_force", chosen.check.specific_force, "acceleration", 3, None)
@@ -132,7 +99,7 @@ def further_requests(chosen: Map) -> Iterator[Request]:
         if not names or (section.unit is not None and section.kind is None):
             raise LogError(f"map: {key}: columns in the robot's own unit were expected, or a key kind beside unit")
         factor = factor_of(key, section.unit, section.kind or "none")
-        units = () if section.kind is None else _units(section.unit, section.kind, len(names))
+        units = () if section.kind is None else units_of(section.unit, section.kind, len(names))
         yield Request(key, names, factor, section.delay, units=units, wraps=section.wraps)
 
 
@@ -145,40 +112,11 @@ def named_columns(chosen: Map) -> set[str]:
     return names | ({when.column} if when is not None and when.column is not None else set())
 
 
-def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:
-    """Raise MapError for a torque of no joint, for a current without one, and for one that counts for another unit."""
-    key, unit, given = "map: joints.effort.torque_per_unit", section.unit, section.torque_per_unit
-    wrong = [name for name in given if name not in (*joints, "*")]
-    if wrong:
-        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
-    missing = [name for name in joints if name not in given and "*" not in given]
-    if unit in CURRENTS and missing:
-        raise MapError(
-            f"map: joints.effort.unit = '{unit}': torque_per_unit = {{{missing[0]} = ...}} was expected, in N m for "
-            f'each {"unit" if unit == "1" else unit}, for {", ".join(missing)}; "*" stands for all'
-        )
-    factor = factor_of("joints.effort", unit, "torque")
-    for name, torque in given.items():
-        if factor != 1.0 and abs(torque) >= MOST_PER_MILLI:
-            raise MapError(
-                f"{key}: {name} = {torque:g} N m for each {unit}, the unit that the map states, is more than any drive "
-                f"gives: {factor * torque:g} was expected, if it is {torque:g} N m for each {(unit or '')[1:]}"
-            )
+def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:
+    """Read a channel, at the stamps of its fastest column, with the holes longer than `longest_gap` [s] of any column.
 
-
-def torque_per_unit(section: EffortSection | None, joint: str) -> float:
-    """Return the torque [N m, N] for each unit of a joint's column: what the map says, else what the unit is."""
-    if section is None:
-        return 1.0
-    given = section.torque_per_unit
-    return float(given.get(joint, given.get("*", factor_of("joints.effort", section.unit, "torque"))))
-
-
-def channel_of(request: Request, columns: Columns) -> LogChannel | None:
-    """Read a channel; None if it is optional and missing.
-
-    Raises LogError if the log has no such columns, if they are in another unit, or if quaternions do not have length
-    one.
+    None if it is optional and missing. Raises LogError if the log has no such columns, if they are in another unit or
+    share no time, or if quaternions do not have length one.
     """
     if request.optional and not all(name in columns.values for name in request.names):
         return None
@@ -186,11 +124,16 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         if name in columns.units and not same_unit(columns.units[name], unit):
             raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
-    own = parts[0][0]
-    time, values = own if request.delay == 0.0 else Series(own.spool), Series(own.spool, len(parts))
-    for rows in (slice(first, first + EXTENT) for first in range(0, len(own), EXTENT)):
+    own = max((stamps for stamps, _ in parts), key=len)
+    low = own.index(max(float(stamps[0]) for stamps, _ in parts))
+    high = own.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
+    if high - low < 2:
+        raise LogError(f"log {columns.path}: {', '.join(request.names)} ({request.key}) share less than two samples")
+    whole = request.delay == 0.0 and high - low == len(own)
+    time, values = own if whole else Series(own.spool), Series(own.spool, len(parts))
+    for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
         stamps = own[rows]
-        table = request.factor * np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1)
+        table = request.converted(np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1))
         if request.key == "base.quaternion":
             table = _unit_length(columns, request, stamps, table)
         if request.wraps:
@@ -198,7 +141,26 @@ def channel_of(request: Request, columns: Columns) -> LogChannel | None:
         values.append(table)
         if time is not own:
             time.append(stamps - request.delay)
-    return LogChannel(request.key, request.names, time, values)
+    gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
+    return LogChannel(request.key, request.names, time, values, holes=gaps)
+
+
+def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tuple[float, float, str], ...]:
+    """Return the holes of the columns of a channel, whose stamps are given, the request's delay taken off."""
+    own = {id(stamps): holes(stamps, longest) for stamps in clocks}
+    found: dict[tuple[float, float], list[str]] = {}
+    for label, stamps in zip(request.joints or request.names, clocks, strict=True):
+        for hole in own[id(stamps)]:
+            found.setdefault(hole, []).append(label)
+    return tuple(
+        (
+            begin - request.delay,
+            end - request.delay,
+            key if len(whose) == len(clocks) else f"{key} of {', '.join(whose)}",
+        )
+        for key in (request.key,)
+        for (begin, end), whose in found.items()
+    )
 
 
 def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:
@@ -240,7 +202,7 @@ def factor_of(key: str, unit: str | None, kind: str) -> float:
     return known[unit]
 
 
-def _units(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
+def units_of(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
     """Return the units of columns that a header may state; six columns of a force have moments behind it."""
     unit = unit or next(iter(SI_FACTORS[kind]), "-")
     return (unit,) * 3 + (f"{unit} m",) * 3 if kind == "force" and count == 6 else (unit,) * count
@@ -260,17 +222,18 @@ def _asked(
         names = tuple(f"{topic}.{part}.{axis}" for axis in axes)
     else:
         return
-    _check_count(key, names, (count,) if isinstance(count, int) else count)
+    check_count(key, names, (count,) if isinstance(count, int) else count)
     unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-    units = _units(unit, kind, len(names))
+    units = units_of(unit, kind, len(names))
     yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional, units=units)
 
 
-def _check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
+def check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
     """Raise LogError unless there are as many columns as a key takes."""
     if len(names) not in allowed:
         expected = " or ".join(map(str, dict.fromkeys(allowed)))
-        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected")
+        hint = "; joints.passive names those without a motor" if key == "joints.effort" else ""
+        raise LogError(f"map: {key} has {len(names)} columns ({', '.join(names)}): {expected} were expected{hint}")
 
 
 def _known(key: str, known: KnownSection) -> Iterator[Request]:
@@ -282,7 +245,7 @@ def _known(key: str, known: KnownSection) -> Iterator[Request]:
     if not known.powers and len(names) not in (3, 6):
         raise LogError(f"map: {key} has {len(names)} columns: 3 of force, or 6 with the moment, were expected")
     factor = 1.0 if known.powers else factor_of(key, known.unit, "force")
-    units = () if known.powers else _units(known.unit, "force", len(names))
+    units = () if known.powers else units_of(known.unit, "force", len(names))
     yield Request(key, names, factor, -known.delay if known.powers else known.delay, units=units)
     supply = known.supply
     if supply is not None:

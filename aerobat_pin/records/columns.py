@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.spool import EXTENT, Series, Spool
+from aerobat_pin.records.spool import EXTENT, Series, Spool, series_of
+from aerobat_pin.records.stamps import in_order, stands_alone
 
 MOST_NAMES = 40  # of the log that an error message lists
 
@@ -27,15 +27,19 @@ class Clock:
     """The stamps of one table or topic.
 
     Attributes:
-        time: (n,) stamps [s], increasing; what was not is dropped.
-        repeated: number of samples whose stamp was that of the sample before.
-        backward: number of samples that went back in time.
+        time: (n,) stamps [s], increasing.
+        repeated: number of samples whose stamp was that of the sample before, which they are merged with.
+        differing: number of these that had another value in a column; the first value stays.
+        off, backward, set_back: what else was wrong with the stamps; see `Order`.
         late: (n,) recorder's stamp minus the sensor's [s]; None where there is only one of them.
     """
 
     time: Series
     repeated: int = 0
+    differing: int = 0
+    off: int = 0
     backward: int = 0
+    set_back: int = 0
     late: Series | None = None
 
 
@@ -52,6 +56,7 @@ class Columns:
         kinds: topic -> type of its messages, for a bag.
         stamps: which stamps a bag's clocks are; empty for a table.
         units: name -> unit that the header of a table states, as in `x [m]`.
+        notes: what was left out, in words.
     """
 
     path: Path
@@ -62,6 +67,7 @@ class Columns:
     kinds: dict[str, str] = field(default_factory=dict)
     stamps: str = ""
     units: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def series(self, name: str, key: str) -> tuple[Series, Series]:
         """Return stamps (n,) [s] and samples (n,) of a column, without empty cells.
@@ -110,56 +116,64 @@ class GrowingTable:
     """
 
     def __init__(self, spool: Spool) -> None:
-        self.columns: dict[str, Series] = {}
-        self._spool = spool
+        self._spool, self._columns = spool, dict[str, Series]()
         self._time, self._late = Series(spool), Series(spool)
-        self._largest, self._last = -np.inf, np.nan
-        self._repeated, self._backward = 0, 0
+        self._rises, self._last = True, -np.inf
 
     def add(self, time: Array, columns: Mapping[str, Array], late: Array | None = None) -> None:
-        """Append rows, without those whose stamp is not later than all before.
+        """Append rows.
 
         Args:
             time: (n,) stamps [s].
             columns: name -> (n,) samples.
             late: (n,) recorder's stamp minus the sensor's [s]; None if unknown.
         """
-        keep, repeated, backward = increasing(time, self._largest, self._last)
-        self._largest, self._last = max(self._largest, float(np.max(time))), float(time[-1])
-        self._repeated, self._backward = self._repeated + repeated, self._backward + backward
         for name in columns:
-            if name not in self.columns:
-                self.columns[name] = Series(self._spool)
+            if name not in self._columns:
+                self._columns[name] = Series(self._spool)
                 for piece in self._time.pieces():
-                    self.columns[name].append(np.full(len(piece), np.nan))
-        count = int(np.sum(keep))
-        for name, series in self.columns.items():
-            series.append(columns[name][keep] if name in columns else np.full(count, np.nan))
-        self._time.append(time[keep])
+                    self._columns[name].append(np.full(len(piece), np.nan))
+        for name, series in self._columns.items():
+            series.append(columns[name] if name in columns else np.full(len(time), np.nan))
+        self._rises = self._rises and bool(np.all(np.diff(time, prepend=self._last) > 0.0))
+        self._last = float(time[-1])
+        self._time.append(time)
         if late is not None:
-            self._late.append(late[keep])
+            self._late.append(late)
 
     def __len__(self) -> int:
-        """Return the number of rows so far, those left out included."""
-        return len(self._time) + self._repeated + self._backward
+        """Return the number of rows so far."""
+        return len(self._time)
 
-    def clock(self, *, late: bool = False) -> Clock:
-        """Return the clock, with the delays of its stamps if these are worth something."""
+    def finished(self, *, late: bool = False) -> tuple[Clock, dict[str, Series]]:
+        """Return clock and columns in the order of the stamps; `late`: with their delays, if these are worth something.
+
+        Rows with one stamp are merged: each column keeps the first value that it has there.
+        """
         delays = self._late if late and len(self._late) == len(self._time) else None
-        return Clock(self._time, self._repeated, self._backward, delays)
-
-
-def increasing(time: Array, largest: float = -np.inf, last: float = np.nan) -> tuple[NDArray[np.bool_], int, int]:
-    """Return which stamps (n,) are later than all before, how many repeat the one before, and how many go back.
-
-    Args:
-        time: stamps [s].
-        largest: the latest stamp of the rows before these.
-        last: the stamp of the row before these.
-    """
-    keep = time > np.maximum.accumulate(np.concatenate([[largest], time[:-1]]))
-    repeated = int(np.sum(np.diff(time, prepend=last) == 0.0))
-    return keep, repeated, int(np.sum(~keep)) - repeated
+        if self._rises and not stands_alone(self._time[:2], self._time[len(self) - 2 :]):
+            return Clock(self._time, late=delays), self._columns
+        stamps = self._time[:]
+        order = in_order(stamps)
+        rows = order.rows
+        new = np.diff(stamps[rows], prepend=-np.inf) > 0.0
+        which, differing, columns = np.cumsum(new) - 1, np.zeros(len(rows), bool), {}
+        for name, series in self._columns.items():
+            values, first = series[:][rows], np.full(int(np.sum(new)), np.nan)
+            there = np.flatnonzero(np.isfinite(values))
+            first[which[there[::-1]]] = values[there[::-1]]  # the first one is written last
+            differing[there] |= values[there] != first[which[there]]
+            columns[name] = series_of(self._spool, first)
+        clock = Clock(
+            series_of(self._spool, stamps[rows[new]]),
+            len(rows) - int(np.sum(new)),
+            int(np.sum(differing)),
+            order.off,
+            order.backward,
+            order.set_back,
+            None if delays is None else series_of(self._spool, delays[:][rows[new]]),
+        )
+        return clock, columns
 
 
 def in_step(time: Series, *others: Series) -> Iterator[tuple[Array, ...]]:

@@ -17,12 +17,20 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.columns import Columns, GrowingTable, same_unit
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool
-from aerobat_pin.records.table_cells import check_rows, decimal_sign, line_of, numbers_of
+from aerobat_pin.records.table_cells import (
+    CUT,
+    check_rows,
+    cut_row,
+    decimal_sign,
+    line_of,
+    numbers_of,
+)
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
 SEPARATORS = (",", ";", "\t", " ")
 ROWS_AT_ONCE = 50_000
+NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
 
@@ -45,6 +53,11 @@ def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
     if len(names) < 2:
         raise LogError(
             f"log {path}: its first line has {len(names)} cells: a header of two columns or more was expected"
+        )
+    if not LETTER.search(NUMBER.sub("", line)) and names != [str(k) for k in range(len(names))]:  # as pandas names them
+        raise LogError(
+            f"log {path}: its first line has numbers alone ({line[:40]}...), so the table has no header: write a line "
+            "above it that names each column, such as time,q1,q2,tau1,tau2; the map then uses these names"
         )
     return separator, names
 
@@ -76,39 +89,44 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     table, strict = GrowingTable(Spool()), wanted is not None
     signs: dict[str, str] = {}
     last = -np.inf
-    check_rows(path, separator, len(names))
+    end, rows = cut_row(path, separator, len(names), strict=log.times == "own") or (None, None)
+    check_rows(path, separator, len(names), end)
     try:
-        chunks = pd.read_csv(
+        with pd.read_csv(
             path,
             sep=separator,
             usecols=used,
+            nrows=rows,
             chunksize=ROWS_AT_ONCE,
             encoding="utf-8-sig",
             skipinitialspace=True,
             keep_default_na=log.times == "even",
             na_values=[""],  # at own times a written NaN is no empty cell
-        )
-        for chunk in chunks:
-            values: dict[str, Array] = {}
-            for i, label in zip(used, chunk.columns, strict=True):
-                values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
-                if separator != "," or chunk[label].dtype.kind not in "fiub":
-                    signs[names[i]] = _one_sign(path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2)
-            if len(chunk):
-                stamps = _stamps(path, log, column, values, len(table), len(chunk))
-                if log.times == "own":
-                    _check_rising(path, stamps, last, len(table))
-                    last = float(stamps[-1])
-                table.add(stamps, values)
+        ) as chunks:
+            for chunk in chunks:
+                values: dict[str, Array] = {}
+                for i, label in zip(used, chunk.columns, strict=True):
+                    values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
+                    if strict and (separator != "," or chunk[label].dtype.kind not in "fiub"):
+                        signs[names[i]] = _one_sign(
+                            path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2
+                        )
+                if len(chunk):
+                    stamps = _stamps(path, log, column, values, len(table), len(chunk))
+                    if log.times == "own":
+                        _check_rising(path, stamps, last, len(table))
+                        last = float(stamps[-1])
+                    table.add(stamps, values)
     except (ValueError, OSError) as error:
         if isinstance(error, LogError):
             raise
         raise LogError(f"log {path}: {' '.join(str(error).split())[:200]}") from error
     if len(table) < 2:
         raise LogError(f"log {path}: {len(table)} rows: two or more were expected")
-    clocks, values_of = {"table": table.clock()}, table.columns
+    clock, values_of = table.finished()
     every = tuple(dict.fromkeys([*names, *values_of]))
-    return Columns(path, every, clocks, dict.fromkeys(values_of, "table"), values_of, units=units)
+    clock_of = dict.fromkeys(values_of, "table")
+    return Columns(path, every, {"table": clock}, clock_of, values_of, units=units, notes=() if end is None else (CUT,))
 
 
 def _without_units(cells: list[str], wanted: Collection[str | None]) -> tuple[list[str], dict[str, str]]:

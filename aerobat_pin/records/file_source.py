@@ -12,21 +12,17 @@ import numpy as np
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records.channel import LogChannel
-from aerobat_pin.records.channels import (
-    base_requests,
-    channel_of,
-    further_requests,
-    named_columns,
-    requests_of,
-)
+from aerobat_pin.records.channels import base_requests, channel_of, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.joint_channels import requests_of
+from aerobat_pin.records.joint_names import as_names, listed_joints, nearest_joints, renamed_joints
 from aerobat_pin.records.map_file import load_map
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.optional_channels import check_same_rows, without_absent
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.record import Record
-from aerobat_pin.records.resample import holes
-from aerobat_pin.records.robots import PlainRobot, robot_of_map
+from aerobat_pin.records.robot_files import robot_of_map
+from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
@@ -52,7 +48,7 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
         folder = folder or chosen.parent
         chosen = load_map(chosen)
     folder = folder or Path()
-    robot = robot or robot_of_map(chosen.robot, folder)
+    robot = (robot or robot_of_map(chosen.robot, folder)).carrying(chosen.payload)
     chosen = _with_held(chosen, robot)
     asked = [*base_requests(chosen), *further_requests(chosen)]
     wanted = {name for request in asked for name in request.names} | named_columns(chosen)
@@ -63,7 +59,7 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
     if chosen.log.times == "own":
         for request in asked:
             check_same_rows(request, columns)
-    found = {request.key: channel_of(request, columns) for request in asked}
+    found = {request.key: channel_of(request, columns, chosen.log.longest_gap) for request in asked}
     channels = {key: channel for key, channel in found.items() if channel is not None}
     _check_complete(chosen, robot, channels)
     if (fault := robot.fault(channels)) is not None:
@@ -75,7 +71,7 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
     driven = next((one.joints for one in asked if one.key == "joints.effort" and one.key in channels), ())
-    log, notes = replace(columns, values={}), (*notes, *dropped)
+    log, notes = replace(columns, values={}), (*columns.notes, *notes, *dropped)
     start = start if knots is None else float(knots[0])
     return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
 
@@ -85,42 +81,50 @@ def _with_held(chosen: Map, robot: PlainRobot) -> Map:
     held = chosen.joints.held
     if "*" not in held:
         return chosen
-    rest = {name: held["*"] for name in robot.joints if name not in chosen.joints.names}
+    names = {*listed_joints(chosen.joints.names), *renamed_joints(chosen.joints.names).values()}
+    rest = {name: held["*"] for name in robot.joints if name not in names}
     named = {name: place for name, place in held.items() if name != "*"}
     joints = chosen.joints.model_copy(update={"held": {**rest, **named}})
     return chosen.model_copy(update={"joints": joints})
 
 
-def _named_joints(chosen: Map, robot: PlainRobot) -> tuple[str, ...]:
-    """Return the joints of the columns, as far as the map says."""
-    return chosen.joints.names or tuple(name for name in robot.joints if name not in chosen.joints.held)
-
-
 def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the joints that have channels, and notes. Raises MapError unless every joint is known or held."""
     table = chosen.joints
-    unknown = [name for name in (*table.names, *table.held) if name not in robot.joints]
+    listed, renamed = listed_joints(table.names), renamed_joints(table.names)
+    unknown = [name for name in (*listed, *renamed.values(), *table.held, *table.passive) if name not in robot.joints]
     if unknown:
         raise MapError(f"map: joints: no joint '{unknown[0]}' in the robot; there are {', '.join(robot.joints)}")
-    notes: list[str] = []
-    names = _named_joints(chosen, robot)
+    notes, strangers = [], list[str]()
+    names = listed or tuple(name for name in robot.joints if name not in table.held)
     if table.topic is not None:
         start = f"{table.topic}.position."
-        there = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
-        if not there:
+        heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
+        if not heard:
             raise columns.missing(table.topic, "joints.topic")
+        there = [renamed.get(name, name) for name in heard]
         strangers = [name for name in there if name not in robot.joints]
         if strangers:
             notes.append(f"joints of {table.topic} that the robot does not have are left out: {', '.join(strangers)}")
-        names = table.names or tuple(name for name in there if name in robot.joints and name not in table.held)
+        names = listed or tuple(name for name in there if name in robot.joints and name not in table.held)
+    elif renamed:
+        raise MapError("map: joints.names is a table, which renames joints of joints.topic: a list was expected")
     elif table.position is None and (table.velocity is None or not table.velocity.columns):
         names = ()
     missing = [name for name in robot.joints if name not in names and name not in table.held]
     if missing and not robot.moves_joints:
+        hint = "name their columns"
+        if strangers:
+            alike = as_names(nearest_joints(strangers, missing) or {"NAME": missing[0]})
+            hint = f"{table.topic} has {', '.join(strangers)}: if one of them is meant, write {alike}"
         raise MapError(
-            f"map: joints: {', '.join(missing)} have no channel; name their columns, or write joints.held = "
+            f"map: joints: {', '.join(missing)} have no channel; {hint}, or write joints.held = "
             f"{{{missing[0]} = 0.0}} for a joint that stands still (its row is then not believed)"
         )
+    if still := [name for name in table.passive if name in table.held]:
+        raise MapError(f"map: joints: {still[0]} is in held, which drives it by an unknown effort, and in passive: one")
+    if table.passive:
+        notes.append(f"without a motor, efforts known to be 0: {', '.join(table.passive)}")
     if table.held:
         held = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
         notes.append(f"held still, rows not believed: {held}")
@@ -203,11 +207,13 @@ def _parts(
     notes: list[str] = []
     missing: list[tuple[float, float]] = []
     for key, channel in channels.items():
-        for begin, finish in holes(channel.time, chosen.log.longest_gap):
+        if (usual := typical_spacing(channel.time)) > chosen.log.longest_gap:
+            notes.append(f"{key}: a sample every {usual:.3g} s, beyond log.longest_gap: interpolated all the same")
+        for begin, finish, whose in channel.holes:
             if finish > start and begin < end:
                 missing.append((begin, finish))
                 notes.append(
-                    f"{key}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
+                    f"{whose}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
                 )
     when = chosen.use.when
     level = None

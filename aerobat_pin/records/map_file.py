@@ -41,7 +41,7 @@ def with_options(chosen: Map, urdf: str | None, points: Sequence[str], observers
     """Return a map with values of the command line laid over it; empty ones change nothing."""
     robot, observer = chosen.robot, chosen.observer
     if urdf is not None:
-        robot = robot.model_copy(update={"urdf": urdf, "body": None, "mjcf": None})
+        robot = robot.model_copy(update={"urdf": urdf, "body": None, "mjcf": None, "name": None})
     if points:
         robot = robot.model_copy(update={"points": tuple(points)})
     if observers:

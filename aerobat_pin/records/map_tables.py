@@ -2,41 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
+from aerobat_pin.records.joint_names import JointNames
+from aerobat_pin.records.robot_tables import PayloadSection, RobotTable, Stretch, Three
 from aerobat_pin.scenario import Number, ObserverSettings, Positive, Section
-
-Stretch = Annotated[tuple[Number, Number], Field()]
-Three = tuple[Number, Number, Number]
-
-
-class BodySection(Section):
-    """One rigid body by numbers; its frame `body` is at the origin of the axes in which the pose is measured."""
-
-    mass: Positive = Field(description="of the body [kg]")
-    inertia: tuple[Positive, Positive, Positive] = Field(description="about the centre of mass, body axes [kg m2]")
-    centre: Three = Field((0.0, 0.0, 0.0), description="centre of mass in body axes [m]")
-
-
-class RowsSection(Section):
-    """Which equations of the robot are not used."""
-
-    ignore: tuple[str, ...] = Field((), description="joints (rail), base, or parts of it (base.Mx)")
-
-
-class RobotTable(Section):
-    """The robot: a file that Pinocchio reads, or one rigid body; exactly one of body, urdf and mjcf."""
-
-    body: BodySection | None = None
-    urdf: str | None = Field(None, description="URDF file, relative to the map")
-    mjcf: str | None = Field(None, description="MJCF file, relative to the map")
-    root: Literal["free_flyer", "fixed"] = Field("free_flyer", description="whether the base moves")
-    points: tuple[str, ...] = Field((), description="frames at whose origins an unknown force acts")
-    wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
-    rows: RowsSection = RowsSection()
-    gravity: Positive = Field(9.81, description="downward, along -z of the world [m/s2]")
 
 
 class TimeSection(Section):
@@ -115,18 +87,18 @@ class BaseTable(Section):
 
 
 class JointPositionSection(ChannelSection):
-    """Angles or places of the joints, in the order of `names`; a unit of angles leaves sliding joints in m."""
+    """Angles or places of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
 
 
 class JointVelocitySection(ChannelSection):
-    """Rates of the joints, in the order of `names`; a unit of angles leaves sliding joints in m/s."""
+    """Rates of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
 
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")
 
 
 class EffortSection(ChannelSection):
-    """What drives the joints, in the order of `names`; joints whose rows are ignored can be left out, all of them."""
+    """What drives the joints, in the order of `names`: not passive ones; ignored rows can be left out, all of them."""
 
     torque_per_unit: dict[str, Number] = Field(
         default_factory=dict,
@@ -154,13 +126,29 @@ class JointsTable(Section):
     """The joints' channels."""
 
     topic: str | None = Field(None, description="JointState: names, positions, velocities and efforts")
-    names: tuple[str, ...] = Field((), description="joints of the columns")
+    names: JointNames = Field(
+        (), description='joints of the columns; or, of a topic, name there -> joint: {"Wrist 1" = "wrist_1_joint"}'
+    )
     position: JointPositionSection | None = None
     velocity: JointVelocitySection | None = None
     effort: EffortSection | None = None
     held: dict[str, Number] = Field(
         default_factory=dict,
         description='joint -> where it stands still; its row is not believed; "*": all that names leaves out [rad, m]',
+    )
+    passive: tuple[str, ...] = Field((), description="joints without a motor: their effort is known to be 0")
+    factor: dict[str, Number] = Field(
+        default_factory=dict,
+        description='joint -> its motion over that of its encoder, with its sign, such as 0.01 behind a gear; "*": all '
+        "others; efforts are divided by it [1, m/rad]",
+    )
+    offset: dict[str, Number] = Field(
+        default_factory=dict, description="joint -> where it is when all encoders show 0 [rad, m]"
+    )
+    coupling: dict[str, dict[str, Number]] = Field(
+        default_factory=dict,
+        description="joint -> shares of the encoders, each after its factor and called like the joint of its column, "
+        "that move it, such as {pitch = {pitch = 0.5, roll = -0.5}}; efforts by the transposed inverse [-]",
     )
     friction: FrictionSection | None = None
 
@@ -286,6 +274,7 @@ class Map(Section):
     log: LogTable = LogTable()
     base: BaseTable = BaseTable()
     joints: JointsTable = JointsTable()
+    payload: PayloadSection | None = None
     check: CheckTable = CheckTable()
     known: dict[str, KnownSection] = Field(default_factory=dict, description="name -> known force")
     extra: dict[str, ExtraSection] = Field(

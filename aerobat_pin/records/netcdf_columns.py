@@ -36,8 +36,8 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
                 if clock not in variables or variables[clock].dims != (clock,) or not variables[clock].shape[0]:
                     continue
                 table = _read_clock(variables, clock, SECONDS[log.time.unit], GrowingTable(spool))
-                clocks[f"{prefix}{clock}"] = table.clock()
-                for name, column in table.columns.items():
+                clocks[f"{prefix}{clock}"], columns = table.finished()
+                for name, column in columns.items():
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
     if not clocks:
         raise LogError(

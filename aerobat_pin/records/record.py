@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
 
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
+ROUNDED = 1e-3  # of a step, by which a sample is beside a common time at most where they coincide
 HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: z down to z up, for world and body axes alike
 
 
@@ -178,10 +180,13 @@ class Record:
         return self.channels[key].between(float(time[0]), float(time[-1]), extra=2)
 
     def _wide(self, first: int, last: int) -> tuple[Array, slice]:
-        """Return the common times of a stretch with margins, and where the stretch is in them."""
+        """Return the common times of a stretch with margins, which end at holes, and where the stretch is in them."""
         extra = round(BLOCK_MARGIN * self.rate)
-        low = max(self.parts[0][0], first - extra)
-        high = min(self.parts[-1][1], last + extra)
+        low, high = max(self.parts[0][0], first - extra), min(self.parts[-1][1], last + extra)
+        for begin, end, _ in (hole for channel in self.channels.values() for hole in channel.holes):
+            before = math.floor((begin - self.start) * self.rate + ROUNDED)
+            after = math.ceil((end - self.start) * self.rate - ROUNDED)
+            low, high = (after if low < after <= first else low), (before if last <= before < high else high)
         return self.times(low, high), slice(first - low, last - low + 1)
 
     def _slope(self, key: str, first: int, last: int, window: float) -> Array:

@@ -5,7 +5,7 @@ every channel has samples. At these times, positions, velocities and commands ar
 samples around them, and quaternions likewise and made unit length again. Torques and measured forces are means over
 each interval: the exact integral of the straight lines between samples. Rates that are not measured are the slopes of
 parabolas (Savitzky & Golay 1964) over a stated window. An interval with a hole longer than `log.longest_gap` in any
-channel is not used.
+column is not used.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.spool import Series
+from aerobat_pin.records.spool import Series, typical_spacing
+
+SLOW = 2.5  # usual steps of a channel slower than `log.longest_gap`, beyond which it has a hole
 
 
 def sampled(time: Array, values: Array, wanted: Array) -> Array:
@@ -121,7 +123,12 @@ def rotation_matrices(quaternions: Array) -> Array:
 
 
 def holes(time: Series, longest: float) -> list[tuple[float, float]]:
-    """Return the holes in stamps (n,) that are longer than `longest` [s]: their start and end."""
+    """Return the holes in stamps (n,) that are longer than `longest` [s]: their start and end.
+
+    Where samples usually are farther apart than that, a hole is longer than `SLOW` of their usual steps.
+    """
+    if (usual := typical_spacing(time)) > longest:
+        longest = SLOW * usual
     found, before = [], float(time[0])
     for piece in time.pieces():
         stamps = np.concatenate([[before], piece])

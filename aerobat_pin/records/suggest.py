@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,7 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
     lines = [
         f"# A map for {log.name}: what it looks like. Answer the questions, then",
         f"#   aerobat estimate {log} --map map.toml",
+        *(f"# {note}" for note in columns.notes),
         "",
     ]
     lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
@@ -65,13 +67,16 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
 
 
 def _all_columns(log: Path) -> Columns:
-    """Read all columns; where a table's time is not found, as if there were none."""
+    """Read all columns that have numbers; where a table's time is not found, as if there were none."""
     try:
-        return read_columns(log, LogTable())
-    except LogError as error:
-        if os.path.isdir(log) or log.suffix.lower() in (*BAGS, *NETCDF) or "which column is the time" not in str(error):
+        columns = read_columns(log, LogTable())
+    except LogError:
+        if os.path.isdir(log) or log.suffix.lower() in (*BAGS, *NETCDF):
             raise
-        return read_columns(log, LogTable(time=TimeSection(rate=1.0)))
+        columns = read_columns(log, LogTable(time=TimeSection(rate=1.0)))
+    empty = {name for name in columns.values if not np.isfinite(columns.sample(name)).any()}
+    values = {name: series for name, series in columns.values.items() if name not in empty}
+    return replace(columns, names=tuple(name for name in columns.names if name not in empty), values=values)
 
 
 def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -148,7 +153,7 @@ def _time(log: Path, columns: Columns) -> list[str]:
         ]
     name = found[0]
     series = columns.values.get(name, columns.clocks["table"].time)
-    step = float(np.median(np.diff(series[:1000])))
+    step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
     guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
     unit = UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess)
     return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']

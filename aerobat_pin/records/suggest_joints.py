@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.joint_names import as_names, nearest_joints
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)\]?$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
@@ -37,6 +38,12 @@ def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
             f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
             f'{{unit = "A", torque_per_unit = {{...}}}}'
         )
+        start = f"{topic}.position."
+        heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
+        joints = [] if urdf is None else pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
+        alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
+        if alike:
+            yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
         yield ""
         return
     if urdf is None or columns.kinds:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,42 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
 BYTES_AT_ONCE = 1_000_000  # also the longest row
+CUT = "the last row is cut short, as by a logger that was killed: it is left out"
 
 
-def check_rows(path: Path, separator: str, columns: int) -> None:
+def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> tuple[int, int] | None:
+    """Return where the last row of a table begins [bytes], and how many are above it, if it is cut; else None.
+
+    A row without an end of line is cut: its last number may lack digits.
+
+    Args:
+        path: the table.
+        separator: between cells.
+        columns: number of cells of the header.
+        strict: whether only a row without an end is cut, not one with too few cells.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - BYTES_AT_ONCE))
+        tail = file.read()
+        text = tail.rstrip(b"\r\n ")
+        begin = text.rfind(b"\n") + 1
+        row = text[begin:]
+        short = not strict and separator != " " and b'"' not in row and row.count(separator.encode()) + 1 < columns
+        if not begin or not (short or b"\n" not in tail[len(text) :]):
+            return None
+        file.seek(0)
+        return size - len(tail) + begin, sum(bool(line.strip()) for line in file) - 2
+
+
+def check_rows(path: Path, separator: str, columns: int, end: int | None) -> None:
     """Check that every row has as many cells as the header; tables with quoted cells are not looked at.
 
     Args:
         path: the table.
         separator: between cells; spaces, which may repeat, are not counted.
         columns: number of cells of the header.
+        end: bytes that are looked at; None for all.
 
     Raises:
         LogError: a row has more or fewer cells, or more than `BYTES_AT_ONCE` bytes.
@@ -31,7 +59,7 @@ def check_rows(path: Path, separator: str, columns: int) -> None:
         return
     row, rest = 1, b""
     with path.open("rb") as file:
-        while block := file.read(BYTES_AT_ONCE):
+        while block := file.read(BYTES_AT_ONCE if end is None else min(BYTES_AT_ONCE, end - file.tell())):
             text = rest + block
             cut = text.rfind(b"\n") + 1
             lines, rest = text[:cut], text[cut:]
@@ -86,7 +114,7 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
         name: of the column.
         cells: (n,) pandas series.
         first: number of rows before the first cell.
-        strict: whether a cell that is no number is an error; else a column with one is NaN throughout.
+        strict: whether a cell that is no finite number is an error; else a column with one is NaN throughout.
 
     Raises:
         LogError: a cell is no number, or no finite one.
@@ -96,7 +124,7 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
     else:
         texts = cells.astype(str)
         if len(texts) and texts.iloc[0].startswith("["):
-            return _lists(path, name, texts)
+            return _lists(path, name, texts, strict=strict)
         read = pd.to_numeric(cells, errors="coerce")
         wrong = (read.isna() & cells.notna()).to_numpy()
         if wrong.any():
@@ -112,16 +140,20 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
             raise LogError(f"{where}: {name} = '{texts.iloc[k][:40]}': {rule}")
         numbers = np.asarray(read, float)
     if np.isinf(numbers).any():
+        if not strict:
+            return {name: np.full(len(cells), np.nan)}
         k = int(np.argmax(np.isinf(numbers)))
         where = f"log {path}, line {line_of(path, first + k)}"
         raise LogError(f"{where}: {name} = {numbers[k]:g}: a finite number was expected")
     return {name: numbers}
 
 
-def _lists(path: Path, name: str, texts: Any) -> dict[str, Array]:
+def _lists(path: Path, name: str, texts: Any, *, strict: bool) -> dict[str, Array]:
     try:
         table = np.array([np.ravel(json.loads(text)) for text in texts], float)
     except (ValueError, RecursionError) as error:
+        if not strict:
+            return {name: np.full(len(texts), np.nan)}
         raise LogError(f"log {path}: '{name}' has lists of different lengths or of no numbers") from error
     if table.shape[1] == 1:
         return {name: table[:, 0]}

@@ -19,7 +19,7 @@ from .link_kernels import chain as chain
 from .link_kernels import climb as climb
 from .link_kernels import tree_of as tree_of
 from .load import believed_robot as believed_robot
-from .load import load_robot as load_robot
+from .load import flown_robot as flown_robot
 from .prescribed_joints import BASE_SIZE as BASE_SIZE
 from .prescribed_joints import joint_table as joint_table
 from .prescribed_joints import prescribed_joint_dynamics as prescribed_joint_dynamics

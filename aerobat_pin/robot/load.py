@@ -8,7 +8,7 @@ from aerobat_pin.scenario import Scenario
 
 
 @guarded()
-def load_robot(scenario: Scenario) -> Aerobat:
+def flown_robot(scenario: Scenario) -> Aerobat:
     """Load the robot that flies in a scenario, with the scenario's changes and gravity.
 
     Raises the same errors as `load_aerobat`.

@@ -13,7 +13,7 @@ from support.pages import ROOT, Part, run
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import load_robot
+from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style
 
@@ -57,7 +57,7 @@ def frequency(impulse: float) -> np.ndarray:
 def books() -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return the work [J] done up to the end of each interval, line by line, and the gain of energy [J]."""
     log, chosen = flown(IMPULSE, *MOTOR), scenario(IMPULSE, *MOTOR)
-    robot, motor = load_robot(chosen), chosen.crank.motor
+    robot, motor = flown_robot(chosen), chosen.crank.motor
     assert motor is not None
     data, states = robot.model.createData(), zip(log.measured["q"].values, log.measured["v"].values, strict=True)
     energy = 0.5 * motor.rotor_inertia * truth(log, "crank_rate") ** 2

@@ -29,7 +29,7 @@ from support.pages import HOLE, ROOT, Part, run
 from aerobat_pin.aerobat import flight_motion
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import load_robot, rotations
+from aerobat_pin.robot import flown_robot, rotations
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import style
 
@@ -233,7 +233,7 @@ def flights(*, fly: bool) -> str:
             means += [_row(f"`{name}`", change, HOLE, HOLE) for change, _ in CHANGES]
             continue
         scenario = load_scenario(name)
-        robot, log = load_robot(scenario), simulate(scenario)
+        robot, log = flown_robot(scenario), simulate(scenario)
         reached = np.degrees(np.abs(log.truth["incidence"].values))
         shares.append(
             _row(f"`{name}`", *(f"{100 * np.mean(reached > b):.0f} %" for b in BEYOND), f"{reached.max():.0f}")

@@ -15,7 +15,7 @@ from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.load import flown_robot
 from aerobat_pin.robot.wing import LINKS
 from aerobat_pin.scenario.scenario import load_scenario
 
@@ -27,7 +27,7 @@ SEEDS = range(4)
 def plant_of(*settings: str) -> Plant:
     """Build the paper's plant with settings."""
     scenario = load_scenario("paper", ["air.warm_up_cycles=0", *settings])
-    return Plant(load_robot(scenario), scenario)
+    return Plant(flown_robot(scenario), scenario)
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from support.kernel_cases import instant
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import Plant, simulate
-from aerobat_pin.robot import LINKS, Aerobat, Wing, load_aerobat, load_robot
+from aerobat_pin.robot import LINKS, Aerobat, Wing, flown_robot, load_aerobat
 from aerobat_pin.scenario import load_scenario, scenario_toml
 
 DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)
@@ -197,7 +197,7 @@ def test_broadside_flow_makes_no_lift_but_drag() -> None:
 def test_the_log_holds_what_each_strip_and_link_does() -> None:
     """Incidence, downwash, circulation and forces per strip; wrench per link; power; as the object gives them."""
     scenario = load_scenario("paper", ["simulation.duration=0.01"])
-    log, plant = simulate(scenario), Plant(load_robot(scenario), scenario)
+    log, plant = simulate(scenario), Plant(flown_robot(scenario), scenario)
     twists = twists_of(plant.robot, log.measured["q"].values[7], log.measured["v"].values[7])
     _, _, strips = evaluate(plant.air, twists, log.truth["air_state"].values[7])
     for name, found in (
@@ -258,7 +258,7 @@ def test_a_gust_at_one_instant_is_the_wind_of_its_velocity_but_for_the_added_mas
     time, phase = 0.1, np.pi / 2.0
     now = 0.5 * (1.0 - np.cos(phase)) * np.array([2.0, -1.0, 1.5])
     gusty, steady = (
-        Plant(load_robot(scenario), scenario)
+        Plant(flown_robot(scenario), scenario)
         for scenario in (
             load_scenario("paper", ["air.warm_up_cycles=0", gust]),
             load_scenario("paper", ["air.warm_up_cycles=0", f"air.wind={now.tolist()}"]),

@@ -20,7 +20,7 @@ from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.observers import ForceLevelObserver, MomentumObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat
-from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.load import flown_robot
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.scenario.tables import AirSection
 
@@ -55,7 +55,7 @@ def test_the_air_of_a_flight_comes_back_from_its_motion(settings: list[str]) -> 
     """
     scenario = load_scenario("paper", [*SHORT, *settings])
     log = simulate(scenario)
-    found = known_inputs(log, load_robot(scenario)).known
+    found = known_inputs(log, flown_robot(scenario)).known
     assert log.truth is not None
     for name in ("aerodynamic", "added_mass"):
         expected = log.truth[name].values
@@ -105,7 +105,7 @@ def test_a_noisy_crank_is_mended_by_its_rate() -> None:
     The numbers of docs/recorded.md: parabolas through 21 ms, K = 500 1/s.
     """
     scenario = load_scenario("paper", ["sensors.crank_angle.noise=1e-3"])
-    flight, robot = simulate(scenario), load_robot(scenario)
+    flight, robot = simulate(scenario), flown_robot(scenario)
     measured, truth = flight.measured, true_force(flight, "left_force_point")[1]
     angle = measured["crank_angle"]
     smooth = angle.copy(data=savgol_filter(angle, 21, 2, deriv=1, delta=1e-3))
@@ -189,7 +189,7 @@ def test_repeated_stamps_cost_nothing_and_turning_is_even() -> None:
         expected = a @ pin.exp3(share[i, 0] * pin.log3(a.T @ b))
         np.testing.assert_allclose(pin.Quaternion(found).matrix(), expected, atol=1e-9)
     scenario = load_scenario("paper", ["simulation.duration=0.02"])
-    log, robot = simulate(scenario), load_robot(scenario)
+    log, robot = simulate(scenario), flown_robot(scenario)
     twice = np.sort(np.append(np.arange(21), 10))
     measured = log.measured.drop_dims("interval").isel(time=twice)
     inputs = known_inputs(FlightLog(measured), robot, "none")

@@ -292,7 +292,7 @@ def test_a_file_of_the_first_form_is_read(tmp_path: Path) -> None:
     free, file = free_flight(QUASI_STEADY), tmp_path / "calibration.nc"
     found = calibrate([free.record()], parameters=["friction", "mass"])
     file.write_bytes(calibration_bytes(found))
-    newer = "row force state_unit parameter_unit expected effort_factor mass remainder error_bar warning".split()
+    newer = "row force state_unit parameter_unit expected effort_factor mass row_noise error_bar warning".split()
     old = read_netcdf(file, "calibration")[""].drop_vars(newer).rename(record="flight")
     old.attrs = {key: value for key, value in old.attrs.items() if key not in ("settings", "fits", "robot")}
     old.attrs |= {"kind": "aerobat calibration 1", "morphology": found.belief.robot, "torque": "measured"}
@@ -335,4 +335,4 @@ def test_the_error_bar_is_that_of_a_part_that_no_fit_has_seen() -> None:
     assert any("error bar, rms where nothing was fitted: left_force_point.Fx" in line for line in found.notes)
     still = made_up(estimated("force_level", seen_with(found, free, "no force", 1, OTHER_START)))
     assert still[1] < 2.0 * bar
-    assert found.remainder["base.Fx"] < 2e-3
+    assert found.row_noise["base.Fx"] < 2e-3

@@ -20,7 +20,7 @@ from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot import Aerobat
-from aerobat_pin.robot.load import believed_robot, load_robot
+from aerobat_pin.robot.load import believed_robot, flown_robot
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
 from aerobat_pin.visualization.result_pages import report_html
@@ -73,7 +73,7 @@ def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sen
 @pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
 def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
     """Ten variants each, with the noise of real sensors; no other kind of warning comes with them."""
-    robot = load_robot(load_scenario("real_log_demo"))
+    robot = flown_robot(load_scenario("real_log_demo"))
     for seed in range(10):
         wrong = CONTRADICTIONS[name](np.random.default_rng(seed), recorded.measured.copy(deep=True))
         found = warned(FlightLog(wrong), robot)
@@ -164,7 +164,7 @@ def test_a_good_run_has_no_warning(paper: Experiment) -> None:
 
 def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None:
     """Three samples, repeated stamps, a gap in time, and a height in mm in the rest."""
-    robot = load_robot(load_scenario("real_log_demo"))
+    robot = flown_robot(load_scenario("real_log_demo"))
     measured = recorded.measured.drop_dims("interval")
     for rows in (np.arange(3), np.arange(9), np.sort(np.append(np.arange(300), 10)), np.r_[0:100, 200:300]):
         assert warned(FlightLog(measured.isel(time=rows)), robot) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from support.swinging_arm import (
     CONSTANT,
     COULOMB,
     HEAVIER,
+    JOINTS,
     OFFSET,
     RATE,
     ROTOR,
@@ -164,7 +166,7 @@ def test_a_file_of_the_first_form_by_a_map_is_read(what: str, arms: tuple[Path, 
     file.write_bytes(calibration_bytes(found))
     old = read_netcdf(file, "calibration")[""]
     laws = {key[6:]: value for key, value in found.belief.settings.items() if key.startswith("known.")}
-    old = old.drop_vars(["record", "row", "remainder", "normal", "frame"]).rename(force="component")
+    old = old.drop_vars(["record", "row", "row_noise", "normal", "frame"]).rename(force="component")
     old.attrs = {key: old.attrs[key] for key in ("robot", "fingerprint", "friction_rate")}
     old.attrs |= {"kind": "aerobat calibration by a map 1", "log": found.records[0], "laws": json.dumps(laws)}
     if what == "arm":
@@ -179,6 +181,28 @@ def test_a_file_of_the_first_form_by_a_map_is_read(what: str, arms: tuple[Path, 
         np.testing.assert_array_equal(again.fitted.coefficients[name], values)
     if what == "arm":
         np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)  # type: ignore[union-attr]
+
+
+def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np.ndarray]) -> None:
+    """The efforts' own behind the observer's filter; a push where nothing is known to be free does not count."""
+    folder, _ = arms
+    found = calibrated(folder, "free", arm_map(), "mass")
+    (folder / "noise.nc").write_bytes(calibration_bytes(found))
+    assert read_calibration(folder / "noise.nc").row_noise == found.row_noise
+    share = -np.expm1(-100.0 / RATE)  # of the means of two samples that a low-pass takes on
+    efforts = 0.01 * CONSTANT * (share / (2.0 - share)) ** 0.5
+    assert all(0.85 < found.row_noise[joint] / efforts < 1.5 for joint in JOINTS)
+    recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
+    values = arm_map() | {"use": {"free": [0, 8]}}
+
+    def noise(name: str, end: float) -> Mapping[str, float]:
+        values["joints"]["friction"]["fit"] = [0, end]
+        chosen = parse_map(values, "of the test")
+        return estimate(open_record(folder / f"{name}.csv", chosen, folder)).forces.values.row_noise
+
+    assert noise("knocked_late", 5) == noise("free", 5)
+    assert all(noise("free", 5)[joint] > found.row_noise[joint] for joint in JOINTS)  # the mass is wrong
+    assert noise("free", 8) == {}
 
 
 def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> None:
@@ -264,7 +288,7 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     )
     assert np.std(without) > 0.35
     assert np.std(with_it) < 0.025
-    for robot, bar in ((plain, 0.6), (geared, 0.05)):
+    for robot, bar in ((plain, 0.6), (geared, 0.04)):
         assert found[robot].error_bar["tool.Fx"][1] == pytest.approx(bar, rel=0.2)
     faster = estimate(opened("faster", geared), calibration=found[geared])
     assert faster.calibration is not None

@@ -18,7 +18,6 @@ from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.records import describe_map, open_record, parse_map
-from aerobat_pin.records.columns import increasing
 from aerobat_pin.records.messages import stamp
 from aerobat_pin.records.resample import line_means, turn_rates
 
@@ -296,13 +295,6 @@ def test_a_comparison_finds_factor_and_lag() -> None:
     assert found is not None
     assert found.factor[0] == pytest.approx(2.0, rel=0.01)
     assert found.lag == pytest.approx(0.0123, abs=1e-4)
-
-
-def test_stamps_that_repeat_or_go_back_are_counted() -> None:
-    """And left out."""
-    keep, repeated, backward = increasing(np.array([0.0, 1.0, 1.0, 0.5, 2.0]))
-    np.testing.assert_array_equal(keep, [True, True, False, False, True])
-    assert (repeated, backward) == (1, 1)
 
 
 def test_every_key_of_a_map_is_described() -> None:

@@ -95,36 +95,40 @@ def wrongly_stamped(folder: Path, rows: slice, seconds: float) -> Result:
 
 
 @pytest.mark.parametrize(
-    ("rows", "seconds", "same"),
+    ("rows", "seconds", "same", "check"),
     [
-        (slice(0, 0), -1e7, [(0, 1, 698)]),  # a first sample from before the clock was set
-        (slice(700, 700), 1e7, [(0, 0, 698)]),
-        (slice(350, 350), 1e7, [(0, 0, 348)]),  # what comes after it goes back in time
-        (slice(350, None), 1e7, [(0, 0, 348), (348, 350, 349)]),  # the clock is set on the way
+        (slice(0, 0), -1e7, [(0, 1, 699)], "time goes back"),  # a first sample from before the clock was set
+        (slice(700, 700), 1e7, [(0, 0, 699)], "time goes back"),
+        (slice(350, 350), 1e7, [(0, 0, 700)], "time goes back"),  # it alone is left out
+        (slice(350, None), 1e7, [(0, 0, 348), (348, 350, 349)], "gap"),  # the clock is set on the way
+        (slice(350, None), -1e7, [(0, 350, 350), (350, 0, 348)], "time goes back"),
     ],
 )
 def test_a_stamp_that_is_months_off_costs_no_time(
-    rows: slice, seconds: float, same: list[tuple[int, int, int]], tmp_path: Path
+    rows: slice, seconds: float, same: list[tuple[int, int, int]], check: str, tmp_path: Path
 ) -> None:
     """A finding names it, and the parts that are used have the forces that they have without it.
+
+    But for 0.01 %: how well rows are known depends on all that is used.
 
     Args:
         rows: of the table, last one included, whose stamps are wrong.
         seconds: by which they are.
         same: for each part its first interval here, its first interval in the right table, and their number.
+        check: what names it.
         tmp_path: where the table goes.
     """
     whole = wrongly_stamped(tmp_path, slice(0, 0), 0.0).estimates["force_level"].components
     found = wrongly_stamped(tmp_path, rows, seconds)
     assert [last - first for first, last in found.record.parts] == [count for _, _, count in same]
-    assert "gap" in {finding.check for finding in found.findings if finding.verdict == "warning"}
+    assert check in {finding.check for finding in found.findings if finding.verdict == "warning"}
     components = found.estimates["force_level"].components
     for here, there, count in same:
-        settled = slice(20, count)
-        np.testing.assert_allclose(components[here:][settled], whole[there:][settled], atol=1e-3)
+        settled, bound = slice(20, count), 3e-3 if count < 700 else 0.02  # [N]; one sample is interpolated
+        np.testing.assert_allclose(components[here:][settled], whole[there:][settled], atol=bound)
 
 
 def test_stamps_that_no_clock_can_show_are_refused(tmp_path: Path) -> None:
     """Between them the common times would not be evenly spaced any more."""
     with pytest.raises(LogError, match=r"its stamps go from -1e\+300 to 1\.4 s .* is one of them wrong\?"):
-        wrongly_stamped(tmp_path, slice(0, 0), -1e300)
+        wrongly_stamped(tmp_path, slice(0, 1), -1e300)

@@ -26,7 +26,7 @@ from aerobat_pin.flight.crank import (
     crank_drive,
 )
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, joint_table, load_robot
+from aerobat_pin.robot import Aerobat, flown_robot, joint_table
 from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75
@@ -142,7 +142,7 @@ def test_joints_and_log_follow_the_drive(drive: str) -> None:
     """The log's crank angle is the drive's, its joints are the linkage's at that angle and rate."""
     own = drive == "swing"
     chosen = scenario("constant" if own else drive)
-    robot = load_robot(chosen)
+    robot = flown_robot(chosen)
     log = simulate(chosen, drive=swing if own else None)
     motion = swing(log.time) if own else crank_drive(chosen)(log.time)
     assert log.measured["crank_angle"].values == pytest.approx(motion[0], rel=1e-12)
@@ -166,9 +166,9 @@ def test_a_function_that_says_what_the_scenario_says_flies_the_same_flight() -> 
 def test_the_air_about_resting_wings_warms_up_without_a_history_of_flapping() -> None:
     """A crank that starts at rest stood before: the air has settled, but for the old wake's last traces."""
     kept = ["crank.frequency=1.0", "air.warm_up_cycles=2"]
-    rest = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept)).initial.air
-    longer = Plant(load_robot(scenario("spin_up")), scenario("spin_up", *kept, "air.warm_up_cycles=6")).initial.air
-    flapping = Plant(load_robot(scenario("constant")), scenario("constant", *kept)).initial.air
+    rest = Plant(flown_robot(scenario("spin_up")), scenario("spin_up", *kept)).initial.air
+    longer = Plant(flown_robot(scenario("spin_up")), scenario("spin_up", *kept, "air.warm_up_cycles=6")).initial.air
+    flapping = Plant(flown_robot(scenario("constant")), scenario("constant", *kept)).initial.air
     assert np.max(np.abs(rest)) > 0.01
     assert np.max(np.abs(rest - longer)) < 0.05 * np.max(np.abs(rest))
     assert np.max(np.abs(rest - flapping)) > 0.1 * np.max(np.abs(rest))
@@ -179,7 +179,7 @@ def test_the_modelled_torque_knows_the_cranks_acceleration(drive: str) -> None:
     """Without unknown forces it is the measured torque, but for the sampling; the crank accelerates all along."""
     still = [f"unknown_force.{i}.{key}=0" for i in (0, 1) for key in ("amplitude", "noise", "step")]
     chosen = scenario(drive, *still, "crank.motor.start_frequency=4.75" if drive == "motor" else "crank.start_deg=10")
-    robot, log = load_robot(chosen), simulate(chosen)
+    robot, log = flown_robot(chosen), simulate(chosen)
     measured, modelled = (known_inputs(log, robot, torque).tau[2:] for torque in ("measured", "modelled"))
     assert np.max(np.abs(measured)) > 5e-3
     assert modelled == pytest.approx(measured, rel=0.0, abs=0.01 * np.max(np.abs(measured)))
@@ -189,7 +189,7 @@ def test_the_modelled_torque_knows_the_cranks_acceleration(drive: str) -> None:
 def test_crank_and_joints_exchange_the_same_power_while_the_crank_speeds_up(time: float) -> None:
     """At one instant of a spin-up: motor power = sum tau_j theta_j' = crank torque times crank rate, to rounding."""
     chosen = scenario("spin_up", "air.warm_up_cycles=0")
-    plant = Plant(load_robot(chosen), chosen)
+    plant = Plant(flown_robot(chosen), chosen)
     robot, closed = plant.robot, plant.closure(np.array([time]))
     q = robot.configuration(plant.initial.placement, closed.theta_s[0], closed.theta_e[0])
     v = robot.velocity(plant.initial.twist, closed.theta_s_dot[0], closed.theta_e_dot[0])
@@ -213,7 +213,7 @@ def test_forces_are_found_while_a_motors_crank_ripples() -> None:
 
 def test_a_flight_with_a_drive_of_ones_own_can_be_copied(tmp_path: Any) -> None:
     """Pickled with its drive."""
-    plant = Plant(load_robot(scenario("constant")), scenario("constant"), swing)
+    plant = Plant(flown_robot(scenario("constant")), scenario("constant"), swing)
     again = pickle.loads(pickle.dumps(plant))
     assert again.closure(np.array([0.1])).theta_s == plant.closure(np.array([0.1])).theta_s
     assert again.drive is swing

@@ -18,7 +18,7 @@ from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage import joint_series, joints_at
 from aerobat_pin.robot.aerobat import load_aerobat
-from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.load import flown_robot
 from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
 
@@ -73,7 +73,7 @@ def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: i
     The torque that prescribed joints need is linear in their acceleration, so two of the twin's evaluations give t1''.
     """
     chosen = scenario("air.wind=[0.5, 0.3, -0.2]", "crank.motor.friction=2e-4")
-    plant = Plant(load_robot(chosen), chosen)
+    plant = Plant(flown_robot(chosen), chosen)
     robot, motor = plant.robot, plant.fields.motor
     q, v, _, air, held = instant(plant, seed)
     t1, speed, torque, integral = crank = np.array([0.7 + 1.3 * seed, 20.0 + 5.0 * seed, 0.05, 0.1])
@@ -107,7 +107,7 @@ def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: i
 
 def test_a_plant_with_a_motor_also_evaluates_joints_that_are_prescribed() -> None:
     """`rates` without a crank's state: as the plant of a steady crank, to the last bit."""
-    free, steady = (Plant(load_robot(one), one) for one in (scenario(), scenario("crank={drive='constant'}")))
+    free, steady = (Plant(flown_robot(one), one) for one in (scenario(), scenario("crank={drive='constant'}")))
     arguments = instant(free, 3)
     for one, other in zip(free.rates(*arguments)[:2], steady.rates(*arguments)[:2], strict=True):
         np.testing.assert_array_equal(one, other)
@@ -118,7 +118,7 @@ def test_a_plant_with_a_motor_also_evaluates_joints_that_are_prescribed() -> Non
 
 def test_the_linkage_stays_closed_and_the_log_tells_the_crank() -> None:
     """Joints are the linkage's at the crank's angle and rate; the torque that passes to the linkage is the joints'."""
-    log, robot = flown(), load_robot(scenario())
+    log, robot = flown(), flown_robot(scenario())
     angle, truth = log.measured["crank_angle"].values, log.truth
     assert truth is not None
     closed = robot.linkage.solve(angle, rate(log))
@@ -153,7 +153,7 @@ def test_a_short_blow_changes_the_cranks_rate_by_its_impulse() -> None:
     """
     settings = ["air.added_mass=0.0", "simulation.dt=1e-4", "simulation.duration=0.2601"]
     struck, calm = (flown(*settings, blow(impulse, BLOW, 1e-4)) for impulse in (5e-3, 0.0))
-    robot = load_robot(scenario())
+    robot = flown_robot(scenario())
     q, data = calm.measured["q"].values[2600], robot.model.createData()
     closed = robot.linkage.solve(calm.measured["crank_angle"].values[2600])
     T = np.eye(10, 7)
@@ -173,7 +173,7 @@ def test_the_books_of_energy_close() -> None:
     Relative to the motor's work; powers are means over the steps, from the integrator's own stages.
     """
     chosen = scenario("crank.motor.friction=1e-4")
-    log, robot = flown("crank.motor.friction=1e-4"), load_robot(chosen)
+    log, robot = flown("crank.motor.friction=1e-4"), flown_robot(chosen)
     data, truth, dt = robot.model.createData(), log.truth, chosen.simulation.dt
     assert truth is not None
     states = list(zip(log.measured["q"].values, log.measured["v"].values, strict=True))
@@ -243,7 +243,7 @@ def test_a_motor_of_ones_own_replaces_the_scenarios_drive() -> None:
     """Given to the plant, pickled with it, and overruled by a function of time."""
     chosen = scenario("crank={drive='constant'}", "simulation.duration=0.02")
     motor = RateControlledMotor(-1.0, 30.0, 25.0, 1e-4, 0.2, 0.004, 0.02, 0.0, 0.0)
-    plant = Plant(load_robot(chosen), chosen, motor)
+    plant = Plant(flown_robot(chosen), chosen, motor)
     again = pickle.loads(pickle.dumps(plant))
     assert again.drive == motor
     log = simulate(chosen, drive=motor)

@@ -14,7 +14,7 @@ from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import CrankError, ShapeError, SimulationError
 from aerobat_pin.flight import Plant, Sensing, interval_means, simulate
 from aerobat_pin.flight.sensors import recorded
-from aerobat_pin.robot import load_robot
+from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import load_scenario
 
 STEPS, DT = 60, 1e-3
@@ -23,7 +23,7 @@ STEPS, DT = 60, 1e-3
 def plant_of(name: str, *settings: str) -> Plant:
     """Build a scenario's plant."""
     scenario = load_scenario(name, settings)
-    return Plant(load_robot(scenario), scenario)
+    return Plant(flown_robot(scenario), scenario)
 
 
 def held_of(plant: Plant, count: int = STEPS) -> np.ndarray:
@@ -151,7 +151,7 @@ POOR = [
 def test_a_controller_sees_to_the_bit_what_the_log_shows(settings: list[str]) -> None:
     """Noise, walk, bias, quantum, rate, delay and dropout, at all samples of a flight of 0.15 s."""
     scenario = load_scenario("paper", ["simulation.duration=0.15", "simulation.seed=7", *settings])
-    robot = load_robot(scenario)
+    robot = flown_robot(scenario)
     exact = simulate(scenario.model_copy(update={"sensors": load_scenario("paper").sensors}), robot=robot)
     log = recorded(exact, robot, scenario.sensors, 7)
     sensing = Sensing(robot, scenario.sensors, exact.time, 7)
@@ -169,7 +169,7 @@ def test_a_controller_sees_to_the_bit_what_the_log_shows(settings: list[str]) ->
 def test_errors_are_drawn_anew_after_the_last_time() -> None:
     """The window of 50 samples repeats its times, not its noise."""
     scenario = load_scenario("paper", NOISY)
-    robot = load_robot(scenario)
+    robot = flown_robot(scenario)
     sensing = Sensing(robot, scenario.sensors, np.arange(50) * 1e-3, 1)
     v = np.zeros(robot.model.nv)
     seen = np.array([sensing.read(k, robot.q0, v)[1][3:6] for k in range(150)])
@@ -188,7 +188,7 @@ def test_number_of_steps_follows_the_fastest_mode_of_the_air() -> None:
     counts = []
     for strips in (16, 64):
         scenario = load_scenario("paper_open_loop", [f"air.strips={strips}"])
-        plant = Plant(load_robot(scenario), scenario)
+        plant = Plant(flown_robot(scenario), scenario)
         counts.append(plant.substeps(1e-3))
         modes = np.linalg.eigvals(plant.air.line.state_space(1.0).A)
         assert plant.air.line.fastest_mode == pytest.approx(np.abs(modes).max(), rel=1e-9)

@@ -17,7 +17,7 @@ from aerobat_pin.aerodynamics.wind import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight.shown import Wake, wake_of
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.load import load_robot
+from aerobat_pin.robot.load import flown_robot
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.scenario.tables import AirSection
 
@@ -30,7 +30,7 @@ def flown(request: pytest.FixtureRequest) -> tuple[FlightLog, Wake]:
     """Return three flaps of the paper's robot without unknown forces, and their wake."""
     scenario = load_scenario("paper", [*STILL, *request.param, "simulation.duration=0.632"])
     log = simulate(scenario)
-    return log, wake_of(log, load_robot(scenario), scenario.air)
+    return log, wake_of(log, flown_robot(scenario), scenario.air)
 
 
 def test_what_is_bound_and_what_was_shed_add_up_to_the_start(flown: tuple[FlightLog, Wake]) -> None:
@@ -121,7 +121,7 @@ def test_over_whole_flaps_what_is_shed_across_the_flow_cancels(flown: tuple[Flig
 def test_the_wake_stays_where_it_was_shed_but_for_the_wind(flown: tuple[FlightLog, Wake]) -> None:
     """A point of the left distal trailing edge by hand, and the same one 0.3 s later, carried by the air."""
     log, wake = flown
-    robot = load_robot(load_scenario("paper"))
+    robot = flown_robot(load_scenario("paper"))
     data, k = robot.model.createData(), 150
     pin.framesForwardKinematics(robot.model, data, log.measured["q"].values[k])
     y = log.truth["strip"].values[1]
@@ -142,7 +142,7 @@ def test_the_wake_stays_where_it_was_shed_but_for_the_wind(flown: tuple[FlightLo
 
 def test_a_recorded_flight_has_no_wake_and_other_strips_are_refused(flown: tuple[FlightLog, Wake]) -> None:
     """Truth is needed, and as many strips as were flown."""
-    log, robot = flown[0], load_robot(load_scenario("paper"))
+    log, robot = flown[0], flown_robot(load_scenario("paper"))
     with pytest.raises(LogError, match="no group 'truth'"):
         wake_of(FlightLog(log.measured), robot, AirSection())
     with pytest.raises(LogError, match=r"the log has 16 strips, air\.strips = 12"):

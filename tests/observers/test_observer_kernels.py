@@ -98,6 +98,7 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
         filter=0,
         believed=nv,
         directions=0,
+        expected=0,
     )
     memory = new_memory(observer_in, *sizes)
     observer, found = fields_of(observer_in, memory), np.full(3 * points, np.nan)

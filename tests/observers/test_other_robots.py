@@ -1,41 +1,47 @@
 """Robots that are not Aerobat: every registered observer finds a known force in an exactly simulated motion.
 
-An arm and a humanoid come with Pinocchio; the robots of `FILES` with the optional `example-robot-data`. What their
-residual must be comes from `support.without_coriolis`.
+An arm and a humanoid come with Pinocchio; the robots of `FRAMES` and `MORE` with the optional `example-robot-data`.
+What their residual must be comes from `support.without_coriolis`.
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as draw
 from support import without_coriolis
 from support.arm import arm
 from support.stepping import step
-from support.without_coriolis import JOINTS, chain, drift, mjcf_leg, random_record
+from support.without_coriolis import AXES, JOINTS, chain, drift, links, mjcf_leg, random_record
 
-from aerobat_pin.errors import ObserverError
-from aerobat_pin.observers import OBSERVERS, MomentumObserver, Observer, Tie
+from aerobat_pin.errors import LogError, ObserverError
+from aerobat_pin.observers import OBSERVERS, AllBut, Application, MomentumObserver, Observer, Rows, Tie
+from aerobat_pin.records.named_robots import FREE, named_robot
 from aerobat_pin.robot.frames import external_forces, joint_wrench
 
-DATA = Path("cmeel.prefix", "share", "example-robot-data", "robots")
-FILES = {
-    "borinot": ("borinot_description/urdf/borinot_flying_arm_2.urdf", "flying_arm_2__ee"),
-    "hector": ("hector_description/robots/quadrotor_base.urdf", "base_link"),
-    "solo12": ("solo_description/robots/solo12.urdf", "FL_FOOT"),
-    "talos": ("talos_data/robots/talos_reduced.urdf", "gripper_left_base_link"),
+FRAMES = {"borinot": "flying_arm_2__ee", "hector": "base_link", "solo12": "FL_FOOT", "talos": "gripper_left_base_link"}
+MORE = {"kinova": "j2s6s200_end_effector", "panda": "panda_hand", "ur5": "tool0", "anymal_c": "LF_FOOT"}
+KINDS = {  # of robots that are few joints or none that turns
+    "a hinge": links(pin.JointModelRY()),
+    "a slide": links(pin.JointModelPrismaticUnaligned(AXES[1])),
+    "a turning wheel": links(pin.JointModelRUBY()),
+    "a screw": links(pin.JointModelHX(0.3)),
+    "a gantry": links(pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ()),
+    "a planar base": links(pin.JointModelPlanar()),
+    "a planar base with an arm": links(pin.JointModelPlanar(), pin.JointModelRZ(), pin.JointModelPX()),
+    "a ball": links(pin.JointModelSpherical()),
+    "a ball by angles": links(JOINTS["SphericalZYX"], pin.JointModelRY()),
+    "a universal joint": links(JOINTS["Universal"]),
+    "an arm on the ground": links(pin.JointModelRZ(), pin.JointModelRY(), pin.JointModelRY()),
+    "a free body": links(pin.JointModelFreeFlyer()),
+    "a free body with an arm": links(pin.JointModelFreeFlyer(), pin.JointModelRY(), pin.JointModelPX()),
+    "a free body with a ball": links(pin.JointModelFreeFlyer(), pin.JointModelSpherical()),
 }
-ARMS = {  # on the ground
-    "kinova": ("kinova_description/robots/kinova.urdf", "j2s6s200_end_effector"),
-    "panda": ("panda_description/urdf/panda.urdf", "panda_hand"),
-    "ur5": ("ur_description/urdf/ur5_robot.urdf", "tool0"),
-}
-MORE = {"anymal": ("anymal_c_simple_description/urdf/anymal.urdf", "LF_FOOT")}  # need a free-flyer, like FILES
 DT, COUNT, PUSHED = 1e-3, 150, 20  # [s]; intervals; the first in which the force is on
 
 
@@ -47,18 +53,18 @@ def robot(name: str) -> tuple[pin.Model, str]:
         return pin.buildSampleModelHumanoid(), "larm_effector_body"
     if name == "mjcf leg":
         return mjcf_leg()
-    file, frame = (FILES | ARMS | MORE)[name]
-    if name in ARMS:
-        return pin.buildModelFromUrdf(installed(file)), frame
-    return pin.buildModelFromUrdf(installed(file), pin.JointModelFreeFlyer()), frame
+    if name in KINDS:
+        return KINDS[name], f"tip{KINDS[name].njoints - 2}"
+    root = [pin.JointModelFreeFlyer()] if name in FREE else []
+    return pin.buildModelFromUrdf(installed(name), *root), (FRAMES | MORE)[name]
 
 
-def installed(file: str) -> str:
+def installed(name: str) -> str:
     """Return the path of a robot's description; skip where it is not installed."""
-    for folder in sys.path:
-        if (Path(folder) / DATA / file).exists():
-            return str(Path(folder) / DATA / file)
-    pytest.skip("example-robot-data is not installed: pip install 'aerobat-pinocchio[robots]'")
+    try:
+        return str(named_robot(name)[0])
+    except LogError as error:
+        pytest.skip(str(error))
 
 
 @dataclass(frozen=True)
@@ -88,7 +94,7 @@ def motion(name: str) -> Motion:
     if free:
         thrust[2] = weight
     rng = np.random.default_rng(1)
-    q = pin.neutral(model) if free else rng.uniform(-1.0, 1.0, model.nq)
+    q = pin.neutral(model) if free else pin.integrate(model, pin.neutral(model), rng.uniform(-1.0, 1.0, model.nv))
     v = 0.3 * rng.normal(size=model.nv)
     states, torques, forces = [(q, v)], [], []
     for k in range(COUNT):
@@ -118,7 +124,7 @@ def motion(name: str) -> Motion:
 
 
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
-@pytest.mark.parametrize("name", ["arm", "humanoid", "mjcf leg", *FILES])
+@pytest.mark.parametrize("name", ["arm", "humanoid", "mjcf leg", *FRAMES])
 def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: type[Observer]) -> None:
     """Silent before the push, and within 1 % of it from 80 ms after its onset on, in world axes.
 
@@ -136,6 +142,37 @@ def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: typ
     assert errors[PUSHED + 80 :].max() < (0.01 if kind.project_first else 0.05)
 
 
+@settings(max_examples=40, deadline=None)
+@given(name=draw.sampled_from(sorted(KINDS)), wanted=draw.sampled_from(["force", "wrench", "along"]), data=draw.data())
+@pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
+def test_every_observer_is_right_on_any_kind_of_robot_or_refuses_it(
+    kind: type[Observer], name: str, wanted: str, data: draw.DataObject
+) -> None:
+    """What the rows that it believes show of the force that pushed is what it finds, as a record and as a stream."""
+    model, frame = robot(name)
+    believed: list[Rows] = ["all", "base", "base+power", AllBut("joint0")]
+    rows, flown = data.draw(draw.sampled_from(believed)), motion(name)
+    point = Application(frame, "wrench") if wanted == "wrench" else Application(frame)
+    if wanted == "along":
+        point = Application(frame, direction=tuple(flown.force[-1]))
+    try:
+        observer = kind(model, [point], 500.0, rows)
+    except ObserverError:
+        return
+    inputs = {"tau": flown.tau, "known": {"thrust": flown.thrust}}
+    found = observer.run(flown.time, flown.q, flown.v, **inputs).components
+    assert np.isfinite(found).all()
+    force = flown.force[-1]
+    true = np.array([np.linalg.norm(force)]) if wanted == "along" else np.pad(force, (0, found.shape[1] - 3))
+    seen = observer.applications.jacobian(flown.q[-1]) @ observer.believed.map(flown.v[-1])
+    assert np.linalg.norm((found[-1] - true) @ seen) <= 0.05 * np.linalg.norm(true @ seen) + 1e-9
+    if kind.name != "smoother":  # whose stream is the causal filter
+        observer.reset(flown.q[0], flown.v[0], flown.time[0])
+        for k, (time, q, v) in enumerate(zip(flown.time[1:], flown.q[1:], flown.v[1:], strict=True)):
+            sample = observer.update(time, q, v, flown.tau[k], {"thrust": flown.thrust[k]})
+        np.testing.assert_allclose(sample.components, found[-1], rtol=1e-6, atol=1e-9)
+
+
 def check_residual(model: pin.Model) -> None:
     """Compare the residual with that of `without_coriolis`, to 1e-8 of the largest drift."""
     time, q, v, u = random_record(model)
@@ -145,7 +182,7 @@ def check_residual(model: pin.Model) -> None:
     assert error < 1e-8 * max(sizes)
 
 
-@pytest.mark.parametrize("name", ["arm", "humanoid", "mjcf leg", *FILES, *ARMS, *MORE])
+@pytest.mark.parametrize("name", ["arm", "humanoid", "mjcf leg", *FRAMES, *MORE])
 def test_the_residual_of_a_robot_needs_no_coriolis_matrix(name: str) -> None:
     """Arms, quadrupeds, humanoids, a leg from MJCF; p, Mdot v and nle alone give the same."""
     check_residual(robot(name)[0])
@@ -163,14 +200,14 @@ def test_joints_that_observers_cannot_use_are_refused_by_name() -> None:
     for joint in (pin.JointModelEllipsoid(0.3, 0.2, 0.5), without_coriolis.composite(pin.JointModelEllipsoid())):
         with pytest.raises(ObserverError, match=r"joint 'joint1' of type Ellipsoid: observers cannot use it; .* RX"):
             MomentumObserver(chain(joint))
-    gripper = pin.buildModelFromUrdf(installed(ARMS["panda"][0]), mimic=True)
+    gripper = pin.buildModelFromUrdf(installed("panda"), mimic=True)
     with pytest.raises(ObserverError, match=r"joint 'panda_finger_joint2' of type Mimic: .* mimic=False"):
         MomentumObserver(gripper)
 
 
 def test_a_tied_gripper_is_the_mimic_gripper() -> None:
     """Both fingers of an arm as one coordinate: S^T times the residual is that of Pinocchio's own mimic model."""
-    file = installed(ARMS["panda"][0])
+    file = installed("panda")
     gripper, free = pin.buildModelFromUrdf(file, mimic=True), pin.buildModelFromUrdf(file)
     time, q, v, u = random_record(gripper)
     tie = Tie("fingers", np.vstack([np.eye(8), np.eye(8)[7]]))

@@ -14,7 +14,7 @@ from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import OBSERVERS, Estimate
 from aerobat_pin.observers.kalman.kalman import SENSOR_NOISE
-from aerobat_pin.robot import FORCE_POINTS, load_robot
+from aerobat_pin.robot import FORCE_POINTS, flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 SEEDS = (1, 2, 3, 4, 5)
@@ -76,7 +76,7 @@ class Flight(NamedTuple):
 def flown(seed: int, share: float) -> Flight:
     """Fly the benchmark with the right wing's force scaled by a share of its own."""
     chosen = scenario(seed, share)
-    log, robot = simulate(chosen), load_robot(chosen)
+    log, robot = simulate(chosen), flown_robot(chosen)
     noisy, clean = (np.stack([true_force(log, name)[i] for name in FORCE_POINTS], axis=1) for i in range(2))
     return Flight(robot.model, known_inputs(log, robot), noisy, clean)
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from aerobat_pin.observers import Expected
+
 Vector = NDArray[np.float64]
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 SETTLED = 2.1461932206205825  # (1 + x) exp(-x) = exp(-1)
@@ -59,6 +61,46 @@ def project(J: Vector, W: Vector, generalized: Vector) -> Vector:
     return np.linalg.solve(R, Q[: len(W)].T @ (W @ generalized))
 
 
+class PosteriorTwin:
+    """The components given rows and what was expected, by Kalman's gain over the rows in place of normal equations.
+
+    With G = S^2 J (J^T S^2 J + k)^-1 over whitened rows:  P = S^2 - G J^T S^2,  f = (1 + P S^-2) G y.
+    """
+
+    def __init__(self, expected: Expected, gain: float) -> None:
+        """Begin with no errors seen."""
+        self.expected, self.gain = expected, gain
+        self.rest, self.mean, self.seconds = 0.0, 0.0, 0.0
+        self.deviation, self.k = np.zeros(0), float("nan")
+
+    def estimate(self, J: Vector, W: Vector, y: Vector, v: Vector, dt: float) -> Vector:
+        """Return the components (c,) of an interval; `deviation` and `k` are those of this interval."""
+        prior = self.expected
+        R = prior.row_error**2 + prior.stiction**2 / 3.0 / np.cosh(v / prior.stiction_rate) ** 2
+        W = W[np.any(W != 0.0, axis=1)]
+        white = W / np.sqrt(np.einsum("ik,k,ik->i", W, R, W))[:, None]
+        A, S2 = white @ J.T, np.diag(prior.force**2)
+
+        def given(k: float) -> tuple[Vector, Vector]:
+            gain = S2 @ A.T @ np.linalg.inv(A @ S2 @ A.T + k * np.eye(len(A)))
+            P = S2 - gain @ A @ S2
+            return (np.eye(len(S2)) + P @ np.linalg.inv(S2)) @ gain @ white @ y, np.diag(P)
+
+        force, variance = given(1.0)
+        spare = len(A) - np.sum(1.0 - (variance / prior.force**2) ** 2)
+        rest = white @ y - A @ force
+        self.rest = rest + np.exp(-self.gain * dt) * (self.rest - rest)
+        self.k, k = float("nan"), self.mean
+        if spare >= 0.5:
+            self.k = float(self.rest @ self.rest / spare)
+            self.seconds += dt
+            self.mean += min(dt / self.seconds + dt / 2.5, 1.0) * (self.k - self.mean)
+            k = max(self.k, self.mean)
+        force, variance = given(max(k, prior.doubt))
+        self.deviation = np.sqrt(variance)
+        return force
+
+
 def first_order(gain: float, dt: float, value: float, state: Vector) -> Vector:
     """Advance x' = K (value - x)."""
     return np.array([value + np.exp(-gain * dt) * (state[0] - value), 0.0])
@@ -96,9 +138,16 @@ class ObserverTwin:
     """
 
     def __init__(
-        self, name: str, model: pin.Model, frames: Sequence[str], gain: float | Vector, rows: str = "all"
+        self,
+        name: str,
+        model: pin.Model,
+        frames: Sequence[str],
+        gain: float | Vector,
+        rows: str = "all",
+        expected: Expected | None = None,
     ) -> None:
         """Prepare the filter."""
+        self.expected = expected
         self.name, self.model, self.frames, self.rows = name, model, tuple(frames), rows
         size = model.nv if name == "momentum" else 3 * len(frames)
         self.gain = np.broadcast_to(gain, (size,))
@@ -108,6 +157,7 @@ class ObserverTwin:
         self.time, self.sample = time, remembered(self.model, self.frames, q, v)
         self.residual, self.force = np.zeros(self.model.nv), np.zeros(3 * len(self.frames))
         self.state = np.zeros((len(self.gain), 2))
+        self.posterior = None if self.expected is None else PosteriorTwin(self.expected, self.gain[0])
 
     def filter(self, dt: float, values: Vector) -> Vector:
         """Advance every quantity on its own."""
@@ -130,11 +180,15 @@ class ObserverTwin:
             mean = 0.5 * (before + after)
             phi = (after[0] - before[0]) / dt - mean[1] - tau - sum(known.values(), np.zeros_like(tau))
             J, W = mean[3:], believed(self.model, self.rows, mean[2])
+
+            def components(y: Vector) -> Vector:
+                return project(J, W, y) if self.posterior is None else self.posterior.estimate(J, W, y, mean[2], dt)
+
             if self.name == "momentum":
                 self.residual = self.filter(dt, phi)
-                self.force = project(J, W, self.residual)
+                self.force = components(self.residual)
             else:
-                self.force = self.filter(dt, project(J, W, phi))
+                self.force = self.filter(dt, components(phi))
                 self.residual = J.T @ self.force
             self.time, self.sample = time, after
         return self.residual, self.force.reshape(-1, 3)

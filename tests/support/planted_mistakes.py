@@ -37,6 +37,12 @@ def times(key: str, factor: float, *columns: int) -> Change:
     return change
 
 
+def in_degrees(data: Columns) -> None:
+    """Write angles and rates in degrees, which agree with each other."""
+    for key in (ANGLES, RATES):
+        data[key] *= DEGREES
+
+
 def swapped(key: str, first: int, second: int, count: int = 1) -> Change:
     """Let two columns change places, or two groups of some columns side by side."""
 
@@ -158,6 +164,10 @@ def of_joints(names: tuple[str, ...], one: int, other: int) -> Mistakes:
         "one joint angle in deg": (times(ANGLES, DEGREES, one), rf"{rates}.*degrees of the position"),
         "two joint angles swapped": (swapped(ANGLES, one, other), rf"{pair}|{rates}"),
         "two joint rates swapped": (swapped(RATES, one, other), rf"{pair}|{rates}"),
+        "joint angles and rates in deg": (
+            in_degrees,
+            r'joint limits: .* rad, its limits are .*unit = "deg" for joints',
+        ),
         "joint rates late": (late(6e-3, RATES), r"late channel: joint velocities come \d\.\d ms after joint positions"),
         "joint angles late": (late(6e-3, ANGLES), r"late channel: joint positions come \d\.\d ms after joint vel"),
         "joint rates held": (held(RATES), r"held channel: joint velocities change only"),

@@ -28,7 +28,7 @@ def arm() -> str:
         parts.append(
             f'<joint name="{name}" type="revolute"><parent link="{below}"/><child link="{name}_link"/>'
             f'<origin xyz="0 0 {height}"/><axis xyz="{axis}"/>'
-            '<limit lower="-9" upper="9" effort="999" velocity="99"/></joint>'
+            '<limit lower="-99" upper="99" effort="999" velocity="99"/></joint>'
         )
         below = f"{name}_link"
     end = (

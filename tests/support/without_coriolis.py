@@ -63,8 +63,13 @@ JOINTS = {
 
 def chain(middle: pin.JointModel, base: pin.JointModel | None = None) -> pin.Model:
     """Return three links in a row; the joint in the middle is the one in question, the others are hinges."""
+    return links(base or pin.JointModelRY(), middle, pin.JointModelRevoluteUnaligned(AXES[1]))
+
+
+def links(*joints: pin.JointModel) -> pin.Model:
+    """Return links in a row, `joint0` and on, each with a frame `tip0` and on."""
     model, at, rng = pin.Model(), 0, np.random.default_rng(1)
-    for k, joint in enumerate((base or pin.JointModelRY(), middle, pin.JointModelRevoluteUnaligned(AXES[1]))):
+    for k, joint in enumerate(joints):
         place = pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-0.3, 0.3, 3))
         at = model.addJoint(at, joint, place, f"joint{k}")
         moments = pin.exp3(rng.uniform(-1.0, 1.0, 3))

@@ -224,6 +224,16 @@ def calls() -> dict[str, Call]:
             {name: np.zeros(2) for name in ("coulomb", "viscous", "inertia", "offset")} | {"rate": 0.02},
         ),
         "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
+        "Expected": (
+            api.Expected,
+            {
+                "force": np.ones(3),
+                "row_error": np.ones(2),
+                "stiction": np.ones(2),
+                "stiction_rate": np.ones(2),
+                "doubt": 1.0,
+            },
+        ),
         "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
         "check_names": (api.check_names, {"names": ["momentum"]}),
         "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
@@ -271,6 +281,7 @@ def _recordings(
     record = api.open_record(folder / "drone.csv", read, folder)
     data = api.estimate_dataset(done.estimates)
     return {
+        "load_robot": (api.load_robot, {"name": "double_pendulum"}),
         "parse_map": (api.parse_map, {"values": values, "source": "here"}),
         "load_map": (api.load_map, {"path": folder / "map.toml"}),
         "with_options": (
@@ -314,7 +325,7 @@ SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
 RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
-Bias Crossing Estimate Event Identifiability KalmanSample LevelDetector CusumDetector LineOfAction
+Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
@@ -330,7 +341,8 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf netcdf_variables read_run joint_series
-effort_findings record_findings moving_weight AllBut redundancy_of slow_part describe_tables explain fit_friction
+effort_findings record_findings moving_weight AllBut with_record robot_length low_passed
+typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
 changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score
 warnings_about belief_of described log_with_motion shipped_description"""

@@ -18,10 +18,11 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
 from aerobat_pin.estimation.use import CalibrationUse, Contact
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, torque_per_unit
+from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, torque_per_unit
 
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
+ENCODER = "the encoder of "  # of a joint, among what is believed
 LESS = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}  # torque -> usable with
 
 
@@ -47,7 +48,7 @@ class Belief:
                 f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
             )
         for key, value in self.settings.items():
-            found = other.settings.get(key, SI_EFFORT if key.startswith(EFFORT) else "nothing of that name")
+            found = other.settings.get(key, _unsaid(key))
             if found not in (LESS.get(value, (value,)) if key == TORQUE else (value,)):
                 raise CalibrationError(
                     f"the calibration was learnt with {key} = {value}, but {found} is believed: calibrate again with "
@@ -66,8 +67,17 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     effort, settings = chosen.joints.effort, dict(robot.assumptions)
     if effort is not None:
         settings |= {f"{EFFORT}{name}": f"{torque_per_unit(effort, name):.9g} N m per unit" for name in joints}
+    if not robot.moves_joints:
+        settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
     return Belief(robot.title, robot.fingerprint(), settings)
+
+
+def _unsaid(key: str) -> str:
+    """Return what holds where a belief does not say it."""
+    if key.startswith(ENCODER):
+        return f"1 {key.removeprefix(ENCODER)}"
+    return SI_EFFORT if key.startswith(EFFORT) else "nothing of that name"
 
 
 def _law(known: KnownSection) -> str:
@@ -92,7 +102,8 @@ class Calibration:
         detection: what is normal where nothing pushes; None if that was not learnt.
         extras: what only the robot itself reads, such as an accelerometer's place.
         error_bar: component -> rms error without and with the calibration, where it was not fitted [N, N m].
-        remainder: row -> rms of what the calibration leaves unexplained [N, N m].
+        row_noise: row -> root second moment of what is left of it where nothing pushes, in data that no fit used
+            [N, N m]; empty where that is not known.
         warnings: what makes the calibration doubtful, in words.
         notes: what was found, in words.
     """
@@ -105,7 +116,7 @@ class Calibration:
     detection: Detection | None = None
     extras: Mapping[str, Array] = field(default_factory=dict)
     error_bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    remainder: Mapping[str, float] = field(default_factory=dict)
+    row_noise: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -134,6 +145,7 @@ class Calibration:
         """Return a robot with all that was learnt about it."""
         robot = robot.changed(self.changes) if self.changes else robot
         robot = robot.with_extras(self.extras) if self.extras else robot
+        robot = robot.with_links(self.fitted.links) if len(self.fitted.links) else robot
         return robot if self.fitted.mass == 1.0 else robot.heavier(self.fitted.mass)
 
     def without_fits(self, chosen: Map) -> Map:
@@ -147,13 +159,12 @@ class Calibration:
 
     def forces(self, record: Record) -> KnownForces:
         """Return the known forces of a record that `applied` returned: what the map still fits, and what was learnt."""
-        forces, mine = fitted_forces(record), self.fitted
-        own, fits = forces.values, tuple(replace(fit, log=fit.log or self.records[0]) for fit in mine.fits)
+        mine = self.fitted
+        forces = fitted_forces(record, mine)
+        fits = tuple(replace(fit, log=fit.log or self.records[0]) for fit in mine.fits)
         sources = {} if self.series is None else {CALIBRATION: self.origin}
-        if mine.friction is not None:
-            own = replace(own, joints=mine.joints, friction=mine.friction, scale=mine.scale)
-            sources[FRICTION] = "calibrated"
-        values = replace(own, mass=mine.mass, fits=(*fits, *own.fits))
+        sources |= {} if mine.friction is None else {FRICTION: "calibrated"}
+        values = replace(forces.values, fits=(*fits, *forces.values.fits), row_noise=self.row_noise)
         return replace(forces, values=values, series=self.series, sources=sources)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,9 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         "mass": ((), fitted.mass, {"long_name": "factor of all masses and inertias", "units": "1"}),
     }
     coords: dict[str, Any] = {}
-    if calibration.remainder:
-        parts["remainder"] = ("row", list(calibration.remainder.values()), {"long_name": "rms left unexplained"})
-        coords |= {"row": list(calibration.remainder)}
+    if calibration.row_noise:
+        parts["row_noise"] = ("row", list(calibration.row_noise.values()), {"long_name": "rms left where not fitted"})
+        coords |= {"row": list(calibration.row_noise)}
     if found is not None:
         parts["change"] = ("parameter", found.values)
         parts["covariance"] = (("parameter", "other"), found.covariance)
@@ -56,6 +56,9 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         parts["friction_deviation"] = (("joint", "coefficient"), fitted.friction.deviation)
         parts["effort_factor"] = ("joint", fitted.scale)
         coords |= {"joint": list(fitted.joints), "coefficient": list(FRICTION_COEFFICIENTS)}
+    if len(fitted.links):
+        parts["link_change"] = (("link", "parameter_of"), fitted.links)
+        parts["gain_covariance"] = (("gain", "gain_too"), fitted.gain_covariance)
     if fitted.coefficients:
         table = np.full((len(fitted.coefficients), MOST_POWERS), np.nan)
         for row, values in zip(table, fitted.coefficients.values(), strict=True):
@@ -137,8 +140,8 @@ class _Parts:
         settings = self._object("settings", dict)
         if not all(isinstance(value, str) for value in settings.values()):
             raise ValueError("settings: names and their values in words were expected")
-        rows, bar = self._texts("row"), self._texts("force")
-        left = self._numbers("remainder", len(rows)).tolist() if rows else []
+        rows, bar = self._texts("row") if "row_noise" in self._data else (), self._texts("force")
+        left = self._numbers("row_noise", len(rows)).tolist() if rows else []
         bars = self._numbers("error_bar", len(bar), 2, finite=False).tolist() if bar else []
         return Calibration(
             belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), settings),
@@ -149,7 +152,7 @@ class _Parts:
             detection=self._detection() if "normal" in self._data else None,
             extras=extras,
             error_bar={label: (before, after) for label, (before, after) in zip(bar, bars, strict=True)},
-            remainder=dict(zip(rows, left, strict=True)),
+            row_noise=dict(zip(rows, left, strict=True)),
             warnings=self._texts("warning"),
             notes=self._texts("note"),
         )
@@ -186,7 +189,14 @@ class _Parts:
         if not 0.0 < mass:
             raise ValueError(f"mass {mass:g}: a factor above 0 was expected")
         fits = tuple(_fit_of(entry) for entry in self._object("fits", list))
-        return FittedValues(coefficients, joints, friction, scale, mass, fits)
+        found = FittedValues(coefficients, joints, friction, scale, mass, fits=fits)
+        if "link_change" not in self._data:
+            return found
+        links, size = int(self._data.sizes["link"]), int(self._data.sizes["gain"])
+        if size != len(joints) + 10 * links:
+            raise ValueError(f"gain_covariance of {size}: one row for each joint and ten for each link were expected")
+        errors = self._numbers("link_change", links, 10)
+        return replace(found, links=errors, gain_covariance=self._numbers("gain_covariance", size, size))
 
     def _series(self) -> Harmonics:
         states, varied = self._texts("state"), self._texts("factor")[1:]
@@ -233,4 +243,5 @@ def _fit_of(entry: dict[str, Any]) -> Fit:
     """Return a fit of its entry in a file."""
     values = {str(key): float(value) for key, value in entry["values"].items()}
     before, inside, outside = (float(entry[key]) for key in ("before", "inside", "outside"))
-    return Fit(str(entry["name"]), values, str(entry["unit"]), before, inside, outside, str(entry["log"]))
+    words = str(entry["log"]), str(entry.get("untold", ""))
+    return Fit(str(entry["name"]), values, str(entry["unit"]), before, inside, outside, *words)

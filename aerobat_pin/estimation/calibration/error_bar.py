@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration.map_fits import fits_to_sensor, held_out_stretch
+from aerobat_pin.estimation.calibration.map_fits import held_out_stretch
 from aerobat_pin.estimation.compared import Compared, sensor_references
+from aerobat_pin.estimation.expected import expected_of
+from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, rms_in, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, rms_in, run_observers
 
 
 def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[str, tuple[float, float]]:
@@ -31,9 +33,11 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     if known is None:
         return {}
     record = known.record
-    named = observers_of(record)[0]
+    inputs = inputs_between(record, known)
+    expected = expected_of(record, inputs, known.values, points_of(record.map))
+    named = observers_of(record, (), expected)[0]
     chosen = next((one for one in named if one.name == "force_level"), named[0])  # right for any choice of rows
-    estimate = run_observers(record, inputs_between(record, known), [chosen])[chosen.name]
+    estimate = run_observers(record, inputs, [chosen], expected=expected)[chosen.name]
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it
         side = Compared.of(estimate, sensor, record.dt)

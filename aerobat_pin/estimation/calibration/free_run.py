@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerobat_pin.estimation.fit_joint_friction import MOST_FITTED
+from aerobat_pin.estimation.calibration.map_fits import used_by_fits
+from aerobat_pin.estimation.fitted_stretches import MOST_FITTED, fits_to_sensor
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
+from aerobat_pin.estimation.inverse_dynamics import contact_torque
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import rows_of
+from aerobat_pin.estimation.run_observers import rows_of, settled
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     MOMENT_ARM,
@@ -18,10 +20,12 @@ from aerobat_pin.observers import (
     ForceLevelObserver,
     MomentumObserver,
     Redundancy,
+    low_passed,
     moving_weight,
     redundancy_of,
     row_names,
     slow_part,
+    typical_step,
 )
 from aerobat_pin.records import FREE_NV, Condition, Record
 
@@ -29,6 +33,7 @@ AT_ONCE = 1.0e9  # [1/s]: with so large a gain the filter of an observer passes 
 HELD_OUT = 0.25  # share of each run, at its end, that checks the result
 LEFT_BEHIND = 8.0  # typical sizes of what the calibration leaves: a longer or larger one is a contact
 LEAST_LEFT_BEHIND = 0.02  # of the robot's weight
+FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
 STEADY = 3.0  # times the error of the belief: forces that are larger are hardly made up by it
 
 
@@ -108,10 +113,44 @@ class FreeRun:
         return self.judged(part).belief
 
 
-def free_runs(record: Record, forces: KnownForces) -> list[FreeRun]:
-    """Return the runs of a record: its parts, or of a long one stretches at even distances."""
-    stretches = record.parts if record.robot.remembers else record.spread(MOST_FITTED)
+def free_runs(record: Record, forces: KnownForces, within: tuple[float, float] = (-np.inf, np.inf)) -> list[FreeRun]:
+    """Return the runs of a record within a stretch [s]: its parts, or of a long one stretches at even distances."""
+    stretches = record.parts if record.robot.remembers else record.spread(MOST_FITTED, *within)
     return [FreeRun.of(record, forces, stretch) for stretch in stretches]
+
+
+def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
+    """Return row -> root second moment of what is left [N, N m], in data that no fit used; empty if there is none.
+
+    It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces.
+
+    Args:
+        runs: the runs, with all that is known of them.
+        learnt: whether more than the map's fits was learnt from them, from all but the part that is held out.
+    """
+    left = []
+    for run in runs:
+        kept = ~used_by_fits(run.record, run.forces.values, run.inputs.time[:-1])
+        if learnt:
+            kept[run.fitted] = False
+        kept &= settled(run.record, run.inputs.time[:-1])
+        share = -np.expm1(-float(run.record.map.observer.gain) * typical_step(run.inputs.time))
+        left.append(low_passed(run.residual, share)[kept])
+    if sum(map(len, left)) < FEWEST_LEFT:
+        return {}
+    sizes = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
+    return dict(zip(row_names(runs[0].record.robot.model), sizes.tolist(), strict=True))
+
+
+def noise_where_known(forces: KnownForces) -> dict[str, float]:
+    """Return what `row_noise` does for where nothing touches by the map, or a sensor says what; else nothing."""
+    record = forces.record
+    if fits_to_sensor(record.map):
+        pushed = free_runs(record, forces)
+        runs = [one.explained("sensor", contact_torque(record, record.block(*one.stretch))) for one in pushed]
+        return row_noise(runs, learnt=False)
+    free = record.map.use.free
+    return {} if free is None else row_noise(free_runs(record, forces, free), learnt=False)
 
 
 def _inputs(record: Record, forces: KnownForces, stretch: tuple[int, int]) -> KnownInputs:
@@ -147,6 +186,8 @@ def steady_forces(run: FreeRun) -> Iterator[str]:
     the forces found are large, they are real, or an error that looks like forces at these very points.
     """
     inputs = run.inputs
+    if not run.frames:
+        return
     observer = ForceLevelObserver(run.record.robot.model, run.frames, AT_ONCE, inputs.rows)
     found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     check, count = found.redundancy, found.components.shape[1]

@@ -13,17 +13,23 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation.calibration.calibration import TORQUE, Belief, Calibration, belief_of
+from aerobat_pin.estimation.calibration.calibration import EFFORT, ENCODER, TORQUE, Belief, Calibration, belief_of
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar
-from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs, pushes, steady_forces
+from aerobat_pin.estimation.calibration.free_run import (
+    FreeRun,
+    free_runs,
+    noise_where_known,
+    pushes,
+    row_noise,
+    steady_forces,
+)
 from aerobat_pin.estimation.calibration.harmonics import Harmonics, fit_harmonics
 from aerobat_pin.estimation.calibration.identify import Identified, identify
 from aerobat_pin.estimation.calibration.map_fits import (
     fit_notes,
     fits_anything,
     fits_thrust,
-    fits_to_sensor,
     fitted_by_map,
     kept_of,
     taken_as_free,
@@ -31,10 +37,11 @@ from aerobat_pin.estimation.calibration.map_fits import (
 from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
+from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown
-from aerobat_pin.observers import JointFriction, fit_friction, row_names
+from aerobat_pin.observers import JointFriction, fit_friction
 from aerobat_pin.records import Extras, Record
 
 HARMONICS, MOST_HARMONICS = 6, 40
@@ -96,19 +103,21 @@ def calibrate(
             runs = [run.with_values(found.used) for run in runs]
             if fits_anything(records[0].map):
                 runs = [run for one in forces for run in free_runs(one.record, one)]
+    tested = runs  # as `runs`, but with what is learnt from all of them learnt without the part that tests it
     if parameters is not None and FRICTION in parameters:
-        friction = _fit_to_residual(runs)
+        friction, tried = _fit_to_residual(runs, held_out=False), _fit_to_residual(runs, held_out=True)
         notes += _friction_lines(friction, records[0].robot.joints)
+        tested = [_with_friction(run, tried) for run in runs]
         runs = [_with_friction(run, friction) for run in runs]
         forces = [_knowing(one, friction) for one in forces]
     series = trial = None
     if harmonics >= 0 and runs and all(run.condition is not None for run in runs):
-        series, trial, words = _learnt_series(runs, harmonics, vary)
+        series, trial, words = _learnt_series(runs, tested, harmonics, vary)
         notes.append(words)
-        if series is not None:
-            runs = _without(runs, series)
+        if series is not None and trial is not None:
+            runs, tested = _without(runs, series), _without(tested, trial)
         warnings += [line for run in runs for line in pushes(run)]
-    values = kept_of(records[0], forces[0].values)
+    values, learnt = kept_of(records[0], forces[0].values), tested is not runs or found is not None
     bar = error_bar([(one, replace(two, series=trial)) for one, two in zip(plain, forces, strict=True)])
     for one in forces:
         findings += [*effort_findings(one.record, inputs_between(one.record, one), findings), *fit_findings(one)]
@@ -121,7 +130,7 @@ def calibrate(
         series=series,
         detection=_detection(runs),
         error_bar=bar,
-        remainder=_remainder(runs),
+        row_noise=noise_where_known(forces[0]) if fits_to_sensor(records[0].map) else row_noise(tested, learnt=learnt),
         warnings=(*doubtful, *warnings),
         notes=(
             *(_what_is_learnt_from(one.record) for one in forces),
@@ -156,9 +165,9 @@ def _of_extras(
 
 
 def _belief_that_counts(belief: Belief, record: Record, values: FittedValues) -> Belief:
-    """Return a belief without what a map says of efforts and thrusts from which nothing was learnt."""
+    """Return a belief without what a map says of joints and thrusts from which nothing was learnt."""
     kept = {*record.robot.assumptions, *(f"known.{name}" for name in values.coefficients)}
-    kept |= {f"the effort of {joint}" for joint in values.joints}
+    kept |= {f"{what}{joint}" for joint in values.joints for what in (EFFORT, ENCODER)}
     return replace(belief, settings={key: value for key, value in belief.settings.items() if key in kept})
 
 
@@ -229,14 +238,15 @@ def _identified(
     return identify(runs, usual, always=False, progress=progress)
 
 
-def _fit_to_residual(runs: Sequence[FreeRun]) -> JointFriction:
-    """Fit the friction of all joints to what is left of their rows."""
+def _fit_to_residual(runs: Sequence[FreeRun], *, held_out: bool) -> JointFriction:
+    """Fit the friction of all joints to what is left of their rows, without the part held out or with it."""
     parts = []
     for run in runs:
         robot = run.record.robot
         at_q, at_v = ([index(joint) for joint in robot.joints] for index in (robot.q_index, robot.v_index))
         motion = mean_motion(run.record, run.inputs.time, run.inputs.v[:, at_v])
-        parts.append((run.inputs.q[:-1, at_q], *motion, run.residual[:, at_v]))
+        values = (run.inputs.q[:-1, at_q], *motion, run.residual[:, at_v])
+        parts.append(tuple(one[run.fitted if held_out else slice(None)] for one in values))
     q, v, a, torque = (np.concatenate(values) for values in zip(*parts, strict=True))
     return fit_friction(q, v, a, torque)
 
@@ -266,21 +276,22 @@ def _friction_lines(friction: JointFriction, joints: Sequence[str]) -> list[str]
 
 
 def _learnt_series(
-    runs: Sequence[FreeRun], order: int, vary: Sequence[str]
+    runs: Sequence[FreeRun], tested: Sequence[FreeRun], order: int, vary: Sequence[str]
 ) -> tuple[Harmonics | None, Harmonics | None, str]:
     """Return the series over the phase if it lowers the error where held out, the trial that shows it, and words."""
     conditions = [one.condition for one in runs if one.condition is not None]
     cycle, varied = conditions[0].cycle, [state for group in vary for state in conditions[0].groups[group]]
-    residuals, fitted = [one.residual for one in runs], [one.fitted for one in runs]
+    residuals, fitted = [one.residual for one in tested], [one.fitted for one in tested]
     trial = fit_harmonics(conditions, residuals, fitted, order, varied)
     before, after = (
         _mean_of([one.size(slice(part.stop, None)) for one, part in zip(many, fitted, strict=True)])
-        for many in (runs, _without(runs, trial))
+        for many in (tested, _without(tested, trial))
     )
     words = f"{order} harmonics of {cycle}: {_size_of(before)} becomes {_size_of(after)} in the part held out"
     if after >= before:
         return None, None, f"{words}; what does not repeat itself with {cycle} is not used"
-    return fit_harmonics(conditions, residuals, [slice(None)] * len(runs), order, varied), trial, words
+    whole = [one.residual for one in runs]
+    return fit_harmonics(conditions, whole, [slice(None)] * len(runs), order, varied), trial, words
 
 
 def _without(runs: Sequence[FreeRun], series: Harmonics) -> list[FreeRun]:
@@ -288,17 +299,9 @@ def _without(runs: Sequence[FreeRun], series: Harmonics) -> list[FreeRun]:
 
 
 def _detection(runs: Sequence[FreeRun]) -> Detection | None:
-    if not runs:
+    if not (runs and runs[0].frames):
         return None
     return learn_detection(runs[0].frames, [(one.record.robot.model, one.inputs) for one in runs])
-
-
-def _remainder(runs: Sequence[FreeRun]) -> dict[str, float]:
-    """Return row -> rms of what is left [N, N m]."""
-    if not runs:
-        return {}
-    left = np.sqrt(np.mean([np.mean(one.residual**2, axis=0) for one in runs], axis=0))
-    return dict(zip(row_names(runs[0].record.robot.model), left.tolist(), strict=True))
 
 
 def _mean_of(sizes: Sequence[float]) -> float:

@@ -10,10 +10,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
+from aerobat_pin.estimation.fitted_stretches import fits_to_sensor, within
+from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
+from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import Map, Record
 
@@ -22,17 +27,13 @@ FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; t
 
 def fits_anything(chosen: Map) -> bool:
     """Return whether a map asks for a fit."""
-    return chosen.joints.friction is not None or fits_thrust(chosen)
+    sought = chosen.payload is not None and chosen.payload.com is None
+    return sought or chosen.joints.friction is not None or fits_thrust(chosen)
 
 
 def fits_thrust(chosen: Map) -> bool:
     """Return whether a map asks for the coefficients of a thrust."""
     return any(known.fit is not None for known in chosen.known.values())
-
-
-def fits_to_sensor(chosen: Map) -> bool:
-    """Return whether friction is fitted while something pushes, which a force sensor shows."""
-    return chosen.joints.friction is not None and chosen.joints.friction.to is not None
 
 
 def taken_as_free(record: Record) -> Record:
@@ -41,9 +42,11 @@ def taken_as_free(record: Record) -> Record:
     if friction is not None:
         friction = friction.model_copy(update={"fit": fitted_stretch(record)})
     free = chosen.use.free if fits_to_sensor(chosen) else (0.0, _time_after(record, 1.0))
-    joints = chosen.joints.model_copy(update={"friction": friction})
+    joints, payload = chosen.joints.model_copy(update={"friction": friction}), chosen.payload
+    if payload is not None and payload.fit is None:
+        payload = payload.model_copy(update={"fit": fitted_stretch(record)})
     use = chosen.use.model_copy(update={"free": free})
-    return replace(record, map=chosen.model_copy(update={"joints": joints, "use": use}))
+    return replace(record, map=chosen.model_copy(update={"joints": joints, "payload": payload, "use": use}))
 
 
 def fitted_stretch(record: Record) -> tuple[float, float]:
@@ -58,6 +61,31 @@ def held_out_stretch(record: Record) -> tuple[float, float]:
     return (fit[1], end) if fit[1] < end else (0.0, end)
 
 
+def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[np.bool_]:
+    """Return which times (m,) [s] fits used that gave values, or are beyond where nothing unknown acts."""
+    friction, when = record.map.joints.friction, time - record.start
+    stretches = [] if friction is None or friction.fit is None else [friction.fit]
+    stretches += [fitted_stretch(record)] if values.mass != 1.0 else []
+    payload, free = record.map.payload, record.map.use.free
+    stretches += [] if payload is None or payload.com is not None else [payload.fit or free or (0.0, np.inf)]
+    shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
+    stretches += [(_at_share(record, low), _at_share(record, high)) for low, high in shares]
+    used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~within(when, free)
+    for one in stretches:
+        used |= within(when, one)
+    return used
+
+
+def _at_share(record: Record, share: float) -> float:
+    """Return the time after the start [s] at which a share of the used intervals has passed."""
+    left = share * sum(last - first for first, last in record.parts)
+    for first, last in record.parts:
+        if left <= last - first:
+            break
+        left -= last - first
+    return float(first + left) * record.dt
+
+
 def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:
     """Return the known forces of a record with all that its map fits, and perhaps with the mass fitted before.
 
@@ -66,6 +94,8 @@ def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:
     """
     values = FittedValues()
     if mass:
+        if record.map.payload is not None and record.map.payload.mass is None:
+            raise MapError("calibrate: the mass of all bodies, and a payload without a mass: one of them was expected")
         found = fit_mass(record, given_forces(record), fitted_stretch(record))
         values = FittedValues(mass=found.values["times"], fits=(found,))
         record = replace(record, robot=record.robot.heavier(values.mass))
@@ -93,6 +123,11 @@ def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
     if fits_to_sensor(record.map):
         yield "offsets against a sensor are this recording's own: not kept"
     friction, section = values.friction, record.map.joints.friction
+    if section is not None and section.scale and section.to is None and record.map.payload is None:
+        yield (
+            f"factors of the efforts and masses: only their ratio is seen; taken as masses within {MASS_ERROR:.0%} and "
+            f"centres within {100.0 * CENTRE_ERROR:g} cm of what is believed. A known payload tells them apart"
+        )
     if friction is None or friction.deviation is None or section is None:
         return
     unseen = [

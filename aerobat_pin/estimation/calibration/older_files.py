@@ -1,6 +1,6 @@
 """Calibrations in the two older forms of the file, brought to the present one, as far as a use of them needs it.
 
-What they do not have stays away: error bar, remainder, units of states, and how well each fit holds.
+What they do not have stays away: error bar, noise of the rows, units of states, and how well each fit holds.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ def _by_map(data: xr.Dataset) -> xr.Dataset:
     if "friction" in data:
         for joint, torque in zip(data["joint"].values, data["torque_per_unit"].values, strict=True):
             settings[f"the effort of {joint}"] = f"{float(torque):.9g} N m per unit"
+            settings[f"the encoder of {joint}"] = f"1 {joint}"
     if "error_bar" in data:
         data = data.rename({"component": "force"})
     if "thrust" in data:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.run_observers import believed_rows
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import MOMENT_ARM, AllBut
 from aerobat_pin.records import Block, Record
 
@@ -78,8 +78,10 @@ class Balance:
 
 
 def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
-    """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
+    """Return the projected equations at instants spread over the record; None if unknown forces leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
+    if free is None and not (record.map.robot.points or record.map.robot.wrenches):
+        return None  # a force that is not sought may be in every row
     ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
     arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM] if robot.free else []
@@ -131,9 +133,8 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     model, chosen = record.robot.model, record.map.robot
     parts = []
     for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
-        jacobian = pin.computeFrameJacobian(
-            model, data, q, model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        ).reshape(6, -1)
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = frame_jacobian(model, data, q, model.getFrameId(frame), axes)
         parts.append((jacobian[:size, rows] * weight).T)
     A = np.concatenate(parts, axis=1)
     u, values, _ = np.linalg.svd(A)

@@ -57,7 +57,7 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
     found = balance_of(record, inputs)
     if found is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
-        yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
+        yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
     share = found.imbalance()
     text = (

@@ -11,6 +11,7 @@ import numpy as np
 from aerobat_pin.estimation.checks.agreement_findings import agreement_findings
 from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS
+from aerobat_pin.estimation.checks.limits import limit_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
@@ -64,6 +65,8 @@ def motion_findings(record: Record) -> Iterator[Finding]:
     for pair in record.robot.agreements(time, measured):
         yield from agreement_findings(pair)
     angles, rates = measured("joints.position"), measured("joints.velocity")
+    if angles is not None:
+        yield from limit_findings(record, angles)
     if angles is not None and rates is not None:
         yield from agreement_findings(_joint_pair(record, time, angles, rates, latest))
     if record.robot.free and not record.map.base.held:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
 from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
+from aerobat_pin.estimation.checks.seen import seen_findings
 from aerobat_pin.estimation.compared import Compared
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
@@ -23,6 +24,7 @@ LATE_COMMAND = 5.0e-3  # [s]
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
+SEEN = 0.95  # share of the time from which a component counts as always seen
 MANY = 20_000  # intervals of which the power is taken
 
 
@@ -35,17 +37,19 @@ def result_findings(result: Result) -> Iterator[Finding]:
     yield from _check_commands(record, forces)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
-        yield from _sensor_findings(record, side)
+        yield from _sensor_findings(record, side, estimate)
     sums, count = np.zeros(len(estimate.head.units)), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
-        sums, count = sums + block.components[good].sum(axis=0), count + int(good.sum())
+        sums += np.where(block.shown, block.components, 0.0)[good].sum(axis=0)
+        count += int(good.sum())
     if not count:
         yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
     if estimate.head.are_world_forces:
         yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
         yield from _power(record, estimate)
+    yield from seen_findings(record, forces, estimates)
     if record.map.use.free is not None:
         yield from _free_stretch(record, estimates)
 
@@ -53,6 +57,8 @@ def result_findings(result: Result) -> Iterator[Finding]:
 def fit_findings(forces: KnownForces) -> Iterator[Finding]:
     """Yield fits that do not hold on the part of the record that they did not use."""
     for fit in forces.fits:
+        if fit.untold:
+            yield Finding("fit", "note", fit.untold)
         if np.isnan(fit.outside):
             yield Finding(
                 "fit",
@@ -67,9 +73,12 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
             yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
 
 
-def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
-    """Yield sign, factor and lag of the sensor against the estimate, on its liveliest component."""
+def _sensor_findings(record: Record, side: Compared, estimate: StoredEstimate) -> Iterator[Finding]:
+    """Yield sign and factor of the sensor against the estimate, on its liveliest component, if that is always seen."""
     k = side.liveliest
+    name = f"{side.reference.frame}.{side.reference.labels[k]}"
+    if estimate.seen is not None and estimate.seen[estimate.head.identifiability.components.index(name)] < SEEN:
+        return
     one, other = side.sample(MOST_SAMPLES)
     found = compare(one[:, [k]], other[:, [k]], np.arange(len(one)) * record.dt)
     if found is None or not found.swings.all():
@@ -80,7 +89,6 @@ def _sensor_findings(record: Record, side: Compared) -> Iterator[Finding]:
         good, why = False, ": check.wrench.sign"
     elif abs(correlation) < CONFUSED:
         good, why = False, ": other axes, another point"
-    name = f"{side.reference.frame}.{side.reference.labels[k]}"
     text = f"the sensor's {name} is {factor:.3g} times the estimate, correlation {correlation:.2f}{why}"
     yield Finding("sensor against estimate", "good" if good else "warning", text, factor, "1")
 
@@ -187,6 +195,10 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
             yield Finding("stretch without contact", "warning", f"use.free = {list(free)}: nothing estimated there")
             return
         labels, units = estimate.head.identifiability.components, estimate.head.units
-        words = ", ".join(f"{label} {size:.3g} {unit}" for label, size, unit in zip(labels, sizes, units, strict=True))
+        words = ", ".join(
+            f"{label} {size:.3g} {unit}"
+            for label, size, unit in zip(labels, sizes, units, strict=True)
+            if np.isfinite(size)
+        )
         text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
-        yield Finding("stretch without contact", "note", text, float(sizes.max()), "N")
+        yield Finding("stretch without contact", "note", text, float(np.nanmax(sizes)), "N")

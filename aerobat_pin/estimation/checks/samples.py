@@ -6,12 +6,13 @@ import filecmp
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.records import EXTENT, Columns, LogChannel, Record, holes, mcap_is_sealed, typical_spacing
+from aerobat_pin.records import EXTENT, Columns, LogChannel, Record, mcap_is_sealed, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
@@ -45,11 +46,11 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     found: dict[tuple[float, float], list[str]] = {}
     parts = [tuple(record.times(edge, edge)[0] for edge in part) for part in record.parts]
     clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
-    for key, channel in record.channels.items():
+    for channel in record.channels.values():
         yield from channel_findings(channel, parts, alone=len(clocks) > 1)
-        for gap in holes(channel.time, record.map.log.longest_gap):
-            if gap[1] > record.start and record.knots is None:
-                found.setdefault(gap, []).append(key)
+        for begin, end, whose in channel.holes:
+            if end > record.start and record.knots is None:
+                found.setdefault((begin, end), []).append(whose)
     for (begin, end), keys in found.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
@@ -62,13 +63,25 @@ def sample_findings(record: Record) -> Iterator[Finding]:
 def _clocks(columns: Columns) -> Iterator[Finding]:
     """Yield what was dropped because of its stamp, and how the clocks of a bag differ."""
     for name, clock in columns.clocks.items():
-        count = len(clock.time) + clock.repeated + clock.backward
+        count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
-            what = f"{name}: {clock.repeated} of {count} samples have the stamp of the one before: dropped"
-            yield Finding("repeated stamps", "warning", what, clock.repeated / count, "1")
-        if clock.backward:
-            what = f"{name}: {clock.backward} of {count} samples go back in time (a file appended to itself?): dropped"
-            yield Finding("time goes back", "warning", what, clock.backward / count, "1")
+            what = (
+                f"{name}: {clock.repeated} of {count} samples have the stamp of the one before, and are merged with it"
+            )
+            what += f"; {clock.differing} of them differ: the first value stays" if clock.differing else ""
+            verdict: Literal["warning", "note"] = "warning" if clock.differing else "note"
+            yield Finding("repeated stamps", verdict, what, clock.repeated / count, "1")
+        for number, what in (
+            (clock.off, "have stamps that do not fit between their neighbours': left out"),
+            (clock.backward, "go back in time (a file appended to itself?): dropped"),
+        ):
+            if number:
+                yield Finding(
+                    "time goes back", "warning", f"{name}: {number} of {count} samples {what}", number / count, "1"
+                )
+        if clock.set_back:
+            what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
+            yield Finding("time goes back", "warning", what, clock.set_back, "1")
         if clock.late is None or not len(clock.late):
             continue
         late = np.concatenate(clock.late.spread())

@@ -36,18 +36,6 @@ def compute_inertias(model: pin.Model, data: pin.Data, q: Array, _: Array) -> No
     pin.crba(model, data, q, WORLD)
 
 
-class KalmanSample(Sample):
-    """The estimate for one interval, with its uncertainty."""
-
-    __slots__ = ()
-
-    @property
-    def standard_deviation(self) -> Array:
-        """Standard deviations (c,) of the components; infinite for those of a pattern that leaves no trace."""
-        start = self._nv + self._count
-        return self._values[start : start + self._count]
-
-
 class KalmanObserver(Observer):
     """A Kalman filter that estimates momentum and random-walk forces from noisy velocities.
 
@@ -93,7 +81,6 @@ class KalmanObserver(Observer):
     """
 
     name = "kalman"
-    _result = KalmanSample
     _compute = staticmethod(compute_inertias)
 
     @guarded(
@@ -175,13 +162,14 @@ class KalmanObserver(Observer):
                     f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
                 )
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
-        self._width = nv + 2 * len(scale) + nv + 1 + nv
+        self._rest = nv + 2 * len(scale)
+        self._width = self._rest + nv + 1 + nv
         self._update = kernels.update_filter
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> Sample:
-        """Take the next sample as `Observer.update` does, and return a `KalmanSample`.
+        """Take the next sample as `Observer.update` does, and return a `Sample` with deviations.
 
         Raises:
             ObserverError: for the same reasons as in `Observer.update`, or a force named in `known_error` is missing.
@@ -271,10 +259,6 @@ class KalmanObserver(Observer):
         nis = np.sum(whitened**2, axis=1) / self.believed.count
         innovation = Innovation(nis, along / power if power > 0.0 else 0.0)
         return replace(super()._estimate(time, out, samples), standard_deviation=deviation, innovation=innovation)
-
-    @property
-    def _rest(self) -> int:
-        return self._nv + 2 * self._count
 
 
 class SmootherObserver(KalmanObserver):

@@ -21,6 +21,7 @@ class ObserverSizes(NamedTuple):
     filter: int  # which filter, see `filters`
     directions: int  # number of quaternions and other unit vectors in a configuration
     believed: int  # number of rows in use
+    expected: int  # 1 if sizes of forces and errors of rows are expected, see `posterior`, else 0
 
 
 class ObserverMemory(NamedTuple):
@@ -36,9 +37,16 @@ class ObserverMemory(NamedTuple):
     gain: Annotated[Array, "sizes.filtered"]  # of the filtered quantities, or of their coordinates in `basis` [1/s]
     basis: Annotated[Array, "sizes.basis, sizes.basis"]  # orthonormal basis, one vector per column, or empty
     weight: Annotated[Array, "sizes.nv"]  # weights of the rows
-    tied: Annotated[Array, "sizes.nv if sizes.tied else 0, sizes.tied"]  # `BelievedRows.tied`, or empty
+    tied: Annotated[Array, "sizes.nv * min(sizes.tied, 1), sizes.tied"]  # `BelievedRows.tied`, or empty
     components: Annotated[Array, "sizes.components, 11"]  # as `Applications.table`
     support: Annotated[Array, "sizes.components, sizes.nv"]  # as `Applications.support`
+    information: Annotated[Array, "sizes.components * sizes.expected"]  # S^-2 of the expected components
+    row_variance: Annotated[Array, "sizes.nv * sizes.expected"]  # of the rows where nothing touches
+    stiction_variance: Annotated[Array, "sizes.nv * sizes.expected"]  # of rows at rest, beyond that
+    stiction_rate: Annotated[Array, "sizes.nv * sizes.expected"]  # at which Coulomb friction has set in
+    remainder: Annotated[Array, "sizes.nv * sizes.expected"]  # whitened rows that no force explains, filtered
+    least: Annotated[Array, "1"]  # k that is expected
+    lasting: Annotated[Array, "2"]  # mean k over some seconds, and the time [s] over which it was taken
     samples: Annotated[Array, "2, 3 + sizes.components, sizes.nv"]  # the two latest samples, as in `residual`
     filtered: Annotated[Array, "2, sizes.filtered"]  # state of the filter
     unseen: Annotated[Array, "sizes.components, sizes.components"]  # projector onto the blind patterns, if any
@@ -49,6 +57,8 @@ class ObserverMemory(NamedTuple):
     given: Annotated[Array, "sizes.components + 1, sizes.nv"]  # Jacobians of the components, and a generalised force
     span: Annotated[Array, "sizes.components + 1, sizes.nv"]  # their weighted rows in use, padded with zeros
     equations: Annotated[Array, "sizes.components, sizes.components"]  # after `project` their Cholesky factor
+    variance: Annotated[Array, "sizes.nv * sizes.expected"]
+    column: Annotated[Array, "sizes.components * sizes.expected"]
 
 
 observer_sizes = layout_of(ObserverSizes)

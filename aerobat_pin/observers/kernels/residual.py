@@ -25,6 +25,7 @@ import numpy as np
 from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel, merged
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
+from aerobat_pin.observers.kernels.posterior import estimate_posterior
 from aerobat_pin.observers.kernels.projection import fit_forces, project
 
 TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
@@ -118,18 +119,22 @@ def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: Ob
 def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, out: Array) -> bool:
     """Compute the estimate for one interval; return False if the residual is NaN or huge.
 
-    Generalised residual and components are written to `out` (nv + c,). With nv + 1 more columns, the result of
-    `fit_forces` is written there; a stream leaves it out, as it costs `momentum` a second projection.
+    Generalised residual and components are written to `out` (nv + c,), and with expected forces the `doubt` (c + 1,) of
+    `estimate_posterior`. With nv + 1 more columns, the result of `fit_forces` is written there; a stream leaves it out,
+    as it costs `momentum` a second projection.
     """
-    nv, end = u.shape[0], u.shape[0] + observer.sizes.components
-    residual, force, rest = out[:nv], out[nv:end], out[end:]
+    nv, end, expected = u.shape[0], u.shape[0] + observer.sizes.components, observer.sizes.expected > 0
+    known = end + observer.sizes.components + 1 if expected else end
+    residual, force, doubt, rest = out[:nv], out[nv:end], out[end:known], out[known:]
     if not mean_residual(before, after, u, dt, observer, residual):
         return False
     J, project_first = observer.jacobian, observer.sizes.project_first > 0
     if rest.shape[0] > 0:
         fit_forces(observer, before, after, residual, rest)
-        if project_first:
-            copy_values(observer.fitted, force)
+    if project_first and expected:
+        estimate_posterior(observer, before, after, residual, dt, force, doubt)
+    elif project_first and rest.shape[0] > 0:
+        copy_values(observer.fitted, force)
     elif project_first:
         project(observer, before, after, residual, force)
     filtered = force if project_first else residual
@@ -140,7 +145,10 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
     else:
         low_pass(observer, dt, filtered)
     if not project_first:
-        project(observer, before, after, residual, force)
+        if expected:
+            estimate_posterior(observer, before, after, residual, dt, force, doubt)
+        else:
+            project(observer, before, after, residual, force)
         return True
     for i in range(nv):
         residual[i] = 0.0
@@ -169,7 +177,8 @@ def start_observer(memory: Array, v: Array) -> None:
     """Take the first sample of a stream and set the filter to zero."""
     observer = observer_in(memory)
     observer.newest[0] = 0
-    observer.filtered[:, :] = 0.0
+    observer.filtered[:, :], observer.remainder[:] = 0.0, 0.0
+    observer.lasting[:] = 0.0
     write_sample(observer, v, observer.samples[0])
 
 
@@ -225,9 +234,10 @@ def repeat_interval(samples: Array, out: Array, k: int) -> None:
 
 @kernel
 def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
-    """Apply `observe` to a record, writing out (m, nv + c + nv + 1); return the first bad interval, or -1."""
+    """Apply `observe` to a record, writing out (m, width of `observe`); return the first bad interval, or -1."""
     observer = observer_in(memory)
-    observer.filtered[:, :] = 0.0
+    observer.filtered[:, :], observer.remainder[:] = 0.0, 0.0
+    observer.lasting[:] = 0.0
     for k in range(u.shape[0]):
         dt = time[k + 1] - time[k]
         if dt == 0.0:

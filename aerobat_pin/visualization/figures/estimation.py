@@ -48,7 +48,9 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     height = 0.45 + sum(heights) * (1.77 if known else 1.67)
     figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
-    style.title_of(figure, f"Unknown force at each {kind}, world axes: interval means")
+    named = any(estimate.head.frames for estimate in result.stored.values())
+    what = f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
+    style.title_of(figure, f"{what}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
     enlarged = _enlarged(result, panels, events)
     step, free = 2 if known else 1, None if result.record is None else result.record.map.use.free
@@ -124,8 +126,9 @@ class _Panels:
             labels = estimate.head.identifiability.components
             if f"{frame}.{label}" not in labels:
                 continue
-            time, force, low, high = self._lines(estimate, partial(_band, k=labels.index(f"{frame}.{label}")), span)
-            rough = float(np.std(np.diff(force))) > smooth
+            k = labels.index(f"{frame}.{label}")
+            time, force, low, high = self._lines(estimate, partial(_band, k=k), span)
+            rough = float(np.nanstd(np.diff(force))) > smooth if np.any(np.isfinite(np.diff(force))) else False
             order = 2.1 if rough else 2.3
             axis.plot(time, force, line, color=colour, linewidth=0.8, label=f"estimated: {name}", zorder=order)
             if rough:
@@ -133,7 +136,23 @@ class _Panels:
             if estimate.head.standard_deviation is not None:
                 words = f"{name}: {DEVIATIONS:g} standard deviations"
                 axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
-        axis.set_ylabel(f"$F_{label[1]}$ [N]" if label[0] == "F" else f"$M_{label[1]}$ [N m]")
+            if estimate is next(iter(self.result.stored.values())) and np.any(np.isnan(force)):
+                axis.fill_between(
+                    time,
+                    0.0,
+                    1.0,
+                    where=np.isnan(force),
+                    transform=axis.get_xaxis_transform(),
+                    color=style.FAINT,
+                    hatch="////",
+                    alpha=0.5,
+                    lw=0,
+                    zorder=0.5,
+                    step="mid",
+                    label="not seen: the pose does not show it",
+                )
+        letter = f"${label[0]}_{label[1]}$" if len(label) > 1 else f"${label}$"
+        axis.set_ylabel(f"{letter} [{'N' if label[0] == 'F' else 'N m'}]")
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
@@ -164,8 +183,8 @@ def _actual(part: Estimate, at: int, reference: Reference, k: int) -> Array:
 
 
 def _band(part: Estimate, _: int, k: int) -> Array:
-    """Return a component (n, 3): the estimate, and the lower and upper end of its band, NaN where this is infinite."""
-    force, sure = part.components[:, k], part.standard_deviation
+    """Return a component (n, 3): estimate, lower and upper end of its band; NaN where not seen, or infinite."""
+    force, sure = np.where(part.shown[:, k], part.components[:, k], np.nan), part.standard_deviation
     half = np.zeros(len(force)) if sure is None else np.where(np.isfinite(sure[:, k]), DEVIATIONS * sure[:, k], np.nan)
     return np.column_stack([force, force - half, force + half])
 
@@ -237,6 +256,7 @@ def _fit_close_ups(axes: Sequence[Axes]) -> None:
     ends = []
     for axis in axes:
         values = np.concatenate([np.asarray(line.get_ydata(), float) for line in axis.lines] or [np.zeros(1)])
+        values = values[np.isfinite(values)] if np.any(np.isfinite(values)) else np.zeros(1)
         ends.append((float(values.min()), float(values.max())))
     half = 0.65 * max(high - low for low, high in ends) + 1e-3
     for axis, (low, high) in zip(axes, ends, strict=True):

@@ -20,7 +20,7 @@ from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import flight_note, read_run
 from aerobat_pin.flight import Wake, log_with_motion, wake_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, load_robot, place_bars, visual_model_with_bars
+from aerobat_pin.robot import Aerobat, flown_robot, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.control import thrust_forces
@@ -114,7 +114,7 @@ def replay_run(folder: Path) -> Recording:
         AerobatError: another file in the folder cannot be read.
     """
     scenario, log, estimates = read_run(folder)
-    robot = load_robot(scenario)
+    robot = flown_robot(scenario)
     strangers = [
         str(name) for name in estimates["point"].values if not (robot.model.existFrame(str(name)) or name == SUM)
     ]

@@ -12,7 +12,7 @@ from aerobat_pin.aerobat import belief_about, read_log
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result
 from aerobat_pin.experiments import Experiment, estimate_dataset, run_recorded
-from aerobat_pin.records import Record
+from aerobat_pin.records import Record, urdf_of
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
 from aerobat_pin.visualization.replay.flight_replay import replay_flight
@@ -74,10 +74,10 @@ def replay_log(file: Path, morphology: str | None = None) -> Recording:
 
 def _visible(result: Result, record: Record) -> tuple[pin.Model, pin.GeometryModel]:
     """Return the model with its own shapes if its file names any that can be read, else with sticks."""
-    path = record.map.robot.urdf
+    path = urdf_of(record.map.robot, record.folder)
     if path is not None:
         try:
-            model, visual = load_any_robot(record.folder / path, int(record.robot.model.nq), Path(result.name))
+            model, visual = load_any_robot(path, int(record.robot.model.nq), Path(result.name))
             if visual.ngeoms > 0:
                 return model, visual
         except LogError:

@@ -1,0 +1,99 @@
+"""What is expected of a record's forces and rows: from what was learnt where nothing touched, else from its efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
+from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import (
+    SHARE_OF_WEIGHT,
+    SMOOTH_RATE,
+    Application,
+    Applications,
+    Expected,
+    MomentumObserver,
+    moving_weight,
+    robot_length,
+    row_names,
+    with_record,
+)
+from aerobat_pin.records import Block, PlainRobot, Record
+
+EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
+LEAST_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
+LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
+WEIGHED = 20  # of them, one in so many is weighed
+SETTLED = 5.0  # time constants of the observer
+
+
+def expected_of(
+    record: Record, inputs: Callable[[int, int], KnownInputs], values: FittedValues, points: Sequence[str | Application]
+) -> Expected | None:
+    """Return what is expected of a record; None for a robot that expects forces of any size.
+
+    A force is expected to be a third of the weight, or larger if that makes the record more likely.
+
+    Args:
+        record: the record.
+        inputs: function of first and last index of the common times: what an observer is given there.
+        values: what was learnt of the rows' errors and of friction.
+        points: where forces are sought.
+    """
+    if not record.robot.limits_forces:
+        return None
+    stretches = [given for given in map(lambda ends: inputs(*ends), record.spread(LOOKED_AT)) if len(given.tau) > 1]
+    if not stretches:
+        return None
+    needed = [
+        required_torque(record, block, accelerations(block, record))
+        for block in (Block(one.time, one.q, one.v, one.tau) for one in stretches)
+    ]
+    efforts = np.concatenate([one.tau for one in stretches])
+    expected = expected_from(record.robot, values, points, _rms(efforts), _rms(np.concatenate(needed)))
+    if not points:
+        return expected
+    gain, found = float(record.map.observer.gain), []
+    observer = MomentumObserver(record.robot.model, points, gain, stretches[0].rows)
+    for one in stretches:
+        residual = observer.run(one.time, one.q, one.v, one.tau, one.known).residual
+        at = np.flatnonzero(one.time[:-1] - one.time[0] > SETTLED / gain)[::WEIGHED]
+        found += [(one.v[k], residual[k], observer.applications.jacobian(one.q[k])) for k in at]
+    if not found:
+        return expected
+    v, rows, jacobians = (np.stack(part) for part in zip(*found, strict=True))
+    return with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
+
+
+def expected_from(
+    robot: PlainRobot, values: FittedValues, points: Sequence[str | Application], effort: Array, needed: Array
+) -> Expected:
+    """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m]."""
+    model, weight = robot.model, moving_weight(robot.model)
+    error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
+    for k, name in enumerate(row_names(model)):
+        error[k] = values.row_noise.get(name, error[k])
+    stiction, rate = np.zeros(model.nv), np.full(model.nv, SMOOTH_RATE)
+    if values.friction is not None:
+        rows = [robot.v_index(joint) for joint in values.joints]
+        stiction[rows], rate[rows] = np.abs(values.friction.coulomb), values.friction.rate
+    applications = Applications(model, points)
+    lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
+    least = LEAST_ERROR * weight * row_scale(model)
+    return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), stiction, rate)
+
+
+def row_scale(model: pin.Model) -> Array:
+    """Return what makes a force [N] the size of each row (nv,): 1, or for a moment the robot's length [m]."""
+    length = robot_length(model)
+    return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])
+
+
+def _rms(values: Array) -> Array:
+    """Return the root mean square (k,) of the columns of values (m, k)."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -1,0 +1,56 @@
+"""Where no point is named at which something may push: the residual of each row, with its deviation and contacts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.estimation.use import FoundEvent
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, LevelDetector, Observer, row_names
+
+THRESHOLD = 5.0  # deviations of a row, beyond which something pushes
+FLOOR = 0.5  # of the threshold, where it begins and ends
+
+
+def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expected: Expected | None) -> Estimate:
+    """Return an estimate whose components are the rows of its residual that are believed, such as `elbow.M`.
+
+    Args:
+        estimate: of an observer without points.
+        observer: the observer.
+        v: (m + 1, nv) velocities.
+        expected: how far the rows are off where nothing touches; None if that is not known.
+    """
+    names, rows = row_names(observer.model), observer.believed.rows
+    kept = rows.kept(observer.model) if isinstance(rows, AllBut) else list(range(len(names)))
+    labels = [name if "." in name else f"{name}.{'F' if unit == 'N' else 'M'}" for name, unit in names.items()]
+    units, count = tuple(np.array(list(names.values()))[kept].tolist()), len(kept)
+    deviation = None if expected is None else expected.row_deviation(0.5 * (v[1:] + v[:-1]))[:, kept]
+    known = Identifiability(tuple(labels[k] for k in kept), count, np.ones(count), np.zeros((0, count)), np.ones(count))
+    return replace(
+        estimate,
+        components=estimate.residual[:, kept],
+        units=units,
+        identifiability=known,
+        standard_deviation=deviation,
+    )
+
+
+def row_contacts(estimate: StoredEstimate) -> list[FoundEvent] | None:
+    """Return when a row is beyond its threshold, in the order of time; None for an estimate of forces at points."""
+    head = estimate.head
+    if head.frames or head.standard_deviation is None:
+        return None
+    time = np.concatenate([estimate.start[:], [estimate.end]])
+    values = np.concatenate([block.components for block in estimate.blocks()])
+    bars = np.concatenate([THRESHOLD * np.asarray(block.standard_deviation) for block in estimate.blocks()])
+    found = []
+    for k, label in enumerate(head.identifiability.components):
+        for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(time, np.abs(values[:, k]) / bars[:, k]):
+            during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
+            size = float(np.max(np.abs(values[during, k])))
+            found.append(FoundEvent(label, event.onset, event.alarm, event.end, size))
+    return sorted(found, key=lambda event: event.onset)

@@ -1,0 +1,135 @@
+"""What is expected of forces and of rows before a sample is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.rows import BelievedRows, Rows
+
+SHOWN = 0.9  # of what was expected of a component: what is seen better counts as seen
+DOUBTFUL = 3.0  # how many times as large as stated the errors of the rows may be (in squares) before it is said
+LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
+ROUNDS = 3  # each finds the size of the forces given that of the errors, and then the errors
+SIZES_TRIED = 2.0 ** np.arange(11)
+CHANGES_TRIED = 2.0 ** np.arange(-2.0, 2.5, 0.5)
+SHARE_OF_WEIGHT = 1.0 / 3.0  # of the robot's weight: the size of a force that nothing else is known of
+
+
+@guarded(force=("c",), row_error=("nv",), stiction=("nv",), stiction_rate=("nv",))
+@dataclass(frozen=True)
+class Expected:
+    """What is expected of forces f and rows y = J^T f + e before a sample is seen; all are standard deviations.
+
+        f ~ N(0, S^2),   e ~ N(0, k R),   R = row_error^2 + stiction^2 / 3 (1 - tanh^2(v / stiction_rate))
+
+    k is how much larger the squared errors are than stated, which rows show that no force explains.
+
+    Attributes:
+        force: (c,) S: size of each component [N or N m].
+        row_error: (nv,) error of each row where nothing touches, behind the observer's filter [N or N m].
+        stiction: (nv,) Coulomb friction [N or N m]: at rest a joint may hold any torque up to it.
+        stiction_rate: (nv,) speed at which Coulomb friction has set in [m/s or rad/s].
+        doubt: least k, at least 1: that of a whole record, if it is known.
+    """
+
+    force: Array
+    row_error: Array
+    stiction: Array
+    stiction_rate: Array
+    doubt: float = 1.0
+
+    def refuse_unusable(self, components: int, nv: int) -> None:
+        """Raise ObserverError unless it fits the robot, everything is finite, and what divides is positive."""
+        sizes = len(self.force), len(self.row_error)
+        if sizes != (components, nv):
+            raise ObserverError(f"expected: {sizes} components and rows: {(components, nv)} were expected")
+        for name in ("force", "row_error", "stiction_rate"):
+            values = getattr(self, name)
+            if not (np.all(np.isfinite(values)) and np.all(values > 0.0)):
+                raise ObserverError(f"expected.{name} = {values}: finite positive numbers were expected")
+        if not (np.all(np.isfinite(self.stiction)) and np.all(self.stiction >= 0.0)):
+            raise ObserverError(f"expected.stiction = {self.stiction}: finite numbers of at least 0 were expected")
+        if not 1.0 <= self.doubt < np.inf:
+            raise ObserverError(f"expected.doubt = {self.doubt}: a finite number of at least 1 was expected")
+
+    def row_deviation(self, v: Array) -> Array:
+        """Return the standard deviation (..., nv) of each row at velocities (..., nv), at k = 1."""
+        at_rest = 1.0 - np.tanh(v / self.stiction_rate) ** 2
+        return np.asarray(np.sqrt(self.row_error**2 + self.stiction**2 / 3.0 * at_rest))
+
+    def write(self, memory: ObserverMemory) -> None:
+        """Write it into an observer's memory."""
+        memory.information[:] = self.force**-2.0
+        memory.row_variance[:] = self.row_error**2
+        memory.stiction_variance[:] = self.stiction**2 / 3.0
+        memory.stiction_rate[:] = self.stiction_rate
+        memory.least[:] = self.doubt
+
+
+def seen_share(deviation: Array, expected: Array) -> Array:
+    """Return 1 - P/S^2: the share of the expected square of each component that the rows settle, between 0 and 1.
+
+    Args:
+        deviation: (..., c) standard deviation of each component with the rows known; infinite where they say nothing.
+        expected: (c,) its standard deviation before.
+    """
+    return np.asarray(1.0 - np.minimum(np.square(deviation / expected), 1.0))
+
+
+def robot_length(model: pin.Model) -> float:
+    """Return the radius of gyration [m] of a robot in its neutral configuration: the lever arm of expected moments."""
+    data = model.createData()
+    pin.ccrba(model, data, pin.neutral(model), np.zeros(model.nv))
+    return float(np.sqrt(np.trace(data.Ig.inertia) / (2.0 * max(data.Ig.mass, 1e-12))))
+
+
+def with_record(
+    expected: Expected, rows: Rows, model: pin.Model, v: Array, residual: Array, jacobians: Array
+) -> Expected:
+    """Return what is expected once a record is known: with its k, and forces of the sizes that make it most likely.
+
+    The rows y of each instant are taken as N(0, k R + J^T (factor S)^2 J), with a factor for all components and then
+    one for each. Factors below 1 are not tried: at rest they would call every force certain, and zero. k is the median,
+    over instants with rows to spare, of what no force explains.
+
+    Args:
+        expected: what is expected without the record.
+        rows: the rows in use.
+        model: the robot.
+        v: (m, nv) velocities.
+        residual: (m, nv) generalised forces behind the observer's low-pass.
+        jacobians: (m, c, nv) of the components.
+    """
+    believed = BelievedRows(model, rows)
+    parts = []
+    for velocity, y, J in zip(v, residual, jacobians, strict=True):
+        L, deviation = believed.map(velocity), expected.row_deviation(velocity)
+        L = L / np.maximum(np.linalg.norm(L * deviation[:, None], axis=0), 1e-150)
+        parts.append((L.T @ y, (J @ L).T * expected.force))
+    y, B = (np.stack(part) for part in zip(*parts, strict=True))  # whitened rows (m, r), and what forces do to them
+    factors, k = np.ones(B.shape[2]), 1.0
+
+    def covariance(sizes: Array, k: float) -> Array:
+        return np.asarray(k * np.eye(B.shape[1]) + (B * sizes**2) @ np.swapaxes(B, 1, 2))
+
+    def unlikely(sizes: Array) -> float:
+        cov = covariance(np.maximum(sizes, 1.0), k)
+        return float(np.sum(np.linalg.slogdet(cov)[1]) + np.sum(y * np.linalg.solve(cov, y[..., None])[..., 0]))
+
+    for _ in range(ROUNDS):
+        factors = np.full(len(factors), min(SIZES_TRIED, key=lambda size: unlikely(np.full(len(factors), size))))
+        for axis in np.eye(len(factors)):
+            tried = [np.maximum(factors * np.where(axis > 0.0, change, 1.0), 1.0) for change in CHANGES_TRIED]
+            factors = min(tried, key=unlikely)
+        unsettled = np.linalg.inv(covariance(factors, 1.0))  # the share of a row's error that no force takes up ...
+        unsettled = unsettled @ unsettled  # ... is its square, see `estimate_posterior`
+        spare = np.trace(unsettled, axis1=1, axis2=2)
+        left = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= LEAST_SPARE]
+        k = max(1.0, float(np.median(left / spare[spare >= LEAST_SPARE]))) if len(left) else 1.0
+    return replace(expected, force=factors * expected.force, doubt=k)

@@ -1,0 +1,113 @@
+"""Unknown components from a generalised force, given what was expected of the components and of the rows' errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, copy_values, dot, inner, merged, solve_factored, solve_positive
+from aerobat_pin.observers.expected import LEAST_SPARE
+from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels.projection import POWER_ROW, power_unit, put_rows
+from aerobat_pin.observers.rows import BASE_ROWS, TIED
+
+LASTING = 2.5  # [s]: how long errors of the rows last
+
+
+@inner
+def estimate_posterior(
+    observer: ObserverMemory, before: Array, after: Array, generalized: Array, dt: float, force: Array, doubt: Array
+) -> None:
+    """Write the components `force` (c,) of y = J^T f + e, given what is expected, with y the generalised force (nv,).
+
+        e ~ N(0, k R),   f ~ N(0, S^2)           see `Expected`
+        P = (J R^-1 J^T / k + S^-2)^-1           their covariance, given y
+        f = (1 + P S^-2) P J R^-1 y / k
+
+    P J R^-1 y / k is their mean given y. It is too small by the share P S^-2 of the force, a tenth where nine tenths
+    are seen, though R and S are guesses at times; the first factor leaves the square of this share, a hundredth.
+
+    k is the square of the whitened rows that no force explains, for each row to spare, behind the low-pass of the
+    observer, as noise that this takes out does no harm. A few rows at one instant say little about their errors, which
+    last: k is no less than the mean over some seconds before, and than what is expected. Rows to spare are those
+    in use less the sum of the shares 1 - (P/S^2)^2 that the components take up.
+
+    To `doubt` (c + 1,) are written the standard deviations sqrt(P_ii), then k of this instant alone; NaN without a row
+    to spare.
+    """
+    c, span, remainder = force.shape[0], observer.span, observer.remainder
+    whiten_rows(observer, before, after, generalized)
+    solve_for_components(observer, 1.0, force, doubt)
+    spare = float(observer.sizes.believed)
+    for i in range(c):
+        spare -= 1.0 - (doubt[i] * doubt[i] * observer.information[i]) ** 2
+    kept, size = np.exp(-observer.gain[0] * dt), 0.0
+    for s in range(remainder.shape[0]):  # of y - J^T f, whitened
+        rest = span[c, s]
+        for i in range(c):
+            rest -= force[i] * span[i, s]
+        remainder[s] = rest + kept * (remainder[s] - rest)
+        size += remainder[s] * remainder[s]
+    k = size / spare if spare >= LEAST_SPARE else np.nan
+    doubt[c] = k
+    if k > 0.0:
+        observer.lasting[1] += dt
+        observer.lasting[0] += min(dt / observer.lasting[1] + dt / LASTING, 1.0) * (k - observer.lasting[0])
+    k = max(k, observer.lasting[0], observer.least[0]) if k > 0.0 else max(observer.lasting[0], observer.least[0])
+    if k > 1.0:
+        solve_for_components(observer, k, force, doubt)
+
+
+@merged
+def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generalized: Array) -> None:
+    """Write the rows in use of the Jacobians, and then of the generalised force, over the rows' standard deviations."""
+    c, nv, span, given = observer.fitted.shape[0], generalized.shape[0], observer.span, observer.given
+    velocity, variance, stiction = observer.velocity, observer.variance, observer.stiction_variance
+    weight, kind, tied = observer.weight, observer.sizes.rows, observer.tied
+    for k in range(nv):
+        velocity[k] = 0.5 * (before[2, k] + after[2, k])
+        sliding = np.tanh(velocity[k] / observer.stiction_rate[k])
+        variance[k] = observer.row_variance[k] + stiction[k] * (1.0 - sliding * sliding)
+    for i in range(c):
+        copy_values(observer.jacobian[i], given[i])
+    copy_values(generalized, given[c])
+    unit = power_unit(observer, velocity)
+    put_rows(observer, given, velocity, unit, span)
+    for s in range(observer.sizes.believed):
+        size = 0.0
+        if kind == TIED:
+            for k in range(nv):
+                size += tied[k, s] * tied[k, s] * variance[k]
+        elif kind == POWER_ROW and s == BASE_ROWS:
+            for k in range(BASE_ROWS, nv):
+                size += (unit * velocity[k]) ** 2 * variance[k]
+        else:
+            size = weight[s] * weight[s] * variance[s]
+        scale = 1.0 / np.sqrt(size) if size > 0.0 else 0.0
+        for i in range(c + 1):
+            span[i, s] *= scale
+
+
+@merged
+def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt: Array) -> None:
+    """Write the components and their standard deviations, given whitened rows and k."""
+    A, span, column, c = observer.equations, observer.span, observer.column, force.shape[0]
+    for i in range(c):
+        force[i] = dot(span[i], span[c]) / k
+        for j in range(i + 1):
+            A[i, j] = dot(span[i], span[j]) / k
+        A[i, i] += observer.information[i]
+    solve_positive(A, force)
+    for i in range(c):
+        column[i] = observer.information[i] * force[i]
+    solve_factored(A, column)
+    for i in range(c):
+        force[i] += column[i]
+    for j in range(c):  # P_jj = |L^-1 e_j|^2 with the Cholesky factor L that is left in A
+        size = 0.0
+        for i in range(j, c):
+            column[i] = 1.0 if i == j else 0.0
+            for m in range(j, i):
+                column[i] -= A[i, m] * column[m]
+            column[i] /= A[i, i]
+            size += column[i] * column[i]
+        doubt[j] = np.sqrt(size)

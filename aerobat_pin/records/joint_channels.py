@@ -1,0 +1,96 @@
+"""What a map asks of the log about joints: their columns, units, torques for each unit, and encoders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.records.channels import Request, base_requests, check_count, factor_of, further_requests, units_of
+from aerobat_pin.records.encoders import effort_matrix, encoder_matrix, encoder_offset
+from aerobat_pin.records.joint_names import listed_joints, renamed_joints
+from aerobat_pin.records.map_tables import EffortSection, Map
+from aerobat_pin.records.robots import PlainRobot
+
+JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
+CURRENTS = ("A", "mA", "1")  # units that are no torque
+MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
+
+
+def requests_of(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> list[Request]:
+    """Return all that a map asks of the log; see the three functions that yield it."""
+    return [*base_requests(chosen), *joint_requests(chosen, robot, joints), *further_requests(chosen)]
+
+
+def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:
+    """Yield what a map asks of the log about joints, those that have channels, in the order of the columns.
+
+    Raises LogError for a number of columns or a unit that do not fit the key, and MapError for a current without a
+    torque per ampere of every joint, or encoders that do not tell the joints apart.
+    """
+    table = chosen.joints
+    joints = joints or listed_joints(table.names)  # where the robot finds the joints, they can have efforts alone
+    heard = {joint: name for name, joint in renamed_joints(table.names).items()}
+    sensed = tuple(name for name in joints if name not in table.passive)
+    driven = tuple(name for name in sensed if name not in chosen.robot.rows.ignore)
+    geared = bool(table.factor or table.offset or table.coupling)
+    coupled = {*table.coupling, *(name for row in table.coupling.values() for name in row), *table.factor}
+    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
+        key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
+        if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
+            continue
+        own, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
+        if section is not None and section.columns:
+            names, optional = section.columns, False
+            check_count(key, names, counts)
+        elif topic is not None and own:
+            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in own), part != "position"
+        else:
+            continue
+        unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
+        own = own if len(names) == len(own) else driven
+        factor = np.full(len(names), factor_of(key, unit, kind))
+        if part == "effort":
+            if table.effort is not None:
+                _check_torques(table.effort, own)
+            factor[:] = [torque_per_unit(table.effort, joint) for joint in own]
+        elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
+            factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in own]] = 1.0
+        units = () if any(map(robot.slides, own)) else units_of(unit, kind, len(names))
+        request = Request(key, names, factor, delay, optional, own, units)
+        if geared:
+            mix = effort_matrix(table, joints, own) if part == "effort" else encoder_matrix(table, joints)
+            shift = encoder_offset(table, joints) if part == "position" else 0.0
+            request = replace(request, mix=mix, shift=shift)
+        yield request
+
+
+def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:
+    """Raise MapError for a torque of no joint, for a current without one, and for one that counts for another unit."""
+    key, unit, given = "map: joints.effort.torque_per_unit", section.unit, section.torque_per_unit
+    wrong = [name for name in given if name not in (*joints, "*")]
+    if wrong:
+        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
+    missing = [name for name in joints if name not in given and "*" not in given]
+    if unit in CURRENTS and missing:
+        raise MapError(
+            f"map: joints.effort.unit = '{unit}': torque_per_unit = {{{missing[0]} = ...}} was expected, in N m for "
+            f'each {"unit" if unit == "1" else unit}, for {", ".join(missing)}; "*" stands for all'
+        )
+    factor = factor_of("joints.effort", unit, "torque")
+    for name, torque in given.items():
+        if factor != 1.0 and abs(torque) >= MOST_PER_MILLI:
+            raise MapError(
+                f"{key}: {name} = {torque:g} N m for each {unit}, the unit that the map states, is more than any drive "
+                f"gives: {factor * torque:g} was expected, if it is {torque:g} N m for each {(unit or '')[1:]}"
+            )
+
+
+def torque_per_unit(section: EffortSection | None, joint: str) -> float:
+    """Return the torque [N m, N] for each unit of a joint's column: what the map says, else what the unit is."""
+    if section is None:
+        return 1.0
+    given = section.torque_per_unit
+    return float(given.get(joint, given.get("*", factor_of("joints.effort", section.unit, "torque"))))

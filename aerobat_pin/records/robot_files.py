@@ -1,0 +1,140 @@
+"""Build the robot that a map names: from a URDF or MJCF file, by its name, or one rigid body by numbers."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import guarded, read_robot
+from aerobat_pin.observers import has_free_base
+from aerobat_pin.records.named_robots import named_robot
+from aerobat_pin.records.robot_tables import RobotTable
+from aerobat_pin.records.robots import PlainRobot
+
+LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
+
+
+@guarded()
+def load_robot(name: str) -> PlainRobot:
+    """Load one of the robots of the optional package `example-robot-data`, such as `solo12`; needs no network.
+
+    Its base is free if the robot walks or flies.
+
+    Raises:
+        LogError: there is no robot of that name, which lists those that there are, or the package is not installed.
+    """
+    return _built(RobotTable(name=name), Path())
+
+
+def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
+    """Build the model of a map's robot; relative paths begin at `folder`.
+
+    Raises:
+        LogError: not exactly one robot is given, its file cannot be read, or a joint has several coordinates.
+    """
+    robot = _built(table, folder)
+    model, title = robot.model, robot.title
+    for frame in (*table.points, *table.wrenches):
+        if not model.existFrame(frame):
+            names = [frame.name for frame in model.frames.tolist()[1:]]
+            raise LogError(f"map: no frame '{frame}' (robot.points) in robot {title}; it has {', '.join(names[:40])}")
+    if not (table.points or table.wrenches) and "points" not in table.model_fields_set:
+        names = [frame.name for frame in model.frames.tolist()[1:]]
+        raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
+    return robot
+
+
+def urdf_of(table: RobotTable, folder: Path) -> Path | None:
+    """Return the URDF of a map's robot; None if it is given otherwise."""
+    if table.name is not None:
+        return named_robot(table.name)[0]
+    return None if table.urdf is None else folder / table.urdf
+
+
+def _built(table: RobotTable, folder: Path) -> PlainRobot:
+    given = [name for name in ("body", "urdf", "mjcf", "name") if getattr(table, name) is not None]
+    if len(given) != 1:
+        raise LogError(
+            f"map: robot has {' and '.join(given) or 'none'}: exactly one of body = {{...}}, urdf = FILE, mjcf = FILE, "
+            "name = ROBOT was expected"
+        )
+    free = table.root != "fixed"
+    if table.body is not None:
+        model, title = _one_body(table), f"one body of {1e3 * table.body.mass:g} g"
+        if not free:
+            raise LogError('map: robot.root = "fixed": one rigid body cannot move then; "free_flyer" was expected')
+    else:
+        path = urdf_of(table, folder) or folder / (table.mjcf or "")
+        if table.name is not None and table.root is None:
+            free = named_robot(table.name)[1]
+        model, title = _from_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
+        free = has_free_base(model)
+    model.gravity.linear = np.array([0.0, 0.0, -table.gravity])
+    joints = tuple(model.names.tolist()[2 if free else 1 :])
+    for name in joints:
+        joint = model.joints[model.getJointId(name)]
+        if (joint.nq, joint.nv) != (1, 1):
+            raise LogError(
+                f"robot {title}: joint '{name}' has {joint.nq} coordinates: joints of one angle or one length were "
+                "expected"
+            )
+    return PlainRobot(model, free, joints, title)
+
+
+def _one_body(table: RobotTable) -> pin.Model:
+    body = table.body
+    assert body is not None
+    model = pin.Model()
+    model.name = "body"
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    model.addJointFrame(root)
+    inertia = pin.Inertia(body.mass, np.array(body.centre), np.diag(body.inertia))
+    model.appendBodyToJoint(root, inertia, pin.SE3.Identity())
+    model.addFrame(pin.Frame("body", root, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    centre = pin.SE3(np.eye(3), np.array(body.centre))
+    model.addFrame(pin.Frame("centre", root, 0, centre, pin.FrameType.OP_FRAME))
+    return model
+
+
+def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
+    """Read a URDF or MJCF file; what Pinocchio prints about it becomes the error's message."""
+    if not os.path.isfile(path):
+        raise LogError(f"robot {path}: there is no such file")
+    if path.stat().st_size > LARGEST_ROBOT:
+        raise LogError(f"robot {path}: {path.stat().st_size} bytes: at most {LARGEST_ROBOT} were expected")
+
+    text = "" if mjcf else _with_angles(path)
+
+    def read(*root: pin.JointModel) -> pin.Model:
+        if not mjcf:
+            return pin.buildModelFromXML(text, *root)
+        return pin.buildModelFromMJCFAndRootJoint(str(path), *root) if root else pin.buildModelFromMJCF(str(path))
+
+    model = read_robot(path, lambda: read(*([pin.JointModelFreeFlyer()] if free else [])))
+    if model.njoints > 2 and all(joint.shortname() == "JointModelFreeFlyer" for joint in model.joints.tolist()[1:3]):
+        model = read_robot(path, read)  # the file has a free joint of its own
+    if model.nv == 0:
+        raise LogError(f"robot {path}: no joint of it moves")
+    return model
+
+
+def _with_angles(path: Path) -> str:
+    """Return a URDF whose continuous joints are revolute: one angle, as logs have it, in place of cosine and sine."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, ValueError) as error:
+        raise LogError(f"robot {path}: cannot be read as XML: {error}") from error
+    for joint in root.iter("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+            for key, value in (("lower", "-1e9"), ("upper", "1e9"), ("effort", "1e9"), ("velocity", "1e9")):
+                if limit.get(key) is None or key in ("lower", "upper"):
+                    limit.set(key, value)
+    return ElementTree.tostring(root, encoding="unicode")

@@ -1,0 +1,115 @@
+"""Factors of efforts and what an arm carries: found with deviations that hold, or refused with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.six_joints import six_map, swing
+
+from aerobat_pin import calibrate, estimate, open_record
+from aerobat_pin.errors import AerobatError
+from aerobat_pin.estimation import Calibration, calibration_bytes, read_calibration
+from aerobat_pin.records import Record, parse_map
+
+FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
+LIGHT, HEAVY = (2.0, (0.03, 0.16, 0.05)), (3.0, (-0.05, 0.1, 0.02))  # [kg], [m]: what it carries
+WRONG = 0.07  # of masses, and a third of it [m] of centres of the links, where they are wrong
+SOUGHT = {"frame": "tool"}
+KNOWN = SOUGHT | {"mass": LIGHT[0], "com": list(LIGHT[1])}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with swings of an arm: alone, with two loads, and of one whose links are not as in its URDF."""
+    folder = tmp_path_factory.mktemp("six")
+    swing(folder / "alone.csv", 1, FACTORS)
+    swing(folder / "light.csv", 2, FACTORS, LIGHT)
+    swing(folder / "heavy.csv", 3, FACTORS, HEAVY)
+    swing(folder / "light_wrong.csv", 4, FACTORS, LIGHT, WRONG)
+    swing(folder / "heavy_wrong.csv", 5, FACTORS, HEAVY, WRONG)
+    return folder
+
+
+def opened(folder: Path, name: str, scale: bool = True, **tables: Any) -> Record:
+    """Return a swing with the map of the arm and further tables."""
+    values = six_map(**tables)
+    values["joints"]["friction"]["scale"] = scale
+    return open_record(folder / f"{name}.csv", parse_map(values, "of the test"), folder)
+
+
+def kept(folder: Path, found: Calibration) -> Calibration:
+    """Return a calibration as its file gives it back."""
+    (folder / "kept.nc").write_bytes(calibration_bytes(found))
+    return read_calibration(folder / "kept.nc")
+
+
+def test_factors_of_five_joints_are_told_and_the_sixth_is_not(folder: Path) -> None:
+    """The needed torque on the noisy effort makes factors too small; effort on what is needed gets them within 2 %."""
+    found = calibrate([opened(folder, "alone")])
+    np.testing.assert_allclose(found.fitted.scale[:5] / FACTORS[:5], 1.0, atol=0.02)
+    assert found.fitted.scale[5] == 1.0
+    [reason] = [fit.untold for fit in found.fitted.fits if fit.untold]
+    assert reason.startswith("factor of wrist_3 cannot be told, it stays 1: its deviation would be 0.")
+    assert any(reason in note for note in found.notes)
+    assert any("only their ratio is seen" in note for note in found.notes)
+    again = kept(folder, found)
+    assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
+    result = estimate(opened(folder, "alone"), calibration=again)
+    assert any(reason in str(finding) for finding in result.findings)
+    with pytest.raises(AerobatError, match=r"payload\.fit: from and to \[s\], where nothing else touches"):
+        estimate(opened(folder, "alone", payload=SOUGHT), calibration=again)
+
+
+@pytest.mark.parametrize("links", ["", "_wrong"])
+def test_a_known_payload_tells_all_factors_and_they_tell_another_payload(folder: Path, links: str) -> None:
+    """Within 2.5 deviations and 3 %, wrong links or not; the centre of the first payload may be sought beside them."""
+    for payload in (KNOWN, SOUGHT | {"mass": LIGHT[0]}):
+        found = kept(folder, calibrate([opened(folder, f"light{links}", payload=payload)]))
+        off = np.abs(found.fitted.scale / FACTORS - 1.0)
+        deviations = [fit.values["deviation of the factor"] for fit in found.fitted.fits[-6:]]
+        assert np.all(off < 2.5 * np.array(deviations))
+        result = estimate(opened(folder, f"heavy{links}", payload=SOUGHT, use={"free": [0, 45]}), calibration=found)
+        values = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool" and not fit.log)
+        assert abs(values["mass"] - HEAVY[0]) < min(2.5 * values["deviation of mass"], 0.03 * HEAVY[0])
+        for axis, true in zip("xyz", HEAVY[1], strict=True):
+            assert abs(values[axis] - true) < 2.5 * values[f"deviation of {axis}"]
+        assert result.mass == pytest.approx(
+            sum(result.forces.record.robot.own_model.inertias[k].mass for k in range(1, 7)) + values["mass"]
+        )
+
+
+def test_known_gains_tell_a_payload_beside_friction(folder: Path) -> None:
+    """Within twice its deviation and 3 %; the forces are those of the loaded arm, and what it carried is not kept."""
+    swing(folder / "right.csv", 6, payload=HEAVY)
+    found = calibrate([opened(folder, "right", scale=False, payload=SOUGHT)])
+    [values] = [fit.values for fit in found.fitted.fits if fit.name == "payload at tool"]
+    assert abs(values["mass"] - HEAVY[0]) < min(2.0 * values["deviation of mass"], 0.03 * HEAVY[0])
+    for axis, true in zip("xyz", HEAVY[1], strict=True):
+        assert abs(values[axis] - true) < 2.0 * values[f"deviation of {axis}"]
+    assert found.error_bar["tool.Fz"][1] < 0.2 * found.error_bar["tool.Fz"][0]
+    swing(folder / "unloaded.csv", 7)
+    free = estimate(opened(folder, "unloaded"), calibration=found)
+    assert free.mass == pytest.approx(opened(folder, "unloaded").robot.mass)
+    assert abs(free.estimates["force_level"].force[200:, 0, 2].mean()) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "identify", "payload", "reason"),
+    [
+        ("light", True, (), SOUGHT, "only their ratio is seen; payload.mass was expected, or factors by --calibration"),
+        ("light", False, ("mass",), SOUGHT, "the mass of all bodies, and a payload .* one of them was expected"),
+        ("unloaded", False, (), SOUGHT, r"the record does not show one at tool: .* kg with a deviation of"),
+        ("light", True, (), {"frame": "hand", "mass": 2.0}, r"payload\.frame = hand: a moving frame of robot six was"),
+        ("light", True, (), SOUGHT | {"com": [0, 0, 0]}, "com without mass: both were expected"),
+    ],
+)
+def test_what_cannot_be_told_apart_is_refused(
+    folder: Path, name: str, scale: bool, identify: tuple[str, ...], payload: dict[str, Any], reason: str
+) -> None:
+    """A payload beside factors or masses, where there is none, at no frame of the robot; each with its reason."""
+    swing(folder / "unloaded.csv", 7)
+    with pytest.raises(AerobatError, match=reason):
+        calibrate([opened(folder, name, scale, payload=payload)], parameters=identify)

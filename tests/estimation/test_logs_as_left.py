@@ -1,0 +1,392 @@
+"""Records as loggers leave them: holes in a column, cut rows, clocks that jump, equal stamps, channels nobody reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.foreign_channels import with_foreign_channels
+from support.swinging_arm import JOINTS, arm, arm_map, recording
+from support.walking_log import bag, bag_map, urdf, walk
+
+from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.estimation import OnlineEstimator, estimate
+from aerobat_pin.estimation.checks.samples import sample_findings
+from aerobat_pin.records import Record, open_record, parse_map, suggested_map
+from aerobat_pin.records.columns import GrowingTable
+from aerobat_pin.records.spool import Spool
+from aerobat_pin.records.stamps import in_order
+
+ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    """Return two seconds of the arm: 1000 rows."""
+    folder = tmp_path_factory.mktemp("swing")
+    recording(folder, "swing", pushed=True, seed=3, seconds=2.0)
+    return pd.read_csv(folder / "swing.csv")
+
+
+def opened(table: pd.DataFrame | str, folder: Path, **joints: Any) -> Record:
+    """Return the record of a table of the arm, or of its text."""
+    (folder / "arm.urdf").write_text(arm())
+    text = table if isinstance(table, str) else table.to_csv(index=False)
+    (folder / "log.csv").write_text(text)
+    values = arm_map()
+    values["joints"] = {key: value for key, value in values["joints"].items() if key != "friction"} | joints
+    return open_record(folder / "log.csv", parse_map(values, "-"), folder)
+
+
+def said(record: Record) -> list[str]:
+    """Return the notes of a record, and what its samples show."""
+    return [*record.notes, *map(str, sample_findings(record))]
+
+
+def counts(record: Record) -> list[int]:
+    """Return the number of samples of each part."""
+    return [last - first + 1 for first, last in record.parts]
+
+
+@pytest.mark.parametrize("column", ["bend_i", "lift_q", "turn_v"])
+@pytest.mark.parametrize("empty", ["", "nan"])
+def test_a_hole_in_one_joints_column_splits_the_record_there(
+    column: str, empty: str, swing: pd.DataFrame, tmp_path: Path
+) -> None:
+    """From its last sample to the next one, by joint, channel and time; the stretches outside are as they were."""
+    whole = opened(swing, tmp_path)
+    table = swing.astype({column: object})
+    table.loc[400:599, column] = empty
+    record = opened(table, tmp_path)
+    assert record.parts in (((0, 399), (600, 999)), ((0, 398), (600, 999)))  # by rounding
+    part = {"q": "position", "v": "velocity", "i": "effort"}[column[-1]]
+    where = f"joints.{part} of {column[:-2]}"
+    assert f"{where}: no sample from 0.798 to 1.200 s (0.40 s)" in record.notes
+    assert f"gap: no sample of {where} for 0.40 s, from 0.80 s on: left out" in said(record)
+    for first, last in record.parts:
+        for name in ("q", "v", "tau"):
+            np.testing.assert_allclose(
+                getattr(record.block(first, last), name), getattr(whole.block(first, last), name)
+            )
+
+
+def test_a_hole_at_an_end_of_a_column_shortens_the_record(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Before its first sample and after its last one nothing is known."""
+    table = swing.copy()
+    table.loc[:99, "bend_i"] = np.nan
+    table.loc[900:, "turn_v"] = np.nan
+    record = opened(table, tmp_path)
+    assert (record.start, counts(record)) == (pytest.approx(0.2), [800])
+
+
+def test_a_hole_that_is_interpolated_would_cost_a_force(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Outside of the hole the forces are those without it; in it there is none."""
+    whole = estimate(opened(swing, tmp_path), trust=True).estimates["force_level"]
+    table = swing.copy()
+    table.loc[400:599, "lift_i"] = np.nan
+    found = estimate(opened(table, tmp_path), trust=True).estimates["force_level"]
+    at = np.searchsorted(whole.time[:-1], found.time[:-1] - 1e-9)
+    settled = np.abs(found.time[:-1] - 1.0) > 0.3
+    np.testing.assert_allclose(found.components[settled], whole.components[at][settled], atol=0.05)
+    assert not np.any((found.time > 0.81) & (found.time < 1.19))
+
+
+@pytest.mark.parametrize("seconds", [1e7, -1e7, 0.5])
+def test_velocities_are_not_differentiated_across_a_hole(seconds: float, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """At its edges they are those of the motion beside it; before, they were wrong by a third."""
+    velocity, table = {"from": "position", "window": 0.04}, swing.copy()
+    table.loc[500:, "t"] += seconds
+    whole, record = (opened(one, tmp_path, velocity=velocity) for one in (swing, table))
+    expected = whole.block(0, 999).v
+    for first, last in record.parts:
+        v = record.block(first, last).v
+        begin = 500 * int(np.argmin(np.abs(table.t.to_numpy()[[0, 500]] - record.times(first, last)[0])))
+        np.testing.assert_allclose(v, expected[begin : begin + len(v)], atol=0.02)
+
+
+def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """One sample in 0.2 s is its usual step, which a note states; a hole is longer than two and a half of them."""
+    rows = np.arange(len(swing))
+    force = swing[["fx", "fy", "fz"]].copy()
+    force[rows % 100 != 0] = np.nan
+    check = {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}
+    (tmp_path / "arm.urdf").write_text(arm())
+    values = arm_map() | {"check": check}
+    del values["joints"]["friction"]
+
+    def read(name: str, table: pd.DataFrame) -> Record:
+        table.to_csv(tmp_path / name, index=False)
+        return open_record(tmp_path / name, parse_map(values, "-"), tmp_path)
+
+    slow = read("slow.csv", swing.assign(**force))
+    assert counts(slow) == [901]
+    assert any("check.wrench: a sample every 0.2 s" in note for note in slow.notes)
+    force[(rows > 350) & (rows < 650)] = np.nan
+    assert len(read("lost.csv", swing.assign(**force)).parts) == 2
+
+
+@pytest.mark.parametrize("cut", [1, 3, 30, 80])
+def test_a_last_row_cut_by_a_killed_logger_is_left_out(cut: int, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Whether it lacks its end, digits or cells; the other rows are all there."""
+    text = swing.to_csv(index=False)
+    record = opened(text[:-cut], tmp_path)
+    assert counts(record) == [999]
+    assert any("the last row is cut short" in note for note in record.notes)
+    assert counts(opened(text, tmp_path)) == [1000]
+
+
+def test_a_short_row_is_cut_only_if_it_is_the_last(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A last one with too few cells is left out though its line ends; in the middle it is an error."""
+    lines = swing.to_csv(index=False).splitlines(keepends=True)
+    short = lines[7].rpartition(",")[0] + "\n"
+    assert counts(opened("".join([*lines[:500], short]), tmp_path)) == [499]
+    with pytest.raises(LogError, match=r"line 501: 12 cells: 13, as in the header, were expected"):
+        opened("".join([*lines[:500], short, *lines[500:]]), tmp_path)
+
+
+def test_lists_in_quotes_can_be_cut_too(tmp_path: Path) -> None:
+    """Within the quotes, where the rest of the file would be one cell."""
+    rows = [f'{k / 100},"[{k}, 1, 2]","[0, 1, {k}]","[3, {k}, 1]"\n' for k in range(50)]
+    parts = (("position", "q"), ("velocity", "v"), ("effort", "i"))
+    joints = {part: {"columns": [f"{name}.{k}" for k in range(3)]} for part, name in parts}
+    (tmp_path / "arm.urdf").write_text(arm())
+    (tmp_path / "log.csv").write_text("t,q,v,i\n" + "".join(rows)[:-5])
+    chosen = parse_map({"robot": ROBOT, "joints": {"names": JOINTS, **joints}}, "-")
+    assert counts(open_record(tmp_path / "log.csv", chosen, tmp_path)) == [49]
+
+
+def test_a_table_without_a_header_is_asked_about(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """It is never read one row short; names that are numbers, as pandas writes them, are names."""
+    for text in (
+        swing.to_csv(index=False, header=False),
+        swing.to_csv(index=False, header=False, sep=";", decimal=","),
+    ):
+        with pytest.raises(LogError, match=r"numbers alone .* so the table has no header: write a line") as told:
+            opened(text, tmp_path)
+        with pytest.raises(LogError, match="the table has no header") as asked:
+            suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+        assert str(asked.value) == str(told.value)
+    (tmp_path / "log.csv").write_text(swing.set_axis(range(13), axis=1).to_csv(index=False))
+    parts = (("position", 1), ("velocity", 2), ("effort", 3))
+    joints = {part: {"columns": [str(first + 3 * k) for k in range(3)]} for part, first in parts}
+    log = {"time": {"column": "0"}}
+    chosen = parse_map({"robot": ROBOT, "log": log, "joints": {"names": JOINTS, **joints}}, "-")
+    assert counts(open_record(tmp_path / "log.csv", chosen, tmp_path)) == [1000]
+
+
+@pytest.mark.parametrize(
+    ("rows", "seconds", "expected", "finding"),
+    [
+        ([400], 1e7, [1000], "1 of 1000 samples have stamps that do not fit"),
+        ([400], -1e7, [1000], "1 of 1000 samples have stamps that do not fit"),
+        ([400, 401, 402], 0.5, [1000], "3 of 1000 samples have stamps that do not fit"),
+        ([0], -1e7, [999], "1 of 1000 samples have stamps that do not fit"),
+        ([999], 1e7, [999], "1 of 1000 samples have stamps that do not fit"),
+        (range(100), -1e7, [99, 900], "gap: no sample of joints.position and 2 other channels for 10000000"),
+        (range(500, 1000), 1e7, [500, 499], "gap: no sample of joints.position and 2 other channels for 10000000"),
+        (range(500, 1000), -1e7, [500, 499], "the clock was set back 1 x"),
+        (range(400, 600), 1e7, [400, 400, 199], "the clock was set back 1 x"),
+        (range(500, 1000), -0.3, [], "150 of 1000 samples go back in time"),
+    ],
+)
+def test_a_clock_that_jumps_costs_no_sample_but_those_whose_time_is_lost(
+    rows: Any, seconds: float, expected: list[int], finding: str, swing: pd.DataFrame, tmp_path: Path
+) -> None:
+    """Parts in the order of their stamps; common times need not meet the stamps beyond a jump, hence one less."""
+    table = swing.copy()
+    table.loc[list(rows), "t"] += seconds
+    record = opened(table, tmp_path)
+    if expected:
+        assert all(
+            abs(found - count) <= 1 for found, count in zip(sorted(counts(record)), sorted(expected), strict=True)
+        )
+    assert any(finding in text for text in said(record)), said(record)
+
+
+def test_stamps_in_any_order_are_used_once() -> None:
+    """Against plain rules: sorted, finite, no time twice from two stretches; nothing is lost that only jumps."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        time = np.arange(200) * 0.01
+        for _ in range(rng.integers(1, 4)):
+            first, last = np.sort(rng.integers(0, 201, 2))
+            time[first:last] += rng.choice([-1e7, -300.0, 300.0, 1e7]) + rng.choice([0.0, 0.004])
+        order = in_order(time)
+        assert np.all(np.diff(time[order.rows]) >= 0.0)
+        assert len(np.unique(order.rows)) == len(order.rows)
+        assert len(order.rows) + order.off + order.backward == 200
+        assert order.off <= 9 * 6
+
+
+def test_a_stamp_that_is_no_number_is_left_out() -> None:
+    """As NetCDF files can hold them."""
+    table = GrowingTable(Spool())
+    table.add(np.array([0.0, np.nan, 1.0, 2.0]), {"x": np.arange(4.0)})
+    clock, columns = table.finished()
+    np.testing.assert_array_equal(columns["x"][:], [0.0, 2.0, 3.0])
+    assert clock.off == 1
+    table = GrowingTable(Spool())
+    table.add(np.full(3, np.nan), {"x": np.arange(3.0)})
+    assert len(table.finished()[0].time) == 0
+
+
+def test_rows_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Sensors that write rows of their own at one time: nothing is lost, which a note says; conflicts are a warning."""
+    turn = [name for name in swing if name.startswith("turn")]
+    rest = [name for name in swing if name != "t" and name not in turn]
+    split = pd.concat([swing.assign(**dict.fromkeys(rest)), swing.assign(**dict.fromkeys(turn))])
+    split = split.sort_values("t", kind="stable")
+    whole, merged = opened(swing, tmp_path), opened(split, tmp_path)
+    assert merged.parts == whole.parts
+    for key, channel in whole.channels.items():
+        np.testing.assert_array_equal(merged.channels[key].values[:], channel.values[:])
+    found = [one for one in sample_findings(merged) if one.check == "repeated stamps"]
+    assert [(one.verdict, one.text) for one in found] == [
+        ("note", "table: 1000 of 2000 samples have the stamp of the one before, and are merged with it")
+    ]
+    twice = pd.concat([swing.iloc[:500], swing.iloc[499:].assign(turn_q=swing.turn_q + 1e-3)])
+    found = [one for one in sample_findings(opened(twice, tmp_path)) if one.check == "repeated stamps"]
+    assert [one.verdict for one in found] == ["warning"]
+    assert "1 of them differ: the first value stays" in found[0].text
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"turn_q": np.nan, "lift_q": np.nan, "bend_q": np.nan},
+        {"acc_x": np.nan, "acc_y": np.nan, "acc_z": np.nan},
+        {"note": ["1,5", "1.5"] * 500},
+        {"v": [["[1, 2]", "[1]"][k % 2] for k in range(1000)]},
+        {"range": np.inf},
+        {"t": pd.date_range("2026-01-01", periods=1000, freq="2ms")},
+        {"t": 0.0},
+    ],
+    ids=["empty joints", "empty group", "both decimals", "ragged lists", "infinite", "dates", "one time"],
+)
+def test_a_map_is_suggested_whatever_other_columns_hold(more: Any, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Columns that a map need not read: an estimate survives them, and so does the suggestion."""
+    (tmp_path / "arm.urdf").write_text(arm())
+    swing.assign(**more).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    assert ("turn_q" in text) == ("turn_q" not in more)
+
+
+def joint_states(path: Path, swing: pd.DataFrame, names: dict[str, str], apart: bool = False) -> None:
+    """Write the arm as a bag of joint states, under other names, its first joint in messages of its own if `apart`."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    make, kind = store.types, "sensor_msgs/msg/JointState"
+    with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/joint_states", kind, typestore=store)
+        for _, row in swing.iterrows():
+            whole = round((100.0 + row.t) * 1e9)
+            stamp = make["builtin_interfaces/msg/Time"](sec=whole // 10**9, nanosec=whole % 10**9)
+            header = make["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            for group in (JOINTS[:1], JOINTS[1:]) if apart else (JOINTS,):
+                values = (np.array([row[f"{joint}_{part}"] for joint in group]) for part in "qvi")
+                message = make[kind](header, [names.get(joint, joint) for joint in group], *values)
+                writer.write(connection, whole, store.serialize_cdr(message, kind))
+        broken = writer.add_connection("/broken", "sensor_msgs/msg/Imu", typestore=store)
+        writer.write(broken, whole, b"\0\1\0\0")
+
+
+def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Two publishers of joint states: arm and gripper, say."""
+    pytest.importorskip("rosbags")
+    (tmp_path / "arm.urdf").write_text(arm())
+    joint_states(tmp_path / "apart", swing[:100], {}, apart=True)
+    chosen = parse_map({"robot": ROBOT, "joints": {"topic": "/joint_states"}}, "-")
+    record = open_record(tmp_path / "apart", chosen, tmp_path)
+    assert counts(record) == [100]
+    np.testing.assert_array_equal(
+        record.channels["joints.effort"].values[:], swing[[f"{joint}_i" for joint in record.joints]][:100]
+    )
+    assert any("100 of 200 samples have the stamp of the one before, and are merged" in text for text in said(record))
+
+
+def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Those that differ; without it the error says what was heard, and what is nearest; `--suggest` writes it."""
+    pytest.importorskip("rosbags")
+    (tmp_path / "arm.urdf").write_text(arm())
+    joint_states(tmp_path / "bag", swing[:100], {"turn": "Turn 1", "lift": "Lift 2"})
+
+    def read(**joints: Any) -> Record:
+        chosen = parse_map({"robot": ROBOT, "joints": {"topic": "/joint_states", **joints}}, "-")
+        return open_record(tmp_path / "bag", chosen, tmp_path)
+
+    line = r'names = \{"Turn 1" = "turn", "Lift 2" = "lift"\}'
+    with pytest.raises(MapError, match=rf"turn, lift have no channel; /joint_states has Turn 1, Lift 2: .* {line}"):
+        read()
+    record = read(names={"Turn 1": "turn", "Lift 2": "lift"})
+    assert record.joints == ("turn", "lift", "bend")
+    np.testing.assert_array_equal(
+        record.channels["joints.position"].values[:], swing[[f"{joint}_q" for joint in record.joints]][:100]
+    )
+    whole = estimate(record, trust=True).estimates["force_level"]
+    online, heard = OnlineEstimator(record.map, tmp_path), []
+    for _, row in swing[:100].iterrows():
+        parts = zip(("position", "velocity", "effort"), "qvi", strict=True)
+        names = dict(zip(("Turn 1", "Lift 2", "bend"), JOINTS, strict=True))
+        sample = {f"{part}.{name}": row[f"{joint}_{end}"] for part, end in parts for name, joint in names.items()}
+        heard += online.push(100.0 + row.t, {f"/joint_states.{name}": value for name, value in sample.items()})
+    np.testing.assert_allclose(list(heard[-1].components.values()), whole.components[-1], atol=0.01)
+    with pytest.raises(MapError, match=r"no joint 'trun' in the robot"):
+        read(names={"Turn 1": "trun"})
+    for wrong in (3, ["a", 1], {"a": 1}):
+        with pytest.raises(MapError, match=r"joints\.names: a list of joints, or a table"):
+            read(names=wrong)
+    with pytest.raises(MapError, match=r"joints\.names: each joint once"):
+        read(names={"Turn 1": "turn", "Lift 2": "turn"})
+    text = suggested_map(tmp_path / "bag", tmp_path / "arm.urdf")
+    assert 'names = {"Turn 1" = "turn", "Lift 2" = "lift"}' in text
+    assert "# topic /broken is sensor_msgs/msg/Imu: left out" in text  # one message of it is damaged
+    chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
+    with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
+        open_record(tmp_path / "bag", chosen, tmp_path)
+
+
+def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None:
+    """JSON, protobuf and a channel without a schema beside ROS messages; a map that needs one of them is told."""
+    pytest.importorskip("rosbags")
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    bag(walk(0.3, 200.0), tmp_path / "walk")
+    with_foreign_channels(tmp_path / "walk" / "walk.mcap", tmp_path / "mixed.mcap")
+    values: Any = bag_map(Path("quadruped.urdf"))
+    record = open_record(tmp_path / "mixed.mcap", parse_map(values, "-"), tmp_path)
+    plain = open_record(tmp_path / "walk", parse_map(values, "-"), tmp_path)
+    assert record.parts == plain.parts
+    notes = {f"topic {topic} is {how}: left out" for topic, how in (("/status", "json"), ("/blob", "protobuf"))}
+    assert {*notes, "topic /bare is json: left out"} <= set(record.notes)
+    text = suggested_map(tmp_path / "mixed.mcap", tmp_path / "quadruped.urdf")
+    assert 'topic = "/joint_states"' in text
+    assert "# topic /blob is protobuf: left out" in text
+    values["joints"]["topic"] = "/status"
+    with pytest.raises(LogError, match=r"topic /status is json: a described ROS message was expected"):
+        open_record(tmp_path / "mixed.mcap", parse_map(values, "-"), tmp_path)
+
+
+MJCF = """<mujoco model="leg"><worldbody><body name="trunk">{free}<geom size=".1" mass="1"/><body name="shank">
+<joint name="knee" axis="0 1 0"/><geom size=".1" mass="1"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("free", ["", "<freejoint/>"])
+def test_an_mjcf_file_can_have_a_free_base(free: str, tmp_path: Path) -> None:
+    """Whether the file or the map says so."""
+    (tmp_path / "leg.xml").write_text(MJCF.format(free=free))
+    time = np.arange(50) * 0.01
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "knee", "rate", "torque")
+    table = pd.DataFrame({"t": time} | {name: np.full(50, float(name == "qw")) for name in names})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    joints = {
+        part: {"columns": [name]} for part, name in zip(("position", "velocity", "effort"), names[7:], strict=True)
+    }
+    base = {"position": {"columns": names[:3]}, "quaternion": {"columns": names[3:7]}}
+    chosen = {"robot": {"mjcf": "leg.xml", "points": ["shank"]}, "base": base, "joints": {"names": ["knee"], **joints}}
+    record = open_record(tmp_path / "log.csv", parse_map(chosen, "-"), tmp_path)
+    assert (record.robot.free, record.robot.joints) == (True, ("knee",))
+    assert record.robot.mass == pytest.approx(2.0)

@@ -1,0 +1,311 @@
+"""Joints as logs have them: seen by encoders at motors, beyond their limits, without a motor, alone, or by name."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+import tomli_w
+from support.commands import call
+from support.swinging_arm import JOINTS, arm, arm_map, recording
+from support.without_coriolis import LEG
+
+from aerobat_pin import load_robot
+from aerobat_pin.errors import AerobatError, CalibrationError, LogError
+from aerobat_pin.estimation import OnlineEstimator, calibrate, check_record, estimate, record_findings
+from aerobat_pin.records import Record, open_record, parse_map, robot_of_map
+from aerobat_pin.records.encoders import effort_matrix, encoder_matrix
+from aerobat_pin.records.named_robots import FIXED, FREE
+from aerobat_pin.records.robot_tables import RobotTable
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "recordings.md"
+FACTOR, OFFSET = np.array([-0.02, 0.01, 0.03]), np.array([0.0, 0.3, -1.2])
+COUPLING = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])  # two motors move lift and bend
+AT_MOTORS: dict[str, Any] = {
+    "factor": {"turn": -0.02, "bend": 0.03, "*": 0.01},
+    "offset": {"lift": 0.3, "bend": -1.2},
+    "coupling": {"lift": {"lift": 0.5, "bend": 0.5}, "bend": {"lift": 0.5, "bend": -0.5}},
+}
+
+
+def changed(**joints: Any) -> dict[str, Any]:
+    """Return the map of the arm without a fit, with changed entries of its joints."""
+    values = arm_map()
+    del values["joints"]["friction"]
+    values["joints"] |= joints
+    return values
+
+
+def opened(folder: Path, name: str, values: dict[str, Any]) -> Record:
+    """Return a record of a folder's arm."""
+    return open_record(folder / f"{name}.csv", parse_map(values, "of the test"), folder)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the arm, a table written at its joints and the same one written at its motors."""
+    folder = tmp_path_factory.mktemp("joints")
+    (folder / "arm.urdf").write_text(arm())
+    recording(folder, "joints", pushed=True, seed=2, seconds=3.0)
+    table, A = pd.read_csv(folder / "joints.csv"), COUPLING * FACTOR
+    q, v, tau = ([f"{joint}_{part}" for joint in JOINTS] for part in "qvi")
+    table[q] = np.linalg.solve(A, (table[q].to_numpy() - OFFSET).T).T
+    table[v] = np.linalg.solve(A, table[v].to_numpy().T).T
+    table[tau] = table[tau].to_numpy() @ A
+    table.to_csv(folder / "motors.csv", index=False)
+    return folder
+
+
+def test_a_log_written_at_the_motors_gives_the_forces_of_the_joints(folder: Path) -> None:
+    """Gears, zeros and two coupled joints, to 1e-9 of the force; as a stream, too."""
+    at_joints, at_motors = (
+        estimate(opened(folder, *one)).estimates["force_level"].components
+        for one in (("joints", changed()), ("motors", changed(**AT_MOTORS)))
+    )
+    assert np.abs(at_joints).max() > 5.0
+    np.testing.assert_allclose(at_motors, at_joints, rtol=0.0, atol=1e-9 * np.abs(at_joints).max())
+    heard = []
+    for name, values in (("joints", changed()), ("motors", changed(**AT_MOTORS))):
+        online, found = OnlineEstimator(parse_map(values, "of the test"), folder), []
+        for row in pd.read_csv(folder / f"{name}.csv").head(50).to_dict("records"):
+            found += online.push(row["t"], row)
+        heard.append([list(one.components.values()) for one in found])
+    assert len(heard[0]) > 40
+    np.testing.assert_allclose(heard[1], heard[0], rtol=0.0, atol=1e-9 * np.abs(heard[0]).max())
+
+
+def test_the_wrist_of_the_documents_moves_as_they_say() -> None:
+    """The page's map: 90 and 30 deg of its motors, and 1 N m of one of them."""
+    [block] = re.findall(r"```toml\n(\[joints\]\nnames = \[\"pitch.*?)```", PAGE.read_text(), re.DOTALL)
+    table = parse_map({"robot": {}, **tomllib.loads(block)}, "of the page").joints
+    q = encoder_matrix(table, table.names) @ [90.0, 30.0]
+    np.testing.assert_allclose(q, [1.2, 0.6])
+    np.testing.assert_allclose(effort_matrix(table, table.names, table.names) @ [1.0, 0.0], [50.0, 50.0])
+
+
+def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) -> None:
+    """5 mm a turn, in degrees: a factor in m per rad; the effort in N is the motor's torque over it."""
+    table = robot_table(tmp_path, "prismatic")
+    factor = 5e-3 / (2.0 * np.pi)
+    table["q"], table["v"] = (np.degrees(table[name] / factor) for name in "qv")
+    table["tau"] *= factor
+    table.to_csv(tmp_path / "log.csv", index=False)
+    values = robot_map()
+    for part, unit in (("position", "deg"), ("velocity", "deg/s")):
+        values["joints"][part]["unit"] = unit
+    values["joints"]["factor"] = {"slide": factor}
+    found = estimate(opened(tmp_path, "log", values)).estimates["force_level"].components[200:, 2]
+    np.testing.assert_allclose(found, 3.0, atol=0.05)
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "a stranger": ({"factor": {"elbow": 0.1}}, r"joints\.factor: no joint 'elbow' with a channel: turn, lift, bend"),
+    "no gear": ({"factor": {"lift": 0.0}}, r"joints\.factor of lift = 0: another number was expected"),
+    "one motor": ({"coupling": {"lift": {"lift": 1.0}, "bend": {"lift": 2.0}}}, r"do not tell lift, bend apart"),
+    "half an effort": (
+        {"coupling": AT_MOTORS["coupling"], "passive": ["bend"], "effort": {"columns": ["turn_i", "lift_i"]}},
+        r"lift and bend are coupled: efforts of both were expected",
+    ),
+    "held and passive": ({"held": {"lift": 0.0}, "passive": ["lift"]}, r"lift is in held.* and in passive"),
+    "a passive stranger": ({"passive": ["rail"]}, r"no joint 'rail' in the robot; there are turn, lift, bend"),
+    "too few efforts": ({"effort": {"columns": ["turn_i"]}}, r"3 were expected; joints\.passive names those without"),
+    "a passive joint's effort": ({"passive": ["lift"]}, r"joints\.effort has 3 columns .*: 2 were expected"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_map_that_cannot_be_meant_is_refused(name: str, folder: Path) -> None:
+    """Each with the key and what was expected."""
+    change, expected = WRONG[name]
+    with pytest.raises(AerobatError, match=expected):
+        opened(folder, "joints", changed(**change))
+
+
+def test_a_calibration_belongs_to_its_encoders(folder: Path) -> None:
+    """What was learnt at the joints is refused for a map of the motors."""
+    learnt = calibrate([opened(folder, "joints", changed(friction={"law": "coulomb+viscous"}))])
+    with pytest.raises(CalibrationError, match=r"the encoder of turn = 1 turn, but -0\.02 turn is believed"):
+        estimate(opened(folder, "motors", changed(**AT_MOTORS)), calibration=learnt)
+
+
+def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0) -> list[str]:
+    """Return what is found about limits of an arm whose positions and velocities are written times a factor."""
+    table = pd.read_csv(folder / "joints.csv")
+    table[[f"{joint}_q" for joint in JOINTS]] *= change
+    table[[f"{joint}_v" for joint in JOINTS]] *= change
+    table["lift_q"] += shift
+    table.to_csv(folder / "limits.csv", index=False)
+    (folder / "limited.urdf").write_text(urdf)
+    values = changed() | {"robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}}
+    found = record_findings(opened(folder, "limits", values))
+    return [f"{one.verdict} {one}" for one in found if one.check == "joint limits"]
+
+
+def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> None:
+    """Degrees in position and velocity alike, which agree with each other; a joint at 40 rad; another zero is told."""
+    close = arm().replace('lower="-99" upper="99"', 'lower="-2" upper="2"')
+    [degrees] = limits(folder, close, np.degrees(1.0))
+    assert re.search(r'refused joint limits: \w+ is at .* rad, its limits are -2 to 2 rad; .*unit = "deg"', degrees)
+    assert all(joint in degrees for joint in JOINTS)
+    with pytest.raises(LogError, match=r"limits\.csv: joint limits: .*--trust estimates nevertheless"):
+        estimate(opened(folder, "limits", changed() | {"robot": {**changed()["robot"], "urdf": "limited.urdf"}}))
+    [far] = limits(folder, close, shift=40.0)
+    assert re.search(r"refused joint limits: lift is at 4\d.* to 4\d.* rad", far)
+    [zero] = limits(folder, close, shift=3.0)
+    assert re.search(r"warning joint limits: lift is at .*", zero)
+
+
+def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) -> None:
+    """Limits a little inside of the motion, none stated, joints that turn on and on."""
+    stated = 'lower="-99" upper="99"'
+    for joint in JOINTS:
+        lowest = pd.read_csv(folder / "joints.csv")[f"{joint}_q"].min()
+        before, here, rest = arm().partition(f'<joint name="{joint}"')
+        inside = before + here + rest.replace(stated, f'lower="{lowest + 0.1}" upper="2"', 1)
+        assert limits(folder, inside) == []
+    for urdf in (arm().replace(stated, ""), arm().replace('type="revolute"', 'type="continuous"')):
+        assert limits(folder, urdf, np.degrees(1.0)) == []
+
+
+FEW = {  # robots that move in a plane or along a line
+    "a hinge": ("revolute",),
+    "a wheel": ("continuous",),
+    "a slide": ("prismatic",),
+    "a planar arm": ("revolute", "revolute"),
+    "two slides": ("prismatic", "prismatic"),
+}
+AXES = {"revolute": "0 1 0", "prismatic": "0 0 1", "continuous": "0 1 0"}
+
+
+def robot_urdf(*kinds: str) -> str:
+    """Return links in a row, from below: `slide` or `hinge` and a number; the tip is 0.5 m ahead of the last."""
+    parts, below = ['<link name="ground"/>'], "ground"
+    for k, kind in enumerate(kinds):
+        name = f"{'slide' if kind == 'prismatic' else 'hinge'}{k or ''}"
+        body = '<origin xyz="0.2 0 0"/><mass value="1"/>'
+        body += '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
+        parts.append(f'<link name="{name}_link"><inertial>{body}</inertial></link>')
+        parts.append(
+            f'<joint name="{name}" type="{kind}"><parent link="{below}"/><child link="{name}_link"/>'
+            f'<axis xyz="{AXES[kind]}"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint>'
+        )
+        below = f"{name}_link"
+    tip = f'<joint name="end" type="fixed"><parent link="{below}"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>'
+    return f'<robot name="few">{"".join(parts)}<link name="tip"/>{tip}</robot>'
+
+
+def robot_table(folder: Path, *kinds: str, motors: int = 1) -> pd.DataFrame:
+    """Write links in a row; return a table of their swing while 3 N push upwards at the tip.
+
+    Joints before the last `motors` have none: a force along x, and along z at a slide, is what they need.
+    """
+    (folder / "few.urdf").write_text(robot_urdf(*kinds))
+    model = pin.buildModelFromXML(robot_urdf(*[kind.replace("continuous", "revolute") for kind in kinds]))
+    data, time, order = model.createData(), np.arange(1000) / 500.0, np.arange(model.nv)
+    pace = 5.0 + 2.0 * order
+    phase = pace * time[:, None] + order
+    q, v, a = 0.4 * np.sin(phase), 0.4 * pace * np.cos(phase), -0.4 * pace**2 * np.sin(phase)
+    force, tau = np.tile([0.0, 0.0, 3.0], (len(time), 1)), np.empty_like(q)
+    for k in range(len(time)):
+        J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tip"), pin.LOCAL_WORLD_ALIGNED)
+        J, needed = J.reshape(6, -1)[:3], pin.rnea(model, data, q[k], v[k], a[k])
+        free = model.nv - motors
+        force[k] += np.linalg.pinv(J[:, :free].T) @ (needed - J.T @ force[k])[:free]
+        tau[k] = needed - J.T @ force[k]
+    table = {"t": time}
+    for k in order:
+        table |= {f"q{k or ''}": q[:, k], f"v{k or ''}": v[:, k]}
+    table |= {f"tau{k or ''}": tau[:, k] for k in order[model.nv - motors :]}
+    return pd.DataFrame(table | {f"f{axis}": force[:, k] for k, axis in enumerate("xyz")})
+
+
+def robot_map(count: int = 1, **joints: Any) -> dict[str, Any]:
+    """Return the map of one joint or of several."""
+    parts = {"position": "q", "velocity": "v", "effort": "tau"}
+    columns = {part: {"columns": [f"{name}{k or ''}" for k in range(count)]} for part, name in parts.items()}
+    return {
+        "robot": {"urdf": "few.urdf", "root": "fixed", "points": ["tip"]},
+        "joints": {**columns, **joints},
+        "check": {"wrench": {"columns": ["fx", "fy", "fz"], "unit": "N"}},
+    }
+
+
+def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path) -> None:
+    """A pole on a slide without a motor: both components in their plane are found."""
+    table = robot_table(tmp_path, "prismatic", "revolute")
+    table.to_csv(tmp_path / "log.csv", index=False)
+    record = opened(tmp_path, "log", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]))
+    result = estimate(record)
+    assert any("without a motor, efforts known to be 0: slide" in note for note in result.notes)
+    assert not any("not believed" in note for note in result.notes)
+    found, true = result.estimates["force_level"], table[["fx", "fy", "fz"]].to_numpy()
+    assert found.identifiability.rank == 2
+    errors = np.abs(found.components - 0.5 * (true[1:] + true[:-1]))[100:]
+    assert errors[:, [0, 2]].max() < 0.03 * np.abs(true).max()
+
+
+@pytest.mark.parametrize("kinds", FEW.values(), ids=FEW)
+def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
+    kinds: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Estimate by all observers with checks, friction, a known force and pages; self-check; calibrate; stream."""
+    monkeypatch.chdir(tmp_path)
+    table, few = robot_table(tmp_path, *kinds, motors=len(kinds)), robot_map(len(kinds))
+    table.to_csv("log.csv", index=False)
+    values = robot_map(len(kinds), friction={"fit": [0.0, 1.0], "to": "check.wrench"})
+    values["observer"] = {"names": ["momentum", "force_level", "kalman", "smoother", "second_order", "super_twisting"]}
+    Path("map.toml").write_text(tomli_w.dumps(values))
+    assert call(monkeypatch, "estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
+    assert (tmp_path / "out" / "replay.html").stat().st_size > 1000
+    known = copy.deepcopy(few)
+    known["known"] = {"cell": {**known.pop("check")["wrench"], "frame": "tip", "axes": "world"}}
+    record = opened(tmp_path, "log", known)
+    assert np.abs(estimate(record).estimates["force_level"].components[100:]).max() < 0.05
+    check_record(record)
+    calibrate([record], parameters=["mass"])
+    del few["check"]
+    online, found = OnlineEstimator(parse_map(few, "of the test"), tmp_path), []
+    for row in table.to_dict("records"):
+        found += online.push(row["t"], row)
+    whole = estimate(opened(tmp_path, "log", few)).estimates["force_level"].components[-1]
+    np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.01)  # other expected sizes
+
+
+def test_an_mjcf_file_gets_a_free_base_or_keeps_its_own(tmp_path: Path) -> None:
+    """A leg with and without a free joint of its own; its ball joint is refused by name."""
+    single = re.sub(r'<joint name="(hip_x|hip_z|ankle)"[^>]*/>|<joint name="pad"[^>]*/>', "", LEG)
+    for text, root in ((single, "free_flyer"), (single.replace('<freejoint name="root"/>', ""), "free_flyer")):
+        (tmp_path / "leg.xml").write_text(text)
+        robot = robot_of_map(RobotTable(mjcf="leg.xml", root=root, points=("sole",)), tmp_path)
+        assert (robot.free, robot.joints) == (True, ("hip_y", "knee"))
+    (tmp_path / "leg.xml").write_text(LEG)
+    with pytest.raises(LogError, match=r"joint '\w+' has \d coordinates: joints of one angle or one length were"):
+        robot_of_map(RobotTable(mjcf="leg.xml", points=("sole",)), tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(FREE | FIXED))
+def test_a_robot_is_loaded_by_its_name(name: str) -> None:
+    """Free or fixed as it is, with masses, and as the robot of a map."""
+    robot = load_robot(name)
+    assert robot.free == (name in FREE)
+    assert robot.title == name
+    assert robot.mass > 0.05
+    point = robot.model.frames[-1].name
+    assert robot_of_map(RobotTable(name=name, points=(point,)), Path()).fingerprint() == robot.fingerprint()
+
+
+def test_a_name_that_is_none_is_told_the_nearest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And all that there are; where they are not installed, the extra. A base that moves can be fixed."""
+    with pytest.raises(LogError, match=r"robot 'UR-5': did you mean 'ur5'\? There are a1, .*solo12, .*z1; any other"):
+        load_robot("UR-5")
+    assert not robot_of_map(RobotTable(name="solo12", root="fixed", points=("FL_FOOT",)), Path()).free
+    monkeypatch.setattr("sys.path", [])
+    with pytest.raises(LogError, match=r"robot 'ur5': its file is not installed: pip install '.*\[robots\]'"):
+        load_robot("ur5")

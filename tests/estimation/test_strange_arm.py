@@ -1,0 +1,106 @@
+"""A robot that nobody has seen: what is shown is right within its deviation, and the rest is said to be unknown."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import tomli_w
+import xarray as xr
+from support.commands import call
+from support.strange_arm import URDF, arm_map, nothing, pushed, write_log
+
+from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
+from aerobat_pin.records import open_record, parse_map
+
+pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
+SEEDS = (1, 2, 3, 4, 5, 6)
+
+
+def opened(path: Path, points: list[str], *, friction: bool = False):
+    """Return a record of the arm."""
+    return open_record(path, parse_map(arm_map(points, friction=friction), "of the test"), path.parent)
+
+
+def learnt(folder: Path, seed: int, points: list[str]) -> Calibration:
+    """Return the calibration from a log in which nothing touches."""
+    write_log(folder / "free.csv", seed + 100, nothing)
+    return calibrate([opened(folder / "free.csv", points, friction=True)])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(seed: int, tmp_path: Path) -> None:
+    """20 N on an arm of 17 kg with friction of another law: 7 N rms, 95 % within two deviations, nothing absurd."""
+    force = write_log(tmp_path / "push.csv", seed, pushed)
+    found = estimate(opened(tmp_path / "push.csv", ["tool0"]), calibration=learnt(tmp_path, seed, ["tool0"]))
+    whole = found.estimates["force_level"]
+    truth = 0.5 * (force[1:] + force[:-1])[-len(whole.components) :]
+    error, shown, sure = whole.components - truth, whole.shown, whole.standard_deviation
+    for k in range(3):
+        inside = shown[:, k]
+        assert inside.mean() > 0.5
+        assert np.sqrt(np.mean(error[inside, k] ** 2)) < 7.0
+        assert 0.95 <= np.mean(np.abs(error[inside, k]) < 2.0 * sure[inside, k]) <= 1.0
+    assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max()
+    assert found.observers["force_level"].k < 3.0
+    write_log(tmp_path / "off.csv", seed, pushed, (0.25, 0.0, 0.0))
+    beside = estimate(opened(tmp_path / "off.csv", ["tool0"]), calibration=learnt(tmp_path, seed, ["tool0"]))
+    assert beside.observers["force_level"].k > 10.0
+    assert any("forces elsewhere, a moment, or a wrong model" in line for line in beside.warnings)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a log, its map, and a map without points."""
+    place = tmp_path_factory.mktemp("arm")
+    write_log(place / "push.csv", 1, pushed)
+    write_log(place / "free.csv", 101, nothing)
+    for name, points in (("map", ["tool0"]), ("rows", [])):
+        (place / f"{name}.toml").write_text(tomli_w.dumps(arm_map(points)))
+    return place
+
+
+def test_what_the_pose_does_not_show_is_said_in_every_output(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without a calibration: nothing absurd, cells left empty, times and reason in words, shares in the metrics."""
+    monkeypatch.chdir(folder)
+    assert call(monkeypatch, "estimate", "push.csv", "--map", "map.toml", "--out", "out") == 0
+    said = capsys.readouterr().out
+    assert "tool0.Fz: seen" in said
+    assert "not seen 0 to " in said
+    assert "the arm is straight" in said
+    own = json.loads((folder / "out" / "metrics.json").read_text())["observers"]["force_level"]
+    assert all(0.0 <= share < 1.0 for share in own["seen"]["tool0"])
+    assert own["k"] > 3.0  # friction of which nothing is known
+    table = pd.read_csv(folder / "out" / "estimate.csv")
+    assert table["force_level.tool0.Fz [N]"].isna().mean() == pytest.approx(1.0 - own["seen"]["tool0"][2], abs=1e-3)
+    assert table["force_level.tool0.Fz deviation [N]"].notna().all()
+    with xr.open_dataset(folder / "out" / "estimate.nc") as stored:
+        assert np.abs(stored["force_W"]).max() < 100.0
+        assert stored["seen"].dims == stored["force_deviation_W"].dims == stored["force_W"].dims
+
+
+def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
+    """Torques with deviations and contacts: those of the push, in joints that it turns, and none where nothing does."""
+    learnt = calibrate([opened(folder / "free.csv", [], friction=True)])
+
+    def found(name: str) -> Result:
+        return estimate(opened(folder / f"{name}.csv", []), calibration=learnt)
+
+    pushes = found("push")
+    whole = pushes.estimates["momentum"]
+    assert whole.identifiability.components[1] == "shoulder_lift_joint.M"
+    assert np.abs(whole.component("shoulder_lift_joint.M")).max() > 10.0
+    assert np.all(whole.standard_deviation > 0.0)
+    events = pushes.observers["momentum"].events
+    first = next(event for event in events if event.point == "shoulder_lift_joint.M")
+    assert first.onset == pytest.approx(8.0, abs=0.1)
+    assert first.unit == "N m"
+    assert (
+        sum(event.end is None or event.end - event.onset > 0.5 for event in found("free").observers["momentum"].events)
+        == 0
+    )

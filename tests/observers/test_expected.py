@@ -1,0 +1,145 @@
+"""What is expected of forces and rows: the posterior equals its twin, its limits are known, and it knows its errors."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support import observer_twins as twins
+from support.arm import arm, push, rest
+from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.observers import OBSERVERS, Estimate, Expected, ForceLevelObserver, Observer
+from aerobat_pin.observers.kernels.filters import FIRST_ORDER
+from aerobat_pin.observers.rows import ROWS, Rows
+
+
+def some(model: pin.Model, components: int, force: float = 3.0) -> Expected:
+    """Return expectations with a number of its own in every place."""
+    rng = np.random.default_rng(7)
+    sizes = force * rng.uniform(0.5, 2.0, components)
+    error, stiction, rate = rng.uniform([[0.1], [0.0], [0.02]], [[2.0], [3.0], [0.5]], (3, model.nv))
+    return Expected(sizes, error, stiction, rate, 1.3)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize(("name", "rows"), [(name, rows) for name in MODELS for rows in ROWS if believable(name, rows)])
+def test_the_posterior_equals_its_twin_in_stream_and_batch(name: str, rows: Rows, kind: type[Observer]) -> None:
+    """Forces, deviations and k over a random record with uneven stamps, one repeated."""
+    model, frames = MODELS[name]
+    expected = some(model, 3 * len(frames))
+    time, q, v, tau, known = record(model)
+    twin = twins.ObserverTwin(kind.name, model, frames, 300.0, rows, expected)
+    _, points = twin.run(time, q, v, tau, known)
+    near = 1e-10 if kind.kind == FIRST_ORDER else 1e-9
+    observer = kind(model, frames, 300.0, rows, expected)
+    estimate = observer.run(time, q, v, tau, known)
+    assert_equal(estimate.force, points, near)
+    assert_equal(estimate.standard_deviation[-1], twin.posterior.deviation, near)
+    np.testing.assert_allclose(estimate.doubt[-1], twin.posterior.k, rtol=1e3 * near)
+    assert np.all(estimate.standard_deviation <= expected.force * (1.0 + 1e-12))
+    observer.reset(q[0], v[0], time[0])
+    for k in range(len(tau)):
+        now = {channel: values[k] for channel, values in known.items()}
+        sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
+    assert_equal(sample.components, estimate.components[-1], near)
+    assert_equal(sample.standard_deviation, estimate.standard_deviation[-1], near)
+
+
+def held(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray, expected: Expected) -> Estimate:
+    """Return the estimate of an arm at rest while a force pushes."""
+    observer = ForceLevelObserver(model, [frame], 100.0, "all", expected)
+    count = 200
+    tau = np.tile(rest(model, q) - push(model, frame, q, force), (count, 1))
+    return observer.run(np.arange(count + 1) / 100, np.tile(q, (count + 1, 1)), np.zeros((count + 1, model.nv)), tau)
+
+
+def test_an_endless_expected_force_leaves_least_squares() -> None:
+    """Rows that say enough decide alone: 1 N against an expectation of a million."""
+    model, frame = arm()
+    q, force = pin.neutral(model) + 0.4, np.array([0.3, -0.8, 0.5])
+    error = np.full(6, 0.05)
+    found = held(model, frame, q, force, Expected(np.full(3, 1e6), error, np.zeros(6), np.ones(6)))
+    np.testing.assert_allclose(found.force[-1, 0], force, atol=1e-6)
+    np.testing.assert_allclose(found.seen[-1], 1.0, atol=1e-6)
+
+
+def test_a_straight_arm_does_not_show_the_force_along_it_and_says_so() -> None:
+    """Two links in a line, pushed across and along: one is found, the other is zero with the expected deviation."""
+    model = pin.Model()
+    place = pin.SE3.Identity()
+    for name in ("shoulder", "elbow"):
+        joint = model.addJoint(model.njoints - 1, pin.JointModelRY(), place, name)
+        model.appendBodyToJoint(
+            joint, pin.Inertia(1.0, np.array([0.0, 0.0, 0.2]), 0.01 * np.eye(3)), pin.SE3.Identity()
+        )
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4]))
+    model.addFrame(pin.Frame("tip", 2, 0, place, pin.OP_FRAME))
+    expected = Expected(np.full(3, 6.0), np.array([0.05, 0.05]), np.zeros(2), np.ones(2))
+    found = held(model, "tip", np.zeros(2), np.array([2.0, 0.0, 3.0]), expected)
+    assert found.force[-1, 0, 0] == pytest.approx(2.0, abs=0.01)
+    assert found.force[-1, 0, 2] == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(found.standard_deviation[-1, 1:], 6.0)
+    assert found.shown[-1].tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_what_a_deviation_says_is_true_of_errors_as_stated(axis: int) -> None:
+    """Of 400 draws of row errors and forces, 95 % of the errors lie within two deviations (Gaussian, exact)."""
+    model, frame = arm()
+    rng, q = np.random.default_rng(axis), pin.neutral(model) + 0.4
+    expected = Expected(np.full(3, 2.0), np.array([0.4, 0.5, 0.2, 0.1, 0.1, 0.05]), np.zeros(6), np.ones(6))
+    inside, draws = 0, 400
+    observer = ForceLevelObserver(model, [frame], 1e6, "all", expected)
+    for _ in range(draws):
+        force = 2.0 * rng.standard_normal(3)
+        tau = rest(model, q) - push(model, frame, q, force) + expected.row_error * rng.standard_normal(6)
+        observer.reset(q, np.zeros(6))
+        sample = observer.update(0.01, q, np.zeros(6), tau)
+        inside += abs(sample.components[axis] - force[axis]) < 2.0 * sample.standard_deviation[axis]
+    assert 0.92 < inside / draws <= 0.995  # k, never below 1, errs to the safe side
+
+
+def test_a_push_beside_the_point_makes_k_large() -> None:
+    """A moment that no force at the point explains: squared errors tens of times as large as stated."""
+    model, frame = arm()
+    q, expected = pin.neutral(model) + 0.4, Expected(np.full(3, 5.0), np.full(6, 0.05), np.zeros(6), np.ones(6))
+    J = pin.computeFrameJacobian(model, model.createData(), q, model.getFrameId(frame), pin.LOCAL_WORLD_ALIGNED)
+    observer = ForceLevelObserver(model, [frame], 100.0, "all", expected)
+    for lever, above in ((0.0, False), (0.25, True)):
+        wrench = np.array([0.0, 4.0, 0.0, 0.0, 0.0, 4.0 * lever])
+        tau = np.tile(rest(model, q) - J.T @ wrench, (200, 1))
+        found = observer.run(np.arange(201) / 100, np.tile(q, (201, 1)), np.zeros((201, 6)), tau)
+        assert (found.doubt[-1] > 10.0) == above
+
+
+def test_friction_at_rest_is_no_force() -> None:
+    """An arm stands on its stiction: known, it explains all; unknown, the rows' errors are tens of times as large."""
+    model, frame = arm()
+    q, stiction = pin.neutral(model) + 0.4, np.array([1.0, 1.0, 0.5, 0.2, 0.2, 0.2])
+    tau = np.tile(rest(model, q) + 0.5 * stiction * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0]), (200, 1))
+    for known in (stiction, np.zeros(6)):
+        expected = Expected(np.full(3, 20.0), np.full(6, 0.02), known, np.full(6, 0.05))
+        observer = ForceLevelObserver(model, [frame], 100.0, "all", expected)
+        found = observer.run(np.arange(201) / 100, np.tile(q, (201, 1)), np.zeros((201, 6)), tau)
+        assert np.all(np.abs(found.components[-1]) < 2.0 * found.standard_deviation[-1])
+        assert (found.doubt[-1] < 3.0) == bool(known.any())
+
+
+def test_what_cannot_be_expected_is_refused() -> None:
+    """Sizes of another robot, zero errors, numbers that are none; a copy by pickle keeps what is expected."""
+    model, frame = arm()
+    good = Expected(np.ones(3), np.ones(6), np.zeros(6), np.ones(6))
+    copy = pickle.loads(pickle.dumps(ForceLevelObserver(model, [frame], 100.0, "all", good)))
+    np.testing.assert_array_equal(copy.expected.force, good.force)
+    for bad in (
+        Expected(np.ones(6), np.ones(6), np.zeros(6), np.ones(6)),
+        Expected(np.ones(3), np.zeros(6), np.zeros(6), np.ones(6)),
+        Expected(np.ones(3), np.ones(6), -np.ones(6), np.ones(6)),
+        Expected(np.ones(3), np.ones(6), np.zeros(6), np.ones(6), 0.5),
+    ):
+        with pytest.raises(ObserverError, match="expected"):
+            OBSERVERS["force_level"](model, [frame], 100.0, "all", bad)

@@ -1,0 +1,88 @@
+"""An arm of six joints whose efforts are recorded: with factors, friction, noise, wrong links and a payload."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+
+RATE, SECONDS = 100.0, 60.0  # [Hz], [s]
+SIX = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+MASSES = (3.7, 8.4, 2.3, 1.2, 1.2, 1.5)  # [kg]
+CENTRES = ((0, 0.05, 0.02), (0, 0, 0.2), (0, 0, 0.18), (0, 0.08, 0.01), (0, 0.01, 0.08), (0, 0.12, 0))  # [m]
+PLACES = ((0, 0, 0.09), (0, 0.14, 0), (0, -0.12, 0.43), (0, 0, 0.39), (0, 0.09, 0), (0, 0, 0.09))  # [m]
+AXES = ("0 0 1", "0 1 0", "0 1 0", "0 1 0", "0 0 1", "0 1 0")
+COULOMB, VISCOUS = np.array([4.0, 5.0, 3.0, 1.0, 0.8, 0.8]), np.array([2.0, 3.0, 1.5, 0.5, 0.4, 0.3])
+NOISE = np.array([1.0, 1.0, 0.6, 0.25, 0.25, 0.25])  # [N m] of the efforts
+
+
+def six_joints() -> str:
+    """Return the URDF of an arm of 18 kg, the last link a gripper on its axis, with the frame `tool` at its end."""
+    parts, below = ['<link name="ground"/>'], "ground"
+    for name, mass, centre, place, axis in zip(SIX, MASSES, CENTRES, PLACES, AXES, strict=True):
+        i, at, origin = mass * 0.005, " ".join(map(str, centre)), " ".join(map(str, place))
+        inertia = f'<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{0.5 * i}"/>'
+        body = f'<inertial><origin xyz="{at}"/><mass value="{mass}"/>{inertia}</inertial>'
+        limit = '<limit lower="-9" upper="9" effort="999" velocity="99"/>'
+        parts.append(f'<link name="{name}_link">{body}</link><joint name="{name}" type="revolute">')
+        parts.append(f'<parent link="{below}"/><child link="{name}_link"/><origin xyz="{origin}"/>')
+        parts.append(f'<axis xyz="{axis}"/>{limit}</joint>')
+        below = f"{name}_link"
+    end = f'<joint name="end" type="fixed"><parent link="{below}"/><child link="tool"/><origin xyz="0 0.08 0"/></joint>'
+    return f'<robot name="six">{"".join(parts)}<link name="tool"/>{end}</robot>'
+
+
+def swing(
+    file: Path,
+    seed: int,
+    factors: Sequence[float] = (1.0,) * 6,
+    payload: tuple[float, tuple[float, float, float]] | None = None,
+    wrong: float = 0.0,
+) -> None:
+    """Write a table of the arm that moves all joints, and its URDF beside it.
+
+    Args:
+        file: the table.
+        seed: of the motion, of the noise and of what is wrong.
+        factors: true torque over effort of each joint.
+        payload: mass [kg] and centre in `tool` [m] of what it carries.
+        wrong: standard deviation of the true masses over the URDF's, and a third of it of their centres [-, m]; the
+            links are the same for every seed.
+    """
+    (file.parent / "six.urdf").write_text(six_joints())
+    model, rng = pin.buildModelFromXML(six_joints()), np.random.default_rng(seed)
+    for k, link in enumerate(model.inertias.tolist()[1:], start=1):
+        mass, *shift = wrong * np.random.default_rng(k).standard_normal(4) / [1.0, 3.0, 3.0, 3.0]
+        model.inertias[k] = pin.Inertia((1.0 + mass) * link.mass, link.lever + shift, link.inertia)
+    if payload is not None:
+        tool = model.frames[model.getFrameId("tool")]
+        point = pin.Inertia(payload[0], np.array(payload[1]), np.zeros((3, 3)))
+        model.appendBodyToJoint(tool.parentJoint, point, tool.placement)
+    data, time = model.createData(), np.arange(round(SECONDS * RATE)) / RATE
+    speed, phase = rng.uniform(0.5, 2.5, (3, 6)), rng.uniform(0, 6, (3, 6))
+    size = np.array([0.8, 0.5, 0.7, 0.8, 0.9, 0.9]) * rng.uniform(0.4, 0.8, (3, 6))
+    angle = speed[:, None] * time[:, None] + phase[:, None]
+    q = np.sum(size[:, None] * np.sin(angle), axis=0) + np.array([0, 0.6, 0.9, -0.5, 0.4, 0])
+    v = np.sum((size * speed)[:, None] * np.cos(angle), axis=0)
+    a = np.sum(-(size * speed**2)[:, None] * np.sin(angle), axis=0)
+    torque = np.stack([pin.rnea(model, data, *one) for one in zip(q, v, a, strict=True)])
+    torque += COULOMB * np.tanh(v / 0.02) + VISCOUS * v + NOISE * rng.standard_normal(q.shape)
+    columns = {"t": time}
+    for k, joint in enumerate(SIX):
+        columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k], f"{joint}_i": torque[:, k] / factors[k]}
+    pd.DataFrame(columns).to_csv(file, index=False)
+
+
+def six_map(**tables: Any) -> dict[str, Any]:
+    """Return the map of such a table as nested values, with further tables; friction and factors are fitted."""
+    channels = {
+        key: {"columns": [f"{joint}_{letter}" for joint in SIX]}
+        for key, letter in (("position", "q"), ("velocity", "v"), ("effort", "i"))
+    }
+    joints = {"names": list(SIX), "friction": {"scale": True}, **channels}
+    robot = {"urdf": "six.urdf", "root": "fixed", "points": ["tool"]}
+    return {"robot": robot, "joints": joints, **tables}

@@ -1,0 +1,86 @@
+"""A UR5 that begins and ends at rest, straight up, and moves through singular poses; its friction fits no law."""
+
+from __future__ import annotations
+
+import sysconfig
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+
+RATE, SECONDS = 100.0, 30.0  # [Hz], [s]
+SHARE = Path("cmeel.prefix", "share", "example-robot-data", "robots", "ur_description", "urdf", "ur5_robot.urdf")
+URDF = Path(sysconfig.get_path("purelib")) / SHARE
+JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+COULOMB, VISCOUS = (np.array(v) for v in ([6.0, 7.0, 5.0, 1.2, 1.1, 1.0], [5.0, 6.0, 4.0, 0.8, 0.7, 0.6]))
+UPRIGHT = np.array([0.0, -0.5, 0.0, -0.5, 0.0, 0.0]) * np.pi
+Force = Callable[[np.ndarray], np.ndarray]
+
+
+def nothing(time: np.ndarray) -> np.ndarray:
+    """Return no force (n, 3) [N]."""
+    return np.zeros((len(time), 3))
+
+
+def pushed(time: np.ndarray) -> np.ndarray:
+    """Return forces (n, 3) of 20 N, one for twelve seconds and one for three."""
+    force = nothing(time)
+    force[(time > 8.0) & (time < 20.0)] = [12.0, -8.0, 14.0]
+    force[(time > 22.0) & (time < 25.0)] = [0.0, 20.0, 0.0]
+    return force
+
+
+def write_log(path: Path, seed: int, force: Force, lever: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """Write a log of the arm; return the force (n, 3) on it [N], which acts at `lever` [m] from its tool (world axes).
+
+    Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below.
+    """
+    model = pin.buildModelFromUrdf(str(URDF))
+    data, rng = model.createData(), np.random.default_rng(seed)
+    time = np.arange(round(SECONDS * RATE)) / RATE
+    up, down = (np.clip(x, 0.0, 1.0) for x in ((time - 3.0) / 3.0, (SECONDS - 2.0 - time) / 3.0))
+    fade = (up**3 * (10.0 - 15.0 * up + 6.0 * up**2)) * (down**3 * (10.0 - 15.0 * down + 6.0 * down**2))
+    angle = np.zeros((len(time), 6))
+    for harmonic in range(1, 5):
+        size, phase = rng.uniform(0.15, 0.5, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
+        angle += size * np.sin(2.0 * np.pi * harmonic * 0.07 * time[:, None] + phase)
+    q = UPRIGHT + fade[:, None] * angle
+    v = np.gradient(q, time, axis=0)
+    a = np.gradient(v, time, axis=0)
+    push, torque = force(time), np.empty_like(q)
+    wrench = np.concatenate([push, np.cross(lever, push)], axis=1)
+    for k in range(len(time)):
+        J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool0"), pin.LOCAL_WORLD_ALIGNED)
+        torque[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ wrench[k]
+    load = 1.0 + 0.15 * np.abs(torque) / np.abs(torque).max(axis=0)
+    friction = COULOMB * load * (1.0 + 0.25 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 0.01)
+    friction += VISCOUS * np.abs(v) ** 0.8 * np.sign(v)
+    friction = np.where(np.abs(v) < 1e-3, rng.uniform(-1.0, 1.0, 6) * COULOMB, friction)
+    torque += friction + 0.03 * COULOMB * rng.standard_normal(torque.shape)
+    columns = {"t": time, **{f"q{k}": q[:, k] for k in range(6)}}
+    columns |= {f"v{k}": v[:, k] + 1e-3 * rng.standard_normal(len(time)) for k in range(6)}
+    columns |= {f"tau{k}": torque[:, k] for k in range(6)} | {f"f{axis}": push[:, k] for k, axis in enumerate("xyz")}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return push
+
+
+def arm_map(points: list[str], *, friction: bool = False) -> dict[str, Any]:
+    """Return the map of a log."""
+    joints: dict[str, Any] = {
+        "names": JOINTS,
+        "position": {"columns": [f"q{k}" for k in range(6)], "unit": "rad"},
+        "velocity": {"columns": [f"v{k}" for k in range(6)], "unit": "rad/s"},
+        "effort": {"columns": [f"tau{k}" for k in range(6)], "unit": "N m"},
+    }
+    if friction:
+        joints["friction"] = {"law": "coulomb+viscous"}
+    return {
+        "robot": {"urdf": str(URDF), "root": "fixed", "points": points},
+        "log": {"time": {"column": "t"}},
+        "joints": joints,
+        "observer": {"gain": 20.0},
+        **({"check": {"wrench": {"columns": ["fx", "fy", "fz"]}}} if points and not friction else {}),
+    }
