@@ -24,8 +24,8 @@ INSTANTS = 1200  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 RANK = 1e-6
-Pair = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
-Inputs = Callable[[int, int], KnownInputs]  # of first and last index of the common times
+Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
+InputsBetween = Callable[[int, int], KnownInputs]  # of first and last index of the common times
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Balance:
         """Sum of squares of what is needed."""
         return max(float(self.needed @ self.needed), 1e-300)
 
-    def imbalance(self, pair: Pair = ((), ()), signs: Array | float = 1.0) -> float:
+    def imbalance(self, pair: Exchange = ((), ()), signs: Array | float = 1.0) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
         order = np.arange(self.effort.shape[1])
         order[[*pair[0], *pair[1]]] = [*pair[1], *pair[0]]
@@ -77,9 +77,11 @@ class Balance:
         return np.divide(found, weight, out=np.zeros_like(found), where=weight > 0.0), weight
 
 
-def balance_of(record: Record, inputs: Inputs) -> Balance | None:
-    """Return the projected equations at instants spread over the record; None if the forces sought leave no row."""
+def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
+    """Return the projected equations at instants spread over the record; None if unknown forces leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
+    if free is None and not (record.map.robot.points or record.map.robot.wrenches):
+        return None  # a force that is not sought may be in every row
     ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
     arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM] if robot.free else []
@@ -129,7 +131,7 @@ def _heavier_base(model: pin.Model) -> pin.Model:
 def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> Array:
     """Return an orthonormal basis (rows, k) of what the forces sought cannot reach."""
     model, chosen = record.robot.model, record.map.robot
-    parts = [np.zeros((len(rows), 0))]
+    parts = []
     for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = frame_jacobian(model, data, q, model.getFrameId(frame), axes)
@@ -140,7 +142,7 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     return np.asarray(u[:, rank:])
 
 
-def with_exchanged(record: Record, inputs: Inputs, pair: Pair) -> Inputs:
+def with_exchanged(record: Record, inputs: InputsBetween, pair: Exchange) -> InputsBetween:
     """Return inputs in which two limbs have each other's motion and efforts."""
     robot, own, others = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
     at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))

@@ -18,25 +18,25 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.balance import Balance, Inputs, Pair, balance_of, with_exchanged
+from aerobat_pin.estimation.checks.balance import Balance, Exchange, InputsBetween, balance_of, with_exchanged
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
 from aerobat_pin.records import Record
 
-APART = 0.2  # [s] between instants whose errors are independent: friction and errors of the model last
+ERRORS_LAST = 0.2  # [s]: instants farther apart have independent errors, those of friction and model
 NAMED, NAMED_MASS = 0.1, 0.05  # deviation of a factor from 1 that is named
-ALIKE = 0.15  # deviation from their mean by which factors are all the same
+SAME_FACTOR = 0.15  # deviation from their mean by which factors are all the same
 SURE = 4.0  # in standard deviations
 EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
 CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
-FITS = 0.25  # of the needed square sum, that limbs in the right places leave at most
-NOISY = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
-TURNED = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
-SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
+RIGHT_PLACES = 0.25  # of the needed square sum, that limbs in the right places leave at most
+ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
+WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
+WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
 MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
     "held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, recorder clock, "
@@ -44,7 +44,7 @@ HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some m
 )
 
 
-def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -> Iterator[Finding]:
+def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Finding]) -> Iterator[Finding]:
     """Yield factors of the efforts, columns that are exchanged, and the base's mass, as far as the rows show them.
 
     Args:
@@ -57,7 +57,7 @@ def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -
     found = balance_of(record, inputs)
     if found is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
-        yield Finding("effort against motion", "note", f"the forces sought leave no row to check efforts by{free}")
+        yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
     share = found.imbalance()
     text = (
@@ -66,7 +66,7 @@ def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -
     )
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     limbs, signs = _limb_pairs(record), _best_signs(found)
-    joints: list[Pair] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
+    joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     left, pair = min(((found.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     if share > WORTH and left < min(SWAP * share, 1.0, found.imbalance(signs=signs)):
         yield _swap(record, "efforts", pair, left, share)
@@ -76,13 +76,13 @@ def effort_findings(record: Record, inputs: Inputs, before: Sequence[Finding]) -
         others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
         left, pair = min(sizes, default=(np.inf, ((), ())))
-        if left < min(SWAP * share, found.imbalance(signs=signs), FITS):
+        if left < min(SWAP * share, found.imbalance(signs=signs), RIGHT_PLACES):
             yield _swap(record, "all columns", pair, left, share)
             return
     yield from _factors(record, found, signs, factors, least)
 
 
-def _swap(record: Record, columns: str, pair: Pair, left: float, share: float) -> Finding:
+def _swap(record: Record, columns: str, pair: Exchange, left: float, share: float) -> Finding:
     names = " and ".join(", ".join(record.driven[k] for k in limb) for limb in pair)
     what = (
         f"{columns} of {names} in exchanged places leave {100.0 * np.sqrt(left):.1f} %, as mapped "
@@ -91,7 +91,7 @@ def _swap(record: Record, columns: str, pair: Pair, left: float, share: float) -
     return Finding("swapped joints", "warning", what, float(np.sqrt(left)), "1")
 
 
-def _limb_pairs(record: Record) -> list[Pair]:
+def _limb_pairs(record: Record) -> list[Exchange]:
     """Return pairs of limbs, chains of joints without a branch, with equally many efforts, two or more."""
     model, limbs = record.robot.model, dict[int, list[int]]()
     parents = model.parents.tolist()
@@ -114,10 +114,10 @@ def _best_signs(found: Balance) -> Array:
     best, most = np.ones(len(along)), 0.0
     for start in (1.0, -1.0):
         signs = np.full(len(along), start)
-        while np.any((worse := signs * (along - gram @ signs) + np.diag(gram)) < 0.0):
+        while np.any((worse := signs * (along - gram @ signs) + np.diag(gram)) < -1e-9 * np.trace(gram)):
             signs[np.argmin(worse)] *= -1.0
         gained = 2.0 * along @ (signs - 1.0) - signs @ gram @ signs + np.sum(gram)
-        if gained > max(most, TURNED * np.diag(gram)[signs < 0.0].sum()):
+        if gained > max(most, WORTH_SIGNS * np.diag(gram)[signs < 0.0].sum()):
             best, most = signs, float(gained)
     return best
 
@@ -140,7 +140,7 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
         yield from _reversed(record, gain, np.flatnonzero(turned))
         return
     explained = 1.0 - float(left @ left) / max(found.imbalance() * found.size, 1e-300)
-    if explained < EXPLAINED or found.imbalance() < NOISY * _noise(found):
+    if explained < EXPLAINED or found.imbalance() < ABOVE_NOISE * _white_share(found):
         return
     if float(left @ left) > UNFIT * found.size and explained < CLEAR:
         if found.imbalance() * found.size < UNFIT * float(np.sum(found.given**2)):
@@ -163,12 +163,13 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
     c, given = float(np.mean(factors[off])) if len(off) else 1.0, found.given.sum(axis=1)
     common = float(given @ found.needed) / max(float(given @ given), 1e-300)
-    if len(off) and np.all(np.abs(c * ours - 1.0) < ALIKE + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
+    if len(off) and np.all(np.abs(c * ours - 1.0) < SAME_FACTOR + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
         if c < 0.0:
             yield from _reversed(record, ours, off)
             return
         what, effort = f"all efforts would have to be {c:.3g} times as large: ", record.map.joints.effort
-        if effort is not None and effort.torque_per_unit and effort.unit in MILLI and abs(np.log(1e3 * c)) < ALIKE:
+        milli = abs(np.log(1e3 * c)) < SAME_FACTOR
+        if milli and effort is not None and effort.torque_per_unit and effort.unit in MILLI:
             what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
             yield Finding("effort unit or mass", "refused", what, c, "1")
         else:
@@ -207,13 +208,12 @@ def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[A
     """
     rest, weight = found.of_joints(left)
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
-    needed, count = found.effort * factors + rest, max(1.0, found.span / APART)
+    needed, count = found.effort * factors + rest, max(1.0, found.span / ERRORS_LAST)
     prior = float(np.median(np.sqrt(np.sum(weight * rest**2, axis=0))))
     gain, deviation = np.zeros((2, len(factors)))
     for k, x in enumerate(found.effort.T):
         v, a, w = found.v[:, k], found.a[:, k], weight[:, k]
-        sizes = (max(float(np.sqrt(np.mean(one**2))), 1e-12) for one in (v, a))
-        v_size, a_size = sizes
+        v_size, a_size = (max(float(np.sqrt(np.mean(one**2))), 1e-12) for one in (v, a))
         X = np.column_stack([needed[:, k], np.ones_like(v), np.tanh(v / SMOOTH_RATE), v / v_size, a / a_size])
         noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
         least = 1e-12 + 1e-12 * float(w @ x**2)
@@ -223,8 +223,10 @@ def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[A
     return gain, deviation
 
 
-def _noise(found: Balance) -> float:
+def _white_share(found: Balance) -> float:
     """Return the square sum of what is white in the efforts, over the needed one."""
     x = found.effort  # means over intervals, of which only every other one has noise of its own
-    white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / SECOND_DIFFERENCE
+    if len(x) < 5:
+        return 0.0
+    white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / WHITE_SECOND_DIFFERENCE
     return float(np.sum((found.reach * white) ** 2)) / found.size
