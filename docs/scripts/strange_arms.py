@@ -1,8 +1,9 @@
 """Print which gains, and which payload, the logs of a UR10E show, if they are here; what is checked, if they are not.
 
-    PYTHONPATH=. python docs/scripts/strange_arms.py CLONE
+    AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_arms.py
 
-CLONE is one of github.com/shamilmamedov/dynamic_calibration, which states no licence: read the data, do not pass them on.
+FOLDER holds a clone of github.com/shamilmamedov/dynamic_calibration, which states no licence: read the data, do not pass
+them on.
 An arm swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
 is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
 else, `estimate` finds the load of the other log, which sits on the other side.
@@ -10,7 +11,7 @@ else, `estimate` finds the load of the other log, which sits on the other side.
 
 from __future__ import annotations
 
-import sys
+import os
 import tempfile
 from pathlib import Path
 
@@ -52,8 +53,9 @@ def loaded(clone: Path, name: str, folder: Path, mass: float | None) -> Record:
     return open_record(table(clone, f"{name}Load", folder), parse_map(values, "of the UR10E"), clone)
 
 
-def main(clone: Path) -> None:
+def main() -> None:
     """Print gains and payload of both logs, each found with the other."""
+    clone = Path(os.environ.get("AEROBAT_RECORDINGS", ""), "dynamic_calibration")
     if not (clone / "dataset_ur10e").is_dir():
         print(
             f"{clone}: no logs. Each payload, found with gains of the other log: {LIGHTEST} to {HEAVIEST} kg, covered"
@@ -79,4 +81,4 @@ def main(clone: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main()
