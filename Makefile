@@ -7,7 +7,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.
 SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames tool_pictures \
-	observer_study structural_error method animation real_recordings
+	observer_study structural_error method animation real_recordings strange_arms
 BIN := $(VENV)/bin
 # Tests of a file stay together, as they share flights; the longest files come first (tests/conftest.py).
 PARALLEL := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder

@@ -26,6 +26,7 @@ FRICTION_ERROR = 0.1  # expected of friction that another record showed, of Coul
 LEAST_ERROR = 0.01  # of what is expected of the links, however exact they seem
 LIKELY = 0.05  # mass of a payload over the robot's, to begin with [-]
 REST = 0.1  # [rad/s, m/s] up to which a joint counts as at rest
+NOTHING_LEFT = 1e-200  # square sum of a row that never moved
 NEWTON_ROUNDS = 12  # of Gauss and Newton, each with weights from the last
 EXACT = 1e-5  # of the rms of a row, below which no fit leaves anything; deviation of a mass that is known [-]
 
@@ -133,7 +134,8 @@ class Regression:
         """Return the variance of what is left of row k, times the samples that are worth one."""
         (J, left), products = self._row(x, k), self.products[:, k]
         whole, blocks, q = products.sum(axis=0), len(products), self.friction
-        variance = max(float(left @ whole @ left), EXACT**2 * float(whole[-1, -1]), np.finfo(float).tiny) / self.samples
+        variance = max(float(left @ whole @ left), EXACT**2 * float(whole[-1, -1]), NOTHING_LEFT)
+        variance /= self.samples
         n = self.products.shape[1]
         own = J[:, [k, *range(n + self.errors + k * q, n + self.errors + (k + 1) * q)]]
         sums = products @ left @ own  # (blocks, 1 + q)

@@ -90,7 +90,9 @@ def check_record(record: Record) -> list[Check]:
             "intervals in one part, were expected"
         )
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
-    inputs = inputs_of(record, first, last, fitted_forces(record), rows)
+    forces = fitted_forces(record)
+    record = forces.record  # whose robot carries what was found
+    inputs = inputs_of(record, first, last, forces, rows)
     size = PUSHED_SHARE * moving_weight(record.robot.model)
     return [check for one in observers_of(record)[0] for check in _played(one, record, inputs, size, wait)]
 

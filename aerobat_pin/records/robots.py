@@ -36,8 +36,7 @@ class PlainRobot:
         joints: names of the other joints, in the order of v.
         title: what it is, for reports.
         payload: what it carries, contained in the model; None if nothing is known of it.
-        unloaded: the model without the payload; None if there is none.
-        stated: the model without payload and corrections of its links; None if there is neither.
+        unloaded, stated: the model without the payload, and also without corrected links; None if it is the model.
     """
 
     model: pin.Model
@@ -189,8 +188,9 @@ class PlainRobot:
     def with_links(self, changes: Array) -> Self:
         """Return the robot with other dynamic parameters of its stated links, by changes (links, 10)."""
         stated, model = self.stated_model, self.stated_model.copy()
-        for k, change in enumerate(changes, start=1):
-            model.inertias[k] = pin.Inertia.FromDynamicParameters(model.inertias[k].toDynamicParameters() + change)
+        for k in np.flatnonzero(np.any(changes, axis=1)).tolist():
+            own = stated.inertias[k + 1].toDynamicParameters()
+            model.inertias[k + 1] = pin.Inertia.FromDynamicParameters(own + changes[k])
         return replace(self, model=model, unloaded=None, stated=stated).carrying(self.payload)
 
     @property

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from support.drone import MAP as DRONE
+from support.drone import MASS, POWERS, flight
 from support.six_joints import six_map, swing
 
 from aerobat_pin import calibrate, estimate, open_record
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation import Calibration, calibration_bytes, read_calibration
+from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, check_record, read_calibration
 from aerobat_pin.records import Record, parse_map
 
 FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
@@ -94,6 +98,11 @@ def test_known_gains_tell_a_payload_beside_friction(folder: Path) -> None:
     free = estimate(opened(folder, "unloaded"), calibration=found)
     assert free.mass == pytest.approx(opened(folder, "unloaded").robot.mass)
     assert abs(free.estimates["force_level"].force[200:, 0, 2].mean()) < 1.0
+    loaded, seeking = (opened(folder, "light", payload=one).map for one in (KNOWN, SOUGHT))
+    online = OnlineEstimator(loaded, folder, calibration=found)
+    assert online.robot.mass == pytest.approx(opened(folder, "unloaded").robot.mass + LIGHT[0])
+    with pytest.raises(AerobatError, match="fits need a whole record"):
+        OnlineEstimator(seeking, folder, calibration=found)
 
 
 @pytest.mark.parametrize(
@@ -113,3 +122,32 @@ def test_what_cannot_be_told_apart_is_refused(
     swing(folder / "unloaded.csv", 7)
     with pytest.raises(AerobatError, match=reason):
         calibrate([opened(folder, name, scale, payload=payload)], parameters=identify)
+
+
+def test_an_effort_that_shows_nothing_keeps_its_factor(folder: Path) -> None:
+    """Of a joint that stands still, and of one whose effort is zero; the others are told as without them."""
+    table = pd.read_csv(folder / "alone.csv")
+    table[["wrist_3_q", "wrist_3_v", "wrist_2_i"]] = [0.3, 0.0, 0.0]
+    table.to_csv(folder / "poor.csv", index=False)
+    found = calibrate([opened(folder, "poor")], trust=True).fitted
+    np.testing.assert_allclose(found.scale[:4] / FACTORS[:4], 1.0, atol=0.02)
+    assert found.scale[4:].tolist() == [1.0, 1.0]
+    assert [bool(fit.untold) for fit in found.fits] == [False] * 4 + [True] * 2
+
+
+def test_a_drone_shows_what_it_carries_by_its_thrust(tmp_path: Path) -> None:
+    """It has no efforts: 7 g of 27 g within their deviation; a map that knows them makes it as heavy."""
+    flight(20.0).to_csv(tmp_path / "drone.csv", index=False)
+    values = copy.deepcopy(DRONE)
+    del values["known"]["thrust"]["fit"]
+    values["known"]["thrust"]["coefficients"] = list(POWERS)
+    values["robot"]["body"]["mass"] = MASS - 0.007
+    values |= {"payload": {"frame": "body"}, "use": {"free": [0, 15]}}
+    sought = estimate(open_record(tmp_path / "drone.csv", parse_map(values, "of the test"), tmp_path))
+    told = sought.forces.fits[0].values
+    assert abs(told["mass"] - 0.007) < told["deviation of mass"] < 0.1 * MASS
+    values["payload"] |= {"mass": 0.007, "com": [0, 0, 0]}
+    known = open_record(tmp_path / "drone.csv", parse_map(values, "of the test"), tmp_path)
+    assert known.robot.mass == pytest.approx(MASS)
+    assert known.robot.fingerprint() == sought.forces.record.robot.fingerprint()
+    assert all(check.ok for check in check_record(known))

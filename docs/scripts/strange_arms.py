@@ -1,0 +1,84 @@
+"""Print which gains, and which payload, the logs of a UR10E show, if they are here; what is checked, if they are not.
+
+    AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_arms.py
+
+FOLDER holds a clone of github.com/shamilmamedov/dynamic_calibration, which states no licence: read the data, do not pass
+them on.
+An arm swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
+is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
+else, `estimate` finds the load of the other log, which sits on the other side.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from aerobat_pin import calibrate, estimate, open_record
+from aerobat_pin.records import Record, parse_map
+
+MASS, LIGHTEST, HEAVIEST = 2.805, 2.75, 2.86  # [kg]: weighed, and between which it must be found
+LOGS = ("14harm50sec", "15harm50sec")
+JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+NOMINAL = 10.0  # [N m/A]: of all joints, from which factors are found
+LETTERS = {"position": "q", "velocity": "v", "effort": "i"}
+
+
+def table(clone: Path, name: str, folder: Path) -> Path:
+    """Write a log with a head and without its damaged rows; its columns are time, q, v and i of six joints, and others."""
+    rows = pd.read_csv(clone / "dataset_ur10e" / "identification_data" / f"ur-20_02_19_{name}.csv", header=None)
+    rows = rows.iloc[:, :19].set_axis(["t", *(f"{letter}{k}" for letter in "qvi" for k in range(6))], axis=1)
+    whole = np.isfinite(rows).all(axis=1) & rows.t.between(1.0, 1e6) & (rows.iloc[:, 1:7].abs().max(axis=1) < 2 * np.pi)
+    out = folder / f"{name}.csv"
+    rows[whole].to_csv(out, index=False)
+    return out
+
+
+def loaded(clone: Path, name: str, folder: Path, mass: float | None) -> Record:
+    """Open a loaded log by a map that seeks where the load sits, and its mass unless it is given."""
+    channels = {key: {"columns": [f"{letter}{k}" for k in range(6)]} for key, letter in LETTERS.items()}
+    channels["effort"] |= {"unit": "A", "torque_per_unit": {"*": NOMINAL}}
+    friction = {"law": "coulomb+viscous+inertia", "scale": True}
+    values = {
+        "robot": {"urdf": "URe/urdf/ur10e.urdf", "root": "fixed", "points": ["tool0"]},
+        "log": {"time": {"column": "t"}},
+        "joints": {"names": [f"{joint}_joint" for joint in JOINTS], "friction": friction, **channels},
+        "payload": {"frame": "tool0"} | ({} if mass is None else {"mass": mass}),
+        "use": {"free": [0.0, 100.0]},
+    }
+    return open_record(table(clone, f"{name}Load", folder), parse_map(values, "of the UR10E"), clone)
+
+
+def main() -> None:
+    """Print gains and payload of both logs, each found with the other."""
+    clone = Path(os.environ.get("AEROBAT_RECORDINGS", ""), "dynamic_calibration")
+    if not (clone / "dataset_ur10e").is_dir():
+        print(
+            f"{clone}: no logs. Each payload, found with gains of the other log: {LIGHTEST} to {HEAVIEST} kg, covered"
+        )
+        return
+    with tempfile.TemporaryDirectory() as place:
+        for known, sought in (LOGS, LOGS[::-1]):
+            found = calibrate([loaded(clone, known, Path(place), MASS)])
+            fits = {fit.name: fit.values for fit in found.fitted.fits}
+            print(f"torque per ampere by {known}, with {MASS} kg known [N m/A]:")
+            for joint in JOINTS:
+                one = fits[f"friction of {joint}_joint"]
+                factor, deviation = one["effort times"], one.get("deviation of the factor", np.nan)
+                print(f"  {joint:<14} {NOMINAL * factor:.2f} +- {NOMINAL * deviation:.2f}")
+            result = estimate(loaded(clone, sought, Path(place), None), calibration=found)
+            load = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool0" and not fit.log)
+            mass, deviation = load["mass"], load["deviation of mass"]
+            good = LIGHTEST <= round(mass, 2) <= HEAVIEST and abs(mass - MASS) < 2.0 * deviation
+            centre = ", ".join(f"{load[axis]:.3f} +- {load[f'deviation of {axis}']:.3f}" for axis in "xyz")
+            print(
+                f"load of {sought}: {mass:.3f} +- {deviation:.3f} kg at ({centre}) m{'' if good else ': not within'}\n"
+            )
+
+
+if __name__ == "__main__":
+    main()
