@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +157,12 @@ def test_swapped_legs_are_named(
     assert len(found) == 1
     first, second = (", ".join(LEGS[k : k + 3]) for k in (0, other))
     assert found[0].startswith(f"swapped joints: {columns} of {first} and {second} in exchanged places")
+
+
+def test_without_points_whatever_pushes_is_not_taken_for_a_wrong_effort(records: dict[str, Record]) -> None:
+    """Of an arm that is pushed, of which residuals alone are asked for."""
+    record = records["arm"]
+    robot = record.map.robot.model_copy(update={"points": ()})
+    bare = replace(record, map=record.map.model_copy(update={"robot": robot}))
+    found = list(effort_findings(bare, inputs_between(bare, KnownForces(bare)), []))
+    assert [str(one) for one in found if "leave no row to check efforts by" not in one.text] == []
