@@ -17,14 +17,19 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
+from scipy.signal import savgol_filter
 
 from aerobat_pin import calibrate, estimate, open_record
+from aerobat_pin.estimation import Calibration
 from aerobat_pin.records import Record, parse_map
 
 MASS, LIGHTEST, HEAVIEST = 2.805, 2.75, 2.86  # [kg]: weighed, and between which it must be found
 LOGS = ("14harm50sec", "15harm50sec")
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 NOMINAL = 10.0  # [N m/A]: of all joints, from which factors are found
+CENTRES = {"14harm50sec": (0.03, 0.16, 0.04), "15harm50sec": (-0.04, -0.16, 0.04)}  # [m] of the load, from tool0
+GRAVITY = np.array([0.0, 0.0, 9.81])
 LETTERS = {"position": "q", "velocity": "v", "effort": "i"}
 
 
@@ -38,19 +43,67 @@ def table(clone: Path, name: str, folder: Path) -> Path:
     return out
 
 
-def loaded(clone: Path, name: str, folder: Path, mass: float | None) -> Record:
-    """Open a loaded log by a map that seeks where the load sits, and its mass unless it is given."""
+def arm(clone: Path, folder: Path) -> Path:
+    """Write the arm's file with a frame at the centre of each log's load, called like the log."""
+    frames = "".join(
+        f'<link name="{name}"/><joint name="{name}_joint" type="fixed"><parent link="tool0"/><child link="{name}"/>'
+        f'<origin xyz="{x} {y} {z}"/></joint>'
+        for name, (x, y, z) in CENTRES.items()
+    )
+    path = folder / "ur10e.urdf"
+    path.write_text((clone / "URe" / "urdf" / "ur10e.urdf").read_text().replace("</robot>", f"{frames}</robot>"))
+    return path
+
+
+def loaded(
+    clone: Path, name: str, folder: Path, mass: float | None, point: str = "tool0", *, sought: bool = True
+) -> Record:
+    """Open a loaded log by a map that seeks where the load sits, and its mass unless it is given; or only a force."""
     channels = {key: {"columns": [f"{letter}{k}" for k in range(6)]} for key, letter in LETTERS.items()}
     channels["effort"] |= {"unit": "A", "torque_per_unit": {"*": NOMINAL}}
-    friction = {"law": "coulomb+viscous+inertia", "scale": True}
+    joints = {"names": [f"{joint}_joint" for joint in JOINTS], **channels}
+    payload: dict[str, object] = {"frame": "tool0"} | ({} if mass is None else {"mass": mass})
+    if sought:
+        joints["friction"] = {"law": "coulomb+viscous+inertia", "scale": True}
     values = {
-        "robot": {"urdf": "URe/urdf/ur10e.urdf", "root": "fixed", "points": ["tool0"]},
+        "robot": {"urdf": str(arm(clone, folder)), "root": "fixed", "points": [point]},
         "log": {"time": {"column": "t"}},
-        "joints": {"names": [f"{joint}_joint" for joint in JOINTS], "friction": friction, **channels},
-        "payload": {"frame": "tool0"} | ({} if mass is None else {"mass": mass}),
-        "use": {"free": [0.0, 100.0]},
+        "joints": joints,
+        "observer": {"gain": 20.0},
+        **({"payload": payload, "use": {"free": [0.0, 100.0]}} if sought else {}),
     }
     return open_record(table(clone, f"{name}Load", folder), parse_map(values, "of the UR10E"), clone)
+
+
+def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration) -> None:
+    """Print how well the load is found as a force at its centre, and what is said where it is sought at the tool."""
+    for point in (name, "tool0"):
+        record = loaded(clone, name, folder, None, point, sought=False)
+        result = estimate(record, calibration=calibration)
+        [found], [own] = result.estimates.values(), result.observers.values()
+        model, block = record.robot.model, record.block(*max(record.parts, key=lambda part: part[1] - part[0]))
+        data, frame, slope = (
+            model.createData(),
+            model.getFrameId(name),
+            savgol_filter(block.v, 21, 2, 1, record.dt, axis=0),
+        )
+        force = np.empty((len(block.q), 3))
+        for k, state in enumerate(zip(block.q, block.v, slope, strict=True)):
+            pin.forwardKinematics(model, data, *state)
+            fall = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
+            force[k] = -MASS * (fall + GRAVITY)
+        inside = (found.time[:-1] >= block.time[0]) & (found.time[1:] <= block.time[-1])
+        middle = 0.5 * (found.time[1:] + found.time[:-1])
+        truth = np.column_stack([np.interp(middle, block.time, axis) for axis in force.T])
+        assert found.standard_deviation is not None
+        error, shown = np.abs(found.components - truth), found.shown & inside[:, None]
+        held = error < 2.0 * found.standard_deviation
+        axes = [f"{np.sqrt(np.mean(error[shown[:, k], k] ** 2)):.1f}" for k in range(3)]
+        cover = [f"{np.mean(held[shown[:, k], k]):.0%}" for k in range(3)]
+        print(
+            f"load of {name} as a force at {'its centre' if point == name else point}: {'/'.join(axes)} N rms where seen ({', '.join(f'{share:.0%}' for share in own.seen[point])} "
+            f"of the time), {', '.join(cover)} within two deviations, k {own.k:.2g}"
+        )
 
 
 def main() -> None:
@@ -70,6 +123,7 @@ def main() -> None:
                 one = fits[f"friction of {joint}_joint"]
                 factor, deviation = one["effort times"], one.get("deviation of the factor", np.nan)
                 print(f"  {joint:<14} {NOMINAL * factor:.2f} +- {NOMINAL * deviation:.2f}")
+            force_lines(clone, sought, Path(place), found)
             result = estimate(loaded(clone, sought, Path(place), None), calibration=found)
             load = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool0" and not fit.log)
             mass, deviation = load["mass"], load["deviation of mass"]
