@@ -23,7 +23,6 @@ from .result import versions as versions
 from .run_observers import blocks_of as blocks_of
 from .run_observers import observers_of as observers_of
 from .scores import FORCE_AXES as FORCE_AXES
-from .scores import POINT_SUFFIX as POINT_SUFFIX
 from .scores import TRUTH_SCORES as TRUTH_SCORES
 from .scores import Moments as Moments
 from .scores import Score as Score
@@ -36,8 +35,6 @@ from .self_check import check_record as check_record
 from .stored_estimate import StoredEstimate as StoredEstimate
 from .trust import ComponentSize as ComponentSize
 from .trust import InnovationScore as InnovationScore
-from .trust import innovation_score as innovation_score
-from .trust import warnings_about as warnings_about
 from .use import CalibrationUse as CalibrationUse
 from .use import Contact as Contact
 from .use import FoundEvent as FoundEvent

@@ -5,7 +5,6 @@ from .experiment import run_recorded as run_recorded
 from .flight_summary import FlightSummary as FlightSummary
 from .flight_summary import flight_note as flight_note
 from .flight_summary import flight_summary as flight_summary
-from .flight_summary import recorded_note as recorded_note
 from .result_tables import estimate_dataset as estimate_dataset
 from .result_tables import read_run as read_run
 from .self_check import self_check as self_check

@@ -8,7 +8,6 @@ from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .columns import Columns as Columns
-from .columns import in_step as in_step
 from .encoders import encoder_words as encoder_words
 from .file_source import open_record as open_record
 from .joint_channels import joint_requests as joint_requests
@@ -30,8 +29,6 @@ from .mcap_checksums import mcap_is_sealed as mcap_is_sealed
 from .mcap_checksums import seal_mcap as seal_mcap
 from .messages import entries as entries
 from .messages import stamp as stamp
-from .netcdf import StoredVariable as StoredVariable
-from .netcdf import netcdf_variables as netcdf_variables
 from .netcdf import read_netcdf as read_netcdf
 from .read import BAGS as BAGS
 from .read import NETCDF as NETCDF
@@ -42,12 +39,10 @@ from .record import world_turn as world_turn
 from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
 from .resample import line_means as line_means
-from .resample import neighbour_rates as neighbour_rates
 from .resample import rotation_matrices as rotation_matrices
 from .resample import sampled as sampled
 from .resample import sampled_turns as sampled_turns
 from .resample import slopes as slopes
-from .resample import turn_rates as turn_rates
 from .robot_files import load_robot as load_robot
 from .robot_files import robot_of_map as robot_of_map
 from .robot_files import urdf_of as urdf_of

@@ -328,7 +328,7 @@ RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras
 Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
-Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel StoredVariable
+Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
 Contact Finding Agreement Moments Check KnownForces"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
@@ -340,12 +340,12 @@ NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios ship
 LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
-seal_netcdf netcdf_bytes torque_per_unit read_netcdf netcdf_variables read_run joint_series
+seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length low_passed
 typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
-changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events innovation_score
-warnings_about belief_of described log_with_motion shipped_description"""
+changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events
+belief_of described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
