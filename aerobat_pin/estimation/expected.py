@@ -26,10 +26,10 @@ from aerobat_pin.observers import (
 from aerobat_pin.records import Block, PlainRobot, Record
 
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
-LEAST_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
+LEAST_ROW_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
 LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
 WEIGHED = 20  # of them, one in so many is weighed
-SETTLED = 5.0  # time constants of the observer
+TIME_CONSTANTS = 5.0  # time constants of the observer
 
 
 def expected_of(
@@ -55,14 +55,14 @@ def expected_of(
         for block in (Block(one.time, one.q, one.v, one.tau) for one in stretches)
     ]
     efforts = np.concatenate([one.tau for one in stretches])
-    expected = expected_from(record.robot, values, points, _rms(efforts), _rms(np.concatenate(needed)))
+    expected = expected_from(record.robot, values, points, _column_rms(efforts), _column_rms(np.concatenate(needed)))
     if not points:
         return expected
     gain, found = float(record.map.observer.gain), []
     observer = MomentumObserver(record.robot.model, points, gain, stretches[0].rows)
     for one in stretches:
         residual = observer.run(one.time, one.q, one.v, one.tau, one.known).residual
-        at = np.flatnonzero(one.time[:-1] - one.time[0] > SETTLED / gain)[::WEIGHED]
+        at = np.flatnonzero(one.time[:-1] - one.time[0] > TIME_CONSTANTS / gain)[::WEIGHED]
         found += [(one.v[k], residual[k], observer.applications.jacobian(one.q[k])) for k in at]
     if not found:
         return expected
@@ -84,7 +84,7 @@ def expected_from(
         stiction[rows], rate[rows] = np.abs(values.friction.coulomb), values.friction.rate
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
-    least = LEAST_ERROR * weight * row_scale(model)
+    least = LEAST_ROW_ERROR * weight * row_scale(model)
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), stiction, rate)
 
 
@@ -94,6 +94,6 @@ def row_scale(model: pin.Model) -> Array:
     return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])
 
 
-def _rms(values: Array) -> Array:
+def _column_rms(values: Array) -> Array:
     """Return the root mean square (k,) of the columns of values (m, k)."""
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -106,6 +106,8 @@ class ObserverScores:
     @property
     def judgement(self) -> tuple[str, bool]:
         """What no force explains says about the belief, in words, and whether the belief is wrong."""
+        if self.k is None and self.seen is not None:
+            return "belief: cannot be judged, as no row is to spare", False
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
         words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
@@ -138,15 +140,24 @@ class ObserverScores:
 
 
 def found_events(estimate: StoredEstimate, use: CalibrationUse | None) -> list[FoundEvent] | None:
-    """Return the contacts of a calibration with the largest force during each, or those of the rows; else None."""
-    if use is None or use.contacts is None:
-        return row_contacts(estimate)
+    """Return the contacts of a calibration with the largest force that is seen during each, or those of rows.
+
+    None without a calibration, which says what is normal. A contact of which nothing is seen is none.
+    """
+    head = estimate.head
+    if use is None or not head.frames:
+        return None if use is None else row_contacts(estimate)
+    if use.contacts is None:
+        return None
     found = []
     for contact in use.contacts:
-        if contact.frame in estimate.head.frames and estimate.head.are_world_forces:
+        if contact.frame in head.frames and head.are_world_forces:
             last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
             during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
-            force = during.force[during.time[1:] > contact.onset, estimate.head.frames.index(contact.frame)]
+            rows, at = during.time[1:] > contact.onset, head.frames.index(contact.frame)
+            shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
+            force = np.where(shown, during.force[rows, at], 0.0)
             size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
-            found.append(FoundEvent(point_label(contact.frame), contact.onset, contact.alarm, contact.end, size))
+            if shown.any() or not len(shown):
+                found.append(FoundEvent(point_label(contact.frame), contact.onset, contact.alarm, contact.end, size))
     return found

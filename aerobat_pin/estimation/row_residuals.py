@@ -12,7 +12,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, LevelDetector, Observer, row_names
 
 THRESHOLD = 5.0  # deviations of a row, beyond which something pushes
-FLOOR = 0.5  # of the threshold, where it begins and ends
+CONTACT_ENDS = 0.5  # of the threshold, where it begins and ends
 
 
 def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expected: Expected | None) -> Estimate:
@@ -49,7 +49,9 @@ def row_contacts(estimate: StoredEstimate) -> list[FoundEvent] | None:
     bars = np.concatenate([THRESHOLD * np.asarray(block.standard_deviation) for block in estimate.blocks()])
     found = []
     for k, label in enumerate(head.identifiability.components):
-        for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(time, np.abs(values[:, k]) / bars[:, k]):
+        for event in LevelDetector(np.zeros(()), CONTACT_ENDS, 1.0, 0.0).detect(
+            time, np.abs(values[:, k]) / bars[:, k]
+        ):
             during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
             size = float(np.max(np.abs(values[during, k])))
             found.append(FoundEvent(label, event.onset, event.alarm, event.end, size))

@@ -60,9 +60,8 @@ def built_observers(
     chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = (), expected: Expected | None = None
 ) -> list[Observer]:
     """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
-    points, residuals = points_of(chosen), ("momentum",)  # without points there is nothing to project onto
-    usual = chosen.observer.names if points or "names" in chosen.observer.model_fields_set else residuals
-    names = tuple(names) or usual
+    points = points_of(chosen)
+    names = (tuple(names) or chosen.observer.names) if points else ("momentum",)  # all others need a point
     if not names or any(name not in OBSERVERS for name in names):
         raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
     section, made = chosen.observer, []

@@ -15,7 +15,7 @@ from aerobat_pin.observers.rows import BelievedRows, Rows
 SHOWN = 0.9  # of what was expected of a component: what is seen better counts as seen
 DOUBTFUL = 3.0  # how many times as large as stated the errors of the rows may be (in squares) before it is said
 LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
-ROUNDS = 3  # each finds the size of the forces given that of the errors, and then the errors
+SIZE_ROUNDS = 3  # each finds the size of the forces given that of the errors, and then the errors
 SIZES_TRIED = 2.0 ** np.arange(11)
 CHANGES_TRIED = 2.0 ** np.arange(-2.0, 2.5, 0.5)
 SHARE_OF_WEIGHT = 1.0 / 3.0  # of the robot's weight: the size of a force that nothing else is known of
@@ -122,7 +122,7 @@ def with_record(
         cov = covariance(np.maximum(sizes, 1.0), k)
         return float(np.sum(np.linalg.slogdet(cov)[1]) + np.sum(y * np.linalg.solve(cov, y[..., None])[..., 0]))
 
-    for _ in range(ROUNDS):
+    for _ in range(SIZE_ROUNDS):
         factors = np.full(len(factors), min(SIZES_TRIED, key=lambda size: unlikely(np.full(len(factors), size))))
         for axis in np.eye(len(factors)):
             tried = [np.maximum(factors * np.where(axis > 0.0, change, 1.0), 1.0) for change in CHANGES_TRIED]

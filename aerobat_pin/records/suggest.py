@@ -18,6 +18,8 @@ from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
+from aerobat_pin.records.robot_files import robot_of_map
+from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.suggest_joints import (
     UNITS_IN_NAMES,
     joint_columns,
@@ -43,7 +45,9 @@ GROUP_WORDS = {  # what a group of columns may be -> words in its name
 
 @guarded()
 def suggested_map(log: Path, urdf: Path | None) -> str:
-    """Return the text of a map for a log, with questions as comments. Raises LogError if the log cannot be read."""
+    """Return a map for a log as text, with questions as comments. Raises LogError if log or robot cannot be read."""
+    if urdf is not None:
+        robot_of_map(RobotTable(urdf=str(urdf.absolute()), points=()), urdf.parent)
     columns = _all_columns(log)
     groups = dict(_column_groups(columns))
     lines = [

@@ -24,7 +24,7 @@ LATE_COMMAND = 5.0e-3  # [s]
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
-SEEN = 0.95  # share of the time from which a component counts as always seen
+ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
 MANY = 20_000  # intervals of which the power is taken
 
 
@@ -77,7 +77,7 @@ def _sensor_findings(record: Record, side: Compared, estimate: StoredEstimate) -
     """Yield sign and factor of the sensor against the estimate, on its liveliest component, if that is always seen."""
     k = side.liveliest
     name = f"{side.reference.frame}.{side.reference.labels[k]}"
-    if estimate.seen is not None and estimate.seen[estimate.head.identifiability.components.index(name)] < SEEN:
+    if estimate.seen is not None and estimate.seen[estimate.head.identifiability.components.index(name)] < ALWAYS_SEEN:
         return
     one, other = side.sample(MOST_SAMPLES)
     found = compare(one[:, [k]], other[:, [k]], np.arange(len(one)) * record.dt)

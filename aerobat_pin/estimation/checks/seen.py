@@ -17,7 +17,7 @@ from aerobat_pin.records import Record
 
 MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
-STRAIGHT = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
+STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
@@ -31,8 +31,8 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             if size.seen is None or size.seen > ALWAYS or size.name in told:
                 continue
             told.add(size.name)
-            hidden = _stretches(estimate, k)
-            begin, end = max(hidden, key=lambda ends: ends[1] - ends[0])
+            hidden = sorted(_stretches(estimate, k), key=lambda ends: ends[0] - ends[1])  # the longest first
+            begin, end = hidden[0]
             times = ", ".join(
                 f"{estimate.start[a] - record.start:.3g} to {estimate.start[b - 1] - record.start + record.dt:.3g} s"
                 for a, b in hidden[:MOST_NAMED]
@@ -88,4 +88,4 @@ def _is_straight(record: Record, q: Array, frame: str, direction: Array) -> bool
     lengths = np.linalg.norm(lines, axis=1)
     far = lengths > FAR * lengths.max()
     across = np.linalg.norm(np.cross(lines, direction), axis=1)
-    return bool(np.all(across[far] < STRAIGHT * lengths[far]))
+    return bool(np.all(across[far] < STRAIGHT_ARM * lengths[far]))

@@ -10,7 +10,7 @@ from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import POWER_ROW, power_unit, put_rows
 from aerobat_pin.observers.rows import BASE_ROWS, TIED
 
-LASTING = 2.5  # [s]: how long errors of the rows last
+MEMORY_OF_K = 2.5  # [s]: how long errors of the rows last
 
 
 @inner
@@ -51,7 +51,7 @@ def estimate_posterior(
     doubt[c] = k
     if k > 0.0:
         observer.lasting[1] += dt
-        observer.lasting[0] += min(dt / observer.lasting[1] + dt / LASTING, 1.0) * (k - observer.lasting[0])
+        observer.lasting[0] += min(dt / observer.lasting[1] + dt / MEMORY_OF_K, 1.0) * (k - observer.lasting[0])
     k = max(k, observer.lasting[0], observer.least[0]) if k > 0.0 else max(observer.lasting[0], observer.least[0])
     if k > 1.0:
         solve_for_components(observer, k, force, doubt)
