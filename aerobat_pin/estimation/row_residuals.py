@@ -47,11 +47,9 @@ def row_contacts(estimate: StoredEstimate) -> list[FoundEvent] | None:
     time = np.concatenate([estimate.start[:], [estimate.end]])
     values = np.concatenate([block.components for block in estimate.blocks()])
     bars = np.concatenate([THRESHOLD * np.asarray(block.standard_deviation) for block in estimate.blocks()])
-    found = []
+    found, detector = [], LevelDetector(np.zeros(()), CONTACT_ENDS, 1.0, 0.0)
     for k, label in enumerate(head.identifiability.components):
-        for event in LevelDetector(np.zeros(()), CONTACT_ENDS, 1.0, 0.0).detect(
-            time, np.abs(values[:, k]) / bars[:, k]
-        ):
+        for event in detector.detect(time, np.abs(values[:, k]) / bars[:, k]):
             during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
             size = float(np.max(np.abs(values[during, k])))
             found.append(FoundEvent(label, event.onset, event.alarm, event.end, size))
