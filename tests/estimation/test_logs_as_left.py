@@ -83,7 +83,7 @@ def test_a_hole_at_an_end_of_a_column_shortens_the_record(swing: pd.DataFrame, t
 
 
 def test_a_hole_that_is_interpolated_would_cost_a_force(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Outside of the hole the forces are those without it, to 1 %: sizes are expected by all that is used; in it none."""
+    """Outside of the hole the forces are those without it, to 1 %, as what is expected depends on all; in it none."""
     whole = estimate(opened(swing, tmp_path), trust=True).estimates["force_level"]
     table = swing.copy()
     table.loc[400:599, "lift_i"] = np.nan
