@@ -341,7 +341,7 @@ LONG = "run_sweep"  # starts processes; its sweep comes from load_sweep
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
-effort_findings record_findings moving_weight AllBut with_record robot_length low_passed
+effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
 typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
 changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events
