@@ -9,12 +9,11 @@ import pinocchio as pin
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels import posterior
 from aerobat_pin.observers.rows import BelievedRows, Rows
 
 SHOWN = 0.9  # of what was expected of a component: what is seen better counts as seen
 DOUBTFUL = 3.0  # how many times as large as stated the errors of the rows may be (in squares) before it is said
-LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
 SIZE_ROUNDS = 3  # each finds the size of the forces given that of the errors, and then the errors
 SIZES_TRIED = 2.0 ** np.arange(11)
 CHANGES_TRIED = 2.0 ** np.arange(-2.0, 2.5, 0.5)
@@ -63,13 +62,14 @@ class Expected:
         at_rest = 1.0 - np.tanh(v / self.stiction_rate) ** 2
         return np.asarray(np.sqrt(self.row_error**2 + self.stiction**2 / 3.0 * at_rest))
 
-    def write(self, memory: ObserverMemory) -> None:
-        """Write it into an observer's memory."""
-        memory.information[:] = self.force**-2.0
-        memory.row_variance[:] = self.row_error**2
-        memory.stiction_variance[:] = self.stiction**2 / 3.0
-        memory.stiction_rate[:] = self.stiction_rate
-        memory.least[:] = self.doubt
+    def write(self, table: Array) -> None:
+        """Write it into `ObserverMemory.posterior` (8, nv + c)."""
+        c, nv = len(self.force), len(self.row_error)
+        table[posterior.INFORMATION, :c] = self.force**-2.0
+        table[posterior.ROW_VARIANCE, :nv] = self.row_error**2
+        table[posterior.STICTION, :nv] = self.stiction**2 / 3.0
+        table[posterior.STICTION_RATE, :nv] = self.stiction_rate
+        table[posterior.LEVELS, 0] = self.doubt
 
 
 def seen_share(deviation: Array, expected: Array) -> Array:
@@ -130,6 +130,6 @@ def with_record(
         unsettled = np.linalg.inv(covariance(factors, 1.0))  # the share of a row's error that no force takes up ...
         unsettled = unsettled @ unsettled  # ... is its square, see `estimate_posterior`
         spare = np.trace(unsettled, axis1=1, axis2=2)
-        left = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= LEAST_SPARE]
-        k = max(1.0, float(np.median(left / spare[spare >= LEAST_SPARE]))) if len(left) else 1.0
+        left = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= posterior.LEAST_SPARE]
+        k = max(1.0, float(np.median(left / spare[spare >= posterior.LEAST_SPARE]))) if len(left) else 1.0
     return replace(expected, force=factors * expected.force, doubt=k)

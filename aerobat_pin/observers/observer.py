@@ -154,7 +154,7 @@ class Observer:
         memory.gain[:], memory.basis[:] = self._gains, self._basis
         memory.weight[:], memory.tied[:] = self.believed.weight, self.believed.tied
         if self.expected is not None:
-            self.expected.write(memory)
+            self.expected.write(memory.posterior)
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
     @guarded()
@@ -164,7 +164,7 @@ class Observer:
             raise ObserverError("expect: this observer was made without sizes that are expected")
         expected.refuse_unusable(self._count, self._nv)
         self.expected = expected
-        expected.write(fields_of(observer_in, self._memory))
+        expected.write(fields_of(observer_in, self._memory).posterior)
 
     @guarded()
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:

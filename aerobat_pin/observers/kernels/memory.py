@@ -40,13 +40,9 @@ class ObserverMemory(NamedTuple):
     tied: Annotated[Array, "sizes.nv * min(sizes.tied, 1), sizes.tied"]  # `BelievedRows.tied`, or empty
     components: Annotated[Array, "sizes.components, 11"]  # as `Applications.table`
     support: Annotated[Array, "sizes.components, sizes.nv"]  # as `Applications.support`
-    information: Annotated[Array, "sizes.components * sizes.expected"]  # S^-2 of the expected components
-    row_variance: Annotated[Array, "sizes.nv * sizes.expected"]  # of the rows where nothing touches
-    stiction_variance: Annotated[Array, "sizes.nv * sizes.expected"]  # of rows at rest, beyond that
-    stiction_rate: Annotated[Array, "sizes.nv * sizes.expected"]  # at which Coulomb friction has set in
-    remainder: Annotated[Array, "sizes.nv * sizes.expected"]  # whitened rows that no force explains, filtered
-    least: Annotated[Array, "1"]  # k that is expected
-    lasting: Annotated[Array, "2"]  # mean k over some seconds, and the time [s] over which it was taken
+    posterior: Annotated[
+        Array, "8 * sizes.expected, sizes.nv + sizes.components"
+    ]  # see there; one array, as each costs time
     samples: Annotated[Array, "2, 3 + sizes.components, sizes.nv"]  # the two latest samples, as in `residual`
     filtered: Annotated[Array, "2, sizes.filtered"]  # state of the filter
     unseen: Annotated[Array, "sizes.components, sizes.components"]  # projector onto the blind patterns, if any
@@ -57,8 +53,6 @@ class ObserverMemory(NamedTuple):
     given: Annotated[Array, "sizes.components + 1, sizes.nv"]  # Jacobians of the components, and a generalised force
     span: Annotated[Array, "sizes.components + 1, sizes.nv"]  # their weighted rows in use, padded with zeros
     equations: Annotated[Array, "sizes.components, sizes.components"]  # after `project` their Cholesky factor
-    variance: Annotated[Array, "sizes.nv * sizes.expected"]
-    column: Annotated[Array, "sizes.components * sizes.expected"]
 
 
 observer_sizes = layout_of(ObserverSizes)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, copy_values, dot, inner, merged, solve_factored, solve_positive
-from aerobat_pin.observers.expected import LEAST_SPARE
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import POWER_ROW, power_unit, put_rows
 from aerobat_pin.observers.rows import BASE_ROWS, TIED
 
+LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
+# Rows of `ObserverMemory.posterior`: of components S^-2 and scratch; of rows the variance where nothing touches, what
+# stiction adds at rest, the rate at which that fades, whitened remainders behind the filter, and scratch; then the k
+# that is expected, its mean over some seconds, and the time [s] over which that was taken.
+INFORMATION, COLUMN, ROW_VARIANCE, STICTION, STICTION_RATE, REMAINDER, VARIANCE, LEVELS = range(8)
 MEMORY_OF_K = 2.5  # [s]: how long errors of the rows last
 
 
@@ -34,14 +38,15 @@ def estimate_posterior(
     To `doubt` (c + 1,) are written the standard deviations sqrt(P_ii), then k of this instant alone; NaN without a row
     to spare.
     """
-    c, span, remainder = force.shape[0], observer.span, observer.remainder
+    c, span, remainder = force.shape[0], observer.span, observer.posterior[REMAINDER]
+    information, levels = observer.posterior[INFORMATION], observer.posterior[LEVELS]
     whiten_rows(observer, before, after, generalized)
     solve_for_components(observer, 1.0, force, doubt)
     spare = float(observer.sizes.believed)
     for i in range(c):
-        spare -= 1.0 - (doubt[i] * doubt[i] * observer.information[i]) ** 2
+        spare -= 1.0 - (doubt[i] * doubt[i] * information[i]) ** 2
     kept, size = np.exp(-observer.gain[0] * dt), 0.0
-    for s in range(remainder.shape[0]):  # of y - J^T f, whitened
+    for s in range(span.shape[1]):  # of y - J^T f, whitened
         rest = span[c, s]
         for i in range(c):
             rest -= force[i] * span[i, s]
@@ -50,9 +55,9 @@ def estimate_posterior(
     k = size / spare if spare >= LEAST_SPARE else np.nan
     doubt[c] = k
     if k > 0.0:
-        observer.lasting[1] += dt
-        observer.lasting[0] += min(dt / observer.lasting[1] + dt / MEMORY_OF_K, 1.0) * (k - observer.lasting[0])
-    k = max(k, observer.lasting[0], observer.least[0]) if k > 0.0 else max(observer.lasting[0], observer.least[0])
+        levels[2] += dt
+        levels[1] += min(dt / levels[2] + dt / MEMORY_OF_K, 1.0) * (k - levels[1])
+    k = max(k, levels[1], levels[0]) if k > 0.0 else max(levels[1], levels[0])
     if k > 1.0:
         solve_for_components(observer, k, force, doubt)
 
@@ -61,12 +66,13 @@ def estimate_posterior(
 def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generalized: Array) -> None:
     """Write the rows in use of the Jacobians, and then of the generalised force, over the rows' standard deviations."""
     c, nv, span, given = observer.fitted.shape[0], generalized.shape[0], observer.span, observer.given
-    velocity, variance, stiction = observer.velocity, observer.variance, observer.stiction_variance
+    velocity, table = observer.velocity, observer.posterior
+    variance = table[VARIANCE]
     weight, kind, tied = observer.weight, observer.sizes.rows, observer.tied
     for k in range(nv):
         velocity[k] = 0.5 * (before[2, k] + after[2, k])
-        sliding = np.tanh(velocity[k] / observer.stiction_rate[k])
-        variance[k] = observer.row_variance[k] + stiction[k] * (1.0 - sliding * sliding)
+        sliding = np.tanh(velocity[k] / table[STICTION_RATE, k])
+        variance[k] = table[ROW_VARIANCE, k] + table[STICTION, k] * (1.0 - sliding * sliding)
     for i in range(c):
         copy_values(observer.jacobian[i], given[i])
     copy_values(generalized, given[c])
@@ -90,15 +96,16 @@ def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generaliz
 @merged
 def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt: Array) -> None:
     """Write the components and their standard deviations, given whitened rows and k."""
-    A, span, column, c = observer.equations, observer.span, observer.column, force.shape[0]
+    A, span, c = observer.equations, observer.span, force.shape[0]
+    information, column = observer.posterior[INFORMATION], observer.posterior[COLUMN, :c]
     for i in range(c):
         force[i] = dot(span[i], span[c]) / k
         for j in range(i + 1):
             A[i, j] = dot(span[i], span[j]) / k
-        A[i, i] += observer.information[i]
+        A[i, i] += information[i]
     solve_positive(A, force)
     for i in range(c):
-        column[i] = observer.information[i] * force[i]
+        column[i] = information[i] * force[i]
     solve_factored(A, column)
     for i in range(c):
         force[i] += column[i]
@@ -111,3 +118,11 @@ def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt
             column[i] /= A[i, i]
             size += column[i] * column[i]
         doubt[j] = np.sqrt(size)
+
+
+@merged
+def forget_errors(observer: ObserverMemory) -> None:
+    """Begin without errors of the rows."""
+    if observer.sizes.expected > 0:
+        observer.posterior[REMAINDER, :] = 0.0
+        observer.posterior[LEVELS, 1:3] = 0.0

@@ -25,7 +25,7 @@ import numpy as np
 from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel, merged
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
-from aerobat_pin.observers.kernels.posterior import estimate_posterior
+from aerobat_pin.observers.kernels.posterior import estimate_posterior, forget_errors
 from aerobat_pin.observers.kernels.projection import fit_forces, project
 
 TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
@@ -177,8 +177,8 @@ def start_observer(memory: Array, v: Array) -> None:
     """Take the first sample of a stream and set the filter to zero."""
     observer = observer_in(memory)
     observer.newest[0] = 0
-    observer.filtered[:, :], observer.remainder[:] = 0.0, 0.0
-    observer.lasting[:] = 0.0
+    observer.filtered[:, :] = 0.0
+    forget_errors(observer)
     write_sample(observer, v, observer.samples[0])
 
 
@@ -236,8 +236,8 @@ def repeat_interval(samples: Array, out: Array, k: int) -> None:
 def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
     """Apply `observe` to a record, writing out (m, width of `observe`); return the first bad interval, or -1."""
     observer = observer_in(memory)
-    observer.filtered[:, :], observer.remainder[:] = 0.0, 0.0
-    observer.lasting[:] = 0.0
+    observer.filtered[:, :] = 0.0
+    forget_errors(observer)
     for k in range(u.shape[0]):
         dt = time[k + 1] - time[k]
         if dt == 0.0:
