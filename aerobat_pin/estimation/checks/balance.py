@@ -20,7 +20,7 @@ from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import MOMENT_ARM, AllBut
 from aerobat_pin.records import Block, Record
 
-INSTANTS = 1200  # of the record that are looked at
+INSTANTS = 400  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 RANK = 1e-6
