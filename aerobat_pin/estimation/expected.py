@@ -10,6 +10,7 @@ import pinocchio as pin
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     SHARE_OF_WEIGHT,
@@ -29,7 +30,6 @@ EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs:
 LEAST_ROW_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
 LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
 WEIGHED = 20  # of them, one in so many is weighed
-TIME_CONSTANTS = 5.0  # time constants of the observer
 
 
 def expected_of(
@@ -62,7 +62,7 @@ def expected_of(
     observer = MomentumObserver(record.robot.model, points, gain, stretches[0].rows)
     for one in stretches:
         residual = observer.run(one.time, one.q, one.v, one.tau, one.known).residual
-        at = np.flatnonzero(one.time[:-1] - one.time[0] > TIME_CONSTANTS / gain)[::WEIGHED]
+        at = np.flatnonzero(one.time[:-1] - one.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)[::WEIGHED]
         found += [(one.v[k], residual[k], observer.applications.jacobian(one.q[k])) for k in at]
     if not found:
         return expected

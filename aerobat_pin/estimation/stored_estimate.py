@@ -55,7 +55,7 @@ class StoredEstimate:
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._variance, self._shown = np.zeros((4, block.components.shape[1]))
-            self._doubt = 0.0
+            self._doubt, self._judged = 0.0, 0
             self._columns = {
                 name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in found.items()
             }
@@ -82,7 +82,8 @@ class StoredEstimate:
         if block.standard_deviation is not None:
             self._variance += np.sum(np.where(shown, block.standard_deviation, 0.0) ** 2, axis=0)
         if block.doubt is not None:
-            self._doubt += float(np.sum(block.doubt))
+            self._doubt += float(np.nansum(block.doubt))
+            self._judged += int(np.sum(np.isfinite(block.doubt)))
 
     def __len__(self) -> int:
         """Return the number of intervals."""
@@ -138,8 +139,11 @@ class StoredEstimate:
 
     @property
     def doubt(self) -> float | None:
-        """Mean k: how many times as large as stated the squared errors of the rows are; None if it is not known."""
-        return self._doubt / len(self) if self.head.doubt is not None and np.isfinite(self._doubt) else None
+        """Mean k: how many times as large as stated the squared errors of the rows are.
+
+        None if half of the intervals or more have no row to spare that shows it.
+        """
+        return self._doubt / self._judged if 2 * self._judged > len(self) else None
 
     @property
     def redundancy(self) -> Redundancy:

@@ -35,7 +35,8 @@ def learnt(folder: Path, seed: int, points: list[str]) -> Calibration:
 def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(seed: int, tmp_path: Path) -> None:
     """20 N on an arm of 17 kg with friction of another law: 7 N rms, 95 % within two deviations, nothing absurd."""
     force = write_log(tmp_path / "push.csv", seed, pushed)
-    found = estimate(opened(tmp_path / "push.csv", ["tool0"]), calibration=learnt(tmp_path, seed, ["tool0"]))
+    calibration = learnt(tmp_path, seed, ["tool0"])
+    found = estimate(opened(tmp_path / "push.csv", ["tool0"]), calibration=calibration)
     whole = found.estimates["force_level"]
     truth = 0.5 * (force[1:] + force[:-1])[-len(whole.components) :]
     error, shown, sure = whole.components - truth, whole.shown, whole.standard_deviation
@@ -47,7 +48,7 @@ def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(seed
     assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max()
     assert found.observers["force_level"].k < 3.0
     write_log(tmp_path / "off.csv", seed, pushed, (0.25, 0.0, 0.0))
-    beside = estimate(opened(tmp_path / "off.csv", ["tool0"]), calibration=learnt(tmp_path, seed, ["tool0"]))
+    beside = estimate(opened(tmp_path / "off.csv", ["tool0"]), calibration=calibration)
     assert beside.observers["force_level"].k > 10.0
     assert any("forces elsewhere, a moment, or a wrong model" in line for line in beside.warnings)
 

@@ -12,7 +12,7 @@ from support.arm import arm, push, rest
 from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.observers import OBSERVERS, Estimate, Expected, ForceLevelObserver, Observer
+from aerobat_pin.observers import OBSERVERS, Application, Estimate, Expected, ForceLevelObserver, Observer
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.rows import ROWS, Rows
 
@@ -127,6 +127,29 @@ def test_friction_at_rest_is_no_force() -> None:
         found = observer.run(np.arange(201) / 100, np.tile(q, (201, 1)), np.zeros((201, 6)), tau)
         assert np.all(np.abs(found.components[-1]) < 2.0 * found.standard_deviation[-1])
         assert (found.doubt[-1] < 3.0) == bool(known.any())
+
+
+def test_the_smallest_robots_keep_their_memory() -> None:
+    """One joint and one component, and a base without joints under `base+power`: a push is found, and all is finite."""
+    slide = pin.Model()
+    slide.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    slide.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
+    slide.addFrame(pin.Frame("end", 1, 0, pin.SE3.Identity(), pin.OP_FRAME))
+    along = Application("end", direction=(1.0, 0.0, 0.0))
+    body = pin.Model()
+    body.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    body.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
+    body.addFrame(pin.Frame("end", 1, 0, pin.SE3(np.eye(3), np.array([0.3, 0.1, 0.2])), pin.OP_FRAME))
+    for model, point, rows, force in ((slide, along, "all", [3.0]), (body, "end", "base+power", [3.0, -1.0, 2.0])):
+        nv, c, count = model.nv, len(force), 300
+        expected = Expected(np.full(c, 1e4), np.full(nv, 0.01), np.zeros(nv), np.ones(nv))
+        observer = ForceLevelObserver(model, [point], 100.0, rows, expected)
+        q = np.tile(pin.neutral(model), (count + 1, 1))
+        J = observer.applications.jacobian(q[0])
+        tau = np.tile(pin.computeGeneralizedGravity(model, model.createData(), q[0]) - J.T @ force, (count, 1))
+        found = observer.run(np.arange(count + 1) / 100, q, np.zeros((count + 1, nv)), tau)
+        np.testing.assert_allclose(found.components[-1], force, atol=1e-5)
+        assert np.all(np.isfinite(found.standard_deviation))
 
 
 def test_what_cannot_be_expected_is_refused() -> None:

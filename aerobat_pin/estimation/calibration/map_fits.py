@@ -69,21 +69,11 @@ def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[n
     payload, free = record.map.payload, record.map.use.free
     stretches += [] if payload is None or payload.com is not None else [payload.fit or free or (0.0, np.inf)]
     shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
-    stretches += [(_at_share(record, low), _at_share(record, high)) for low, high in shares]
+    stretches += [(_time_after(record, low), _time_after(record, high)) for low, high in shares]
     used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~in_stretch(when, free)
     for one in stretches:
         used |= in_stretch(when, one)
     return used
-
-
-def _at_share(record: Record, share: float) -> float:
-    """Return the time after the start [s] at which a share of the used intervals has passed."""
-    left = share * sum(last - first for first, last in record.parts)
-    for first, last in record.parts:
-        if left <= last - first:
-            break
-        left -= last - first
-    return float(first + left) * record.dt
 
 
 def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:

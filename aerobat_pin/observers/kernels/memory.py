@@ -40,9 +40,8 @@ class ObserverMemory(NamedTuple):
     tied: Annotated[Array, "sizes.nv * min(sizes.tied, 1), sizes.tied"]  # `BelievedRows.tied`, or empty
     components: Annotated[Array, "sizes.components, 11"]  # as `Applications.table`
     support: Annotated[Array, "sizes.components, sizes.nv"]  # as `Applications.support`
-    posterior: Annotated[
-        Array, "8 * sizes.expected, sizes.nv + sizes.components"
-    ]  # see there; one array, as each costs time
+    # Rows as `posterior.py` names them, wide enough for three numbers; one array, as each field costs time.
+    posterior: Annotated[Array, "8 * sizes.expected, sizes.nv + sizes.components + 1"]
     samples: Annotated[Array, "2, 3 + sizes.components, sizes.nv"]  # the two latest samples, as in `residual`
     filtered: Annotated[Array, "2, sizes.filtered"]  # state of the filter
     unseen: Annotated[Array, "sizes.components, sizes.components"]  # projector onto the blind patterns, if any

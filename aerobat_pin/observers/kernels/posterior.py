@@ -78,7 +78,7 @@ def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generaliz
     copy_values(generalized, given[c])
     unit = power_unit(observer, velocity)
     put_rows(observer, given, velocity, unit, span)
-    for s in range(observer.sizes.believed):
+    for s in range(min(observer.sizes.believed, nv)):  # a base without joints has no row of power
         size = 0.0
         if kind == TIED:
             for k in range(nv):
