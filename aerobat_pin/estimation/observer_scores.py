@@ -104,9 +104,14 @@ class ObserverScores:
         )
 
     @property
+    def states_seen(self) -> bool:
+        """Whether sizes were expected, so that it is stated how much of each component is seen."""
+        return any(size.seen is not None for size in self.components)
+
+    @property
     def judgement(self) -> tuple[str, bool]:
         """What no force explains says about the belief, in words, and whether the belief is wrong."""
-        if self.k is None and self.seen is not None:
+        if self.k is None and self.states_seen and self.innovation is None:  # a filter has no k
             return "belief: cannot be judged, as no row is to spare", False
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"

@@ -85,6 +85,17 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
         assert stored["seen"].dims == stored["force_deviation_W"].dims == stored["force_W"].dims
 
 
+def test_each_observer_says_of_the_belief_what_it_knows(folder: Path) -> None:
+    """Six unknowns leave no row to spare, and that is said; a filter, which has no k, is judged by its spare rows."""
+    values = arm_map([])
+    values["robot"] = values["robot"] | {"wrenches": ["tool0"], "points": []}
+    wrench = estimate(open_record(folder / "push.csv", parse_map(values, "of the test"), folder))
+    assert "no row is to spare" in wrench.observers["force_level"].judgement[0]
+    found = estimate(opened(folder / "push.csv", ["tool0"]), ["force_level", "kalman"]).observers
+    assert "squared errors" in found["force_level"].judgement[0]
+    assert found["kalman"].judgement[0] == found["kalman"].redundancy.describe()
+
+
 def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
     """Torques with deviations and contacts: those of the push, in joints that it turns, and none where nothing does."""
     learnt = calibrate([opened(folder / "free.csv", [], friction=True)])
