@@ -125,7 +125,12 @@ class Applications:
         model, data = self.model, self.model.createData()
         blocks = [np.zeros((0, model.nv))]
         for application in self.given:
-            axes = pin.ReferenceFrame.LOCAL if application.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            frame = frame_id(model, application.frame)
-            blocks.append(application.directions @ frame_jacobian(model, data, np.asarray(q, float), frame, axes))
+            frame = frame_jacobian(model, data, np.asarray(q, float), *frame_axes(model, application))
+            blocks.append(application.directions @ frame)
         return np.concatenate(blocks)
+
+
+def frame_axes(model: pin.Model, application: Application) -> tuple[int, pin.ReferenceFrame]:
+    """Return the index of an application's frame, and in which axes Pinocchio gives the Jacobian of its components."""
+    axes = pin.ReferenceFrame.LOCAL if application.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    return frame_id(model, application.frame), axes

@@ -38,6 +38,7 @@ from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
+from aerobat_pin.observers.reference import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 
@@ -120,8 +121,7 @@ class Observer:
             expected=int(self.expected is not None),
         )
         self._nv, self._count = nv, count
-        self._rest = nv + count if self.expected is None else nv + 2 * count + 1  # where a record has more columns
-        self._width = self._rest
+        self._width = nv + count if self.expected is None else nv + 2 * count + 1
         self._memory = new_memory(observer_in, *self._sizes)
         self._fill(fields_of(observer_in, self._memory))
         self._update: Any = kernels.update_observer
@@ -267,28 +267,17 @@ class Observer:
         """Start the filter at the sample for which Pinocchio has just computed M, C and g."""
         kernels.start_observer(self._memory, v)
 
-    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        """Filter a checked record; return the results (m, width) and the samples in the form that kernels need."""
-        memory = self._memory.copy()  # so that a running stream is not disturbed
-        samples = np.empty((len(time), 3 + self._count, self._nv))
-        fields_of(observer_in, memory).record[:] = v.ctypes.data, samples.ctypes.data, 0
-        self._each_sample(kernels.record_sample, memory, q, v)
-        out = np.empty((len(u), self._width + self._nv + 1))
-        self._refuse_huge(kernels.observe_all(samples, time, u, memory, out), time)
-        return out, samples
+    def _run(
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
+    ) -> tuple[Observed, Samples]:
+        """Filter a checked record; return the results, and the samples from which they follow."""
+        samples = sample_robot(self.model, self.data, self._compute, self.applications, q, v)
+        kind = self.project_first, self.kind
+        equations = Equations(*kind, self._gains, self._basis, self.slope, self.believed, self.expected)
+        return observe_record(equations, samples, time, u), samples
 
-    def _each_sample(self, kernel: Any, memory: Array, q: Array, v: Array) -> None:
-        """Call a kernel at every sample of a record, after Pinocchio has computed M, C and g there."""
-        model, data, compute = self.model, self.data, self._compute
-        for configuration, velocity in zip(q, v, strict=True):
-            compute(model, data, configuration, velocity)
-            kernel(memory)
-
-    def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
+    def _estimate(self, time: Array, found: Observed, samples: Samples) -> Estimate:
         """Return the results of a record as an `Estimate`."""
-        nv, count = self._nv, self._count
-        rest = out[:, self._rest : self._rest + nv + 1]  # what no force explains, and the smallest pivot
-        known = judge(self.applications, samples[:, 3 : 3 + count], samples[:, 2], self.believed, rest[:, nv])
         expected = self.expected
         return Estimate(
             observer=self.name,
@@ -296,21 +285,17 @@ class Observer:
             rows=self.believed.name,
             frames=self.applications.frames,
             time=time,
-            components=out[:, nv : nv + count],
+            components=found.components,
             units=self.applications.units,
-            residual=out[:, :nv],
-            identifiability=known,
-            unexplained=rest[:, :nv],
+            residual=found.residual,
+            identifiability=judge(self.applications, samples.J, samples.v, self.believed, found.pivot),
+            unexplained=found.unexplained,
             rows_in_use=self.believed.count,
             weight=moving_weight(self.model),
-            standard_deviation=None if expected is None else out[:, nv + count : nv + 2 * count],
+            standard_deviation=found.deviation,
             expected_force=None if expected is None else expected.force,
-            doubt=None if expected is None else out[:, nv + 2 * count],
+            doubt=found.k,
         )
-
-    def _refuse_huge(self, bad: int, time: Array) -> None:
-        if bad >= 0:
-            raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
 
     @guarded()
     def _checked(

@@ -19,10 +19,9 @@ from support.observer_twins import ObserverTwin
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.numerics import jit, pinocchio_views, small_matrices
-from aerobat_pin.observers import MomentumObserver, Observer, SmootherObserver
+from aerobat_pin.observers import Observer, SmootherObserver
 from aerobat_pin.observers.kalman import kernels as kalman_kernels
 from aerobat_pin.observers.kalman import smoother_kernels
-from aerobat_pin.observers.kernels import residual
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 
 # ------------------------------------------------------------------------------------------------- Pinocchio's memory
@@ -178,32 +177,31 @@ import sys
 import numba
 import numpy as np
 import pinocchio as pin
-from aerobat_pin.observers import ForceLevelObserver
-from aerobat_pin.observers.kernels import residual as kernels
+from aerobat_pin.observers import KalmanObserver
+from aerobat_pin.observers.kalman import kernels
 from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
 
 model, rng = load_aerobat().model, np.random.default_rng(1)
 q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uniform(-0.5, 0.5, (50, model.nv))])
 v, tau = rng.uniform(-1.0, 1.0, (50, model.nv)), rng.uniform(-1.0, 1.0, (49, model.nv))
-observer = ForceLevelObserver(model, FORCE_POINTS, 400.0)
+observer = KalmanObserver(model, FORCE_POINTS, 400.0)
 if sys.argv[1] == "compiled":
-    ours = kernels.record_sample, kernels.observe_all
-    kernels.record_sample, kernels.observe_all = (numba.njit(one.py_func) for one in ours)
+    ours = kernels.record_noisy_sample, kernels.filter_all
+    kernels.record_noisy_sample, kernels.filter_all = (numba.njit(one.py_func) for one in ours)
     observer.run(np.arange(50) * 1e-3, q, v, tau)
-    kernels.record_sample, kernels.observe_all = ours
+    kernels.record_noisy_sample, kernels.filter_all = ours
 print(hashlib.sha256(observer.run(np.arange(50) * 1e-3, q, v, tau).force.tobytes()).hexdigest())
 """
 
 
 @compiled_only
-@pytest.mark.parametrize("kind", [MomentumObserver, SmootherObserver])
-def test_a_record_that_cannot_be_written_costs_no_compilation(kind: type[Observer]) -> None:
+def test_a_record_that_cannot_be_written_costs_no_compilation() -> None:
     """As xarray gives its times: the kernels would be compiled once more, for ten seconds."""
     model, frames = MODELS["aerobat"]
     time, q, v, tau, known = record(model)
-    observer = kind(model, frames, 400.0)
+    observer = SmootherObserver(model, frames, 400.0)
     expected = observer.run(time, q, v, tau, known)
-    kernels = residual.observe_all, kalman_kernels.filter_all, smoother_kernels.smooth_all
+    kernels = kalman_kernels.filter_all, smoother_kernels.smooth_all
     before = [len(one.signatures) for one in kernels]
     for one in (time, q, v, tau, *known.values()):
         one.setflags(write=False)

@@ -10,11 +10,12 @@ from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
 from aerobat_pin.numerics import fields_of, new_memory
 from aerobat_pin.observers import OBSERVERS, Observer
-from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.memory import ObserverSizes, observer_in
 from aerobat_pin.observers.kernels.projection import project
-from aerobat_pin.observers.rows import ROWS, Rows
+from aerobat_pin.observers.observer import compute_dynamics
+from aerobat_pin.observers.reference import Projection, sample_robot
+from aerobat_pin.observers.rows import ROWS, BelievedRows, Rows
 
 
 @pytest.mark.parametrize("gain", ["one", "each"])
@@ -55,22 +56,23 @@ def test_without_points_the_residual_equals_the_twin() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_remembered_sample_is_momentum_drift_and_jacobians(name: str) -> None:
-    """Read through the addresses of Pinocchio's results, against its own Jacobians of the frames."""
+    """In a stream read through the addresses of Pinocchio's results, against its own Jacobians of the frames."""
     model, frames = MODELS[name]
     observer = OBSERVERS["momentum"](model, frames)
     _, q, v, _, _ = record(model, count=4)
-    memory = np.full((len(v), 3 + 3 * len(frames), model.nv), np.nan)
-    observer_in(observer._memory).record[:] = v.ctypes.data, memory.ctypes.data, 0
+    samples = sample_robot(model, observer.data, compute_dynamics, observer.applications, q, v)
     for k in range(len(v)):
-        pin.crba(model, observer.data, q[k])
-        pin.computeCoriolisMatrix(model, observer.data, q[k], v[k])
-        pin.computeGeneralizedGravity(model, observer.data, q[k])
-        kernels.record_sample(observer._memory)
+        observer.reset(q[k], v[k])
         expected = twins.remembered(model, frames, q[k], v[k])
-        assert_equal(memory[k, 0], expected[0])
-        assert_equal(memory[k, 1], expected[1])
-        assert_equal(memory[k, 2], v[k])
-        assert_equal(memory[k, 3:], expected[3:])
+        stored = (
+            fields_of(observer_in, observer._memory).samples[0],
+            (*(part[k] for part in samples[:3]), *samples.J[k]),
+        )
+        for sample in stored:
+            assert_equal(sample[0], expected[0])
+            assert_equal(sample[1], expected[1])
+            assert_equal(sample[2], v[k])
+            assert_equal(np.array(sample[3:]), expected[3:])
 
 
 @pytest.mark.parametrize("moving", [True, False])
@@ -106,14 +108,9 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     project(observer, before, after, phi, found)
     W = twins.believed(model, rows, mean[2])
     assert_equal(found, twins.project(mean[3:], W, phi))
-    left = W @ (phi - mean[3:].T @ found)
-    sizes = sizes._replace(filtered=3 * points, project_first=1, filter=FIRST_ORDER)
-    memory, out = new_memory(observer_in, *sizes), np.empty(2 * nv + 3 * points + 1)
-    observer = fields_of(observer_in, memory)
-    observer.weight[:], observer.gain[:] = weight, 1e6
-    drift = 0.5 * (before[1] + after[1])
-    assert kernels.observe(before, after, after[0] - before[0] - drift - phi, 1.0, observer, out)
-    assert_equal(out[nv + 3 * points : -1], np.pad(left, (0, nv - len(left))), 1e-10)  # what no force explains
+    believed, one = BelievedRows(model, rows), np.newaxis
+    projection = Projection.of(believed, mean[one, 3:], mean[2][one], after[one, 3:], after[2][one])
+    assert_equal(projection.components(believed.of(phi[one], mean[2][one]))[0], twins.project(mean[3:], W, phi))
 
 
 @pytest.mark.parametrize("name", MODELS)

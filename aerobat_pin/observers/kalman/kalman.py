@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.errors import ObserverError
+from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_memory, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
@@ -20,6 +20,7 @@ from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_si
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
+from aerobat_pin.observers.reference import Observed, Samples
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, has_free_base, moving_weight
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
@@ -162,8 +163,7 @@ class KalmanObserver(Observer):
                     f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
                 )
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
-        self._rest = nv + 2 * len(scale)
-        self._width = self._rest + nv + 1 + nv
+        self._width = nv + 2 * len(scale) + nv + 1 + nv
         self._update = kernels.update_filter
 
     def update(
@@ -231,34 +231,46 @@ class KalmanObserver(Observer):
         filter_.x[:] = 0.0
         filter_.P[:] = np.diag(np.concatenate([np.square(filter_.noise), spread]))
 
-    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+    def _run(
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
+    ) -> tuple[Observed, Samples]:
         return self._filtered(time, q, v, u, known, np.empty((0, step_size(self._kalman.step))))
 
     def _filtered(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
-    ) -> tuple[Array, Array]:
-        """Filter a checked record; return the results (m, width) and the samples.
+    ) -> tuple[Observed, Samples]:
+        """Filter a checked record; return the results, and the samples from which they follow.
 
-        The filter's steps are written to `steps` (m, step size), unless it has no rows.
+        The filter's steps are written to `steps` (m, step size), unless it has no rows; then a smoother walks back.
         """
         memory = self._memory.copy()  # so that a running stream is not disturbed
-        kalman, nv = fields_of(kalman_in, memory), self._nv
+        kalman, nv, c, model, data = fields_of(kalman_in, memory), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
         kalman.observer.record[:] = v.ctypes.data, samples.ctypes.data, 0
-        self._each_sample(kernels.record_noisy_sample, memory, q, v)
+        for configuration, velocity in zip(q, v, strict=True):
+            self._compute(model, data, configuration, velocity)
+            kernels.record_noisy_sample(memory)
         self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
         out = np.empty((len(u), self._width))
-        errors = errors.reshape(-1, len(u), nv)
-        self._refuse_huge(kernels.filter_all(samples, time, u, errors, memory, steps, out), time)
-        return out, samples
+        bad = kernels.filter_all(samples, time, u, errors.reshape(-1, len(u), nv), memory, steps, out)
+        if bad >= 0:
+            raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
+        if len(steps):
+            smooth_all(time, self._memory, steps, out)
+            for k in np.flatnonzero(np.diff(time) == 0.0):
+                out[k] = out[k - 1] if k > 0 else 0.0
+        residual, f, deviation, unexplained, pivot, innovation = np.split(out, np.cumsum([nv, c, c, nv, 1]), axis=1)
+        found = Observed(residual, f, unexplained, pivot[:, 0], deviation, innovation=innovation)
+        return found, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
 
-    def _estimate(self, time: Array, out: Array, samples: Array) -> Estimate:
-        deviation, whitened = out[:, self._rest - self._count : self._rest], out[:, -self._nv :]
+    def _estimate(self, time: Array, found: Observed, samples: Samples) -> Estimate:
+        whitened = found.innovation
+        assert whitened is not None
         power, along = float(np.sum(whitened[:-1] ** 2)), float(np.sum(whitened[1:] * whitened[:-1]))
         nis = np.sum(whitened**2, axis=1) / self.believed.count
         innovation = Innovation(nis, along / power if power > 0.0 else 0.0)
-        return replace(super()._estimate(time, out, samples), standard_deviation=deviation, innovation=innovation)
+        return replace(super()._estimate(time, found, samples), innovation=innovation)
 
 
 class SmootherObserver(KalmanObserver):
@@ -276,13 +288,10 @@ class SmootherObserver(KalmanObserver):
         """Raise ObserverError: the smoother needs a whole record and cannot take single samples."""
         raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
 
-    def _run(self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        steps = np.empty((len(u), step_size(self._kalman.step)))
-        out, samples = self._filtered(time, q, v, u, known, steps)
-        smooth_all(time, self._memory, steps, out)
-        for k in np.flatnonzero(np.diff(time) == 0.0):
-            out[k] = out[k - 1] if k > 0 else 0.0
-        return out, samples
+    def _run(
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
+    ) -> tuple[Observed, Samples]:
+        return self._filtered(time, q, v, u, known, np.empty((len(u), step_size(self._kalman.step))))
 
 
 def _positive(name: str, value: float) -> float:

@@ -10,7 +10,7 @@ Jacobian of the c unknown components (see `applications`). From two samples, the
 Without measured joint torques the joint rows of phi contain no information, and f is fitted only to the six rows of
 the base. If one motor drives all joints and its power is measured, one more row can be used: v_j . phi_j. For tied
 coordinates, the sums of their rows are used. The kind of observer determines whether phi or f is filtered, and how.
-For a whole record, every observer also writes what no force explains: the weighted rows of phi - J^T f.
+`reference` computes the same over a whole record.
 
 In all kernels, `before` and `after` are the samples at the start and the end of an interval of `dt` [s], over which
 `u` (nv,) is the mean of the known generalised force. `observer` is the memory of the observer, which changes.
@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import DOUBLE, Array, array_at, copy_values, dot, doubles_at, inner, kernel, merged
+from aerobat_pin.numerics import Array, dot, doubles_at, inner, kernel, merged
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
 from aerobat_pin.observers.kernels.posterior import estimate_posterior, forget_errors
-from aerobat_pin.observers.kernels.projection import fit_forces, project
+from aerobat_pin.observers.kernels.projection import project
 
 TOO_LARGE = 1.0e150  # limit for a residual: its square is still a finite number
 FARTHEST = 1.0e6  # [m or rad]: largest coordinate of a configuration; further out, positions lose their digits
@@ -120,21 +120,15 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
     """Compute the estimate for one interval; return False if the residual is NaN or huge.
 
     Generalised residual and components are written to `out` (nv + c,), and with expected forces the `doubt` (c + 1,) of
-    `estimate_posterior`. With nv + 1 more columns, the result of `fit_forces` is written there; a stream leaves it out,
-    as it costs `momentum` a second projection.
+    `estimate_posterior`.
     """
     nv, end, expected = u.shape[0], u.shape[0] + observer.sizes.components, observer.sizes.expected > 0
-    known = end + observer.sizes.components + 1 if expected else end
-    residual, force, doubt, rest = out[:nv], out[nv:end], out[end:known], out[known:]
+    residual, force, doubt = out[:nv], out[nv:end], out[end:]
     if not mean_residual(before, after, u, dt, observer, residual):
         return False
     J, project_first = observer.jacobian, observer.sizes.project_first > 0
-    if rest.shape[0] > 0:
-        fit_forces(observer, before, after, residual, rest)
     if project_first and expected:
         estimate_posterior(observer, before, after, residual, dt, force, doubt)
-    elif project_first and rest.shape[0] > 0:
-        copy_values(observer.fitted, force)
     elif project_first:
         project(observer, before, after, residual, force)
     filtered = force if project_first else residual
@@ -199,49 +193,3 @@ def update_observer(memory: Array, q: Array, v: Array, u: Array, dt: float, out:
         return False
     observer.newest[0] = 1 - newest
     return True
-
-
-@inner
-def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
-    """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
-
-    Passing these views from Python instead would cost a fiftieth of the whole computation.
-    """
-    record, nv = observer.record, observer.sizes.nv
-    k = record[2]
-    record[2] += 1
-    return array_at(record[0] + DOUBLE * k * nv, (nv,)), array_at(record[1] + DOUBLE * k * rows * nv, (rows, nv))
-
-
-@kernel
-def record_sample(memory: Array) -> None:
-    """Write the next sample (3 + c, nv) of a record, for which Pinocchio has just computed M, C and g."""
-    observer = observer_in(memory)
-    v, sample = next_in_record(observer, 3 + observer.sizes.components)
-    write_sample(observer, v, sample)
-
-
-@inner
-def repeat_interval(samples: Array, out: Array, k: int) -> None:
-    """Handle a repeated time stamp: copy the previous result to interval k, and its first sample to its last."""
-    if k > 0:
-        copy_values(out[k - 1], out[k])
-    else:
-        out[k] = 0.0
-    for row in range(samples.shape[1]):
-        copy_values(samples[k, row], samples[k + 1, row])
-
-
-@kernel
-def observe_all(samples: Array, time: Array, u: Array, memory: Array, out: Array) -> int:
-    """Apply `observe` to a record, writing out (m, width of `observe`); return the first bad interval, or -1."""
-    observer = observer_in(memory)
-    observer.filtered[:, :] = 0.0
-    forget_errors(observer)
-    for k in range(u.shape[0]):
-        dt = time[k + 1] - time[k]
-        if dt == 0.0:
-            repeat_interval(samples, out, k)
-        elif not observe(samples[k], samples[k + 1], u[k], dt, observer, out[k]):
-            return k
-    return -1

@@ -1,0 +1,62 @@
+"""The readable equations: they are the lines that the documentation shows, and they need no compiler."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import aerobat_pin
+
+PACKAGE = Path(aerobat_pin.__file__).parent
+METHOD = PACKAGE.parent / "docs" / "method.md"
+FIRST_ESTIMATE = """
+import sys
+from pathlib import Path
+import numba.core.dispatcher as dispatcher
+import numpy as np
+import pinocchio as pin
+
+def refuse(self, signature):
+    raise AssertionError(f"{self.py_func.__module__}.{self.py_func.__name__} is compiled")
+
+dispatcher.Dispatcher.compile = refuse
+
+from support.small_recordings import write_drone
+from aerobat_pin import estimate, open_record
+from aerobat_pin.observers import OBSERVERS, Expected, KalmanObserver
+
+model = pin.buildSampleModelManipulator()
+frame = model.frames[-1].name
+expected = Expected(np.full(3, 10.0), np.full(model.nv, 0.1), np.zeros(model.nv), np.ones(model.nv))
+time, q = np.arange(20) * 1e-3, np.array([pin.neutral(model)] * 20)
+v, tau = np.full((20, model.nv), 0.1), np.zeros((19, model.nv))
+for name, kind in OBSERVERS.items():
+    if not issubclass(kind, KalmanObserver):
+        for expects in (None, expected):
+            assert kind(model, [frame], 100.0, "all", expects).run(time, q, v, tau).force.shape == (19, 1, 3)
+write_drone(Path(sys.argv[1]))
+for map_name in ("drone.toml", "drone_known.toml"):
+    record = open_record(Path(sys.argv[1], "drone.csv"), Path(sys.argv[1], map_name))
+    print(list(estimate(record, ["force_level"]).stored))
+"""
+
+
+def test_the_lines_shown_beside_the_equations_stand_in_the_reference() -> None:
+    """Every Python line of docs/method.md is a line of reference.py, and each of its sampled equations shows one."""
+    code = {line.strip() for line in (PACKAGE / "observers" / "reference.py").read_text().splitlines()}
+    shown = re.findall(r"```python\n(.*?)```", METHOD.read_text(), re.S)
+    lines = [line for block in shown for line in block.splitlines()]
+    assert len(lines) >= 8
+    assert [line for line in lines if line not in code] == []
+
+
+def test_the_first_estimate_of_a_record_waits_for_no_compiler(tmp_path: Path) -> None:
+    """With an empty kernel cache: every observer but the filters on an arm, and a drone's log by its map."""
+    there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-c", FIRST_ESTIMATE, str(tmp_path)]
+    made = subprocess.run(command, capture_output=True, text=True, env=there, check=False)
+    assert made.returncode == 0, made.stderr[-2000:]
+    assert made.stdout.count("force_level") == 2, made.stdout
