@@ -97,7 +97,7 @@ def sample_robot(
         np.dot(Ct, v_i, out=b_i)  # b = C^T v - g
         b_i -= g
         for J_frame, (frame, axes) in zip(J, frames, strict=True):
-            J_frame[i] = pin.getFrameJacobian(model, data, frame, axes)
+            J_frame[i] = pin.getFrameJacobian(model, data, frame, axes).reshape(6, -1)
     along = [one.directions @ J_frame for one, J_frame in zip(applications.given, J, strict=True)]
     return Samples(p, b, v, np.concatenate([np.empty((len(v), 0, model.nv)), *along], axis=1))
 
