@@ -38,6 +38,7 @@ RESIDUAL, OBSERVERS = "observers/kernels/residual.py", "tests/observers/test_obs
 RECORDINGS = "tests/estimation/test_recordings.py tests/estimation/test_recorded_benches.py"
 CALIBRATIONS = "tests/estimation/test_map_calibration.py"
 KERNELS, TWINS = "flight/plant/kernels.py", "tests/flight/test_plant_kernels.py::test_one_instant_of_the_plant"
+ELASTIC = "tests/flight/test_changed_plant.py::test_four_elastic_joints_fly_as_in_mujoco"
 MUTANTS = (
     Mutant("gears behind the coupling of encoders", "records/encoders.py", "len(joints)) * factor",
            "len(joints)) * np.array(factor)[:, None]", "tests/estimation/test_map_joints.py"),
@@ -76,6 +77,10 @@ MUTANTS = (
            "at = -1 - points.index(frame)", "tests/estimation/test_scores.py"),
     Mutant("body for world axes in the plant", KERNELS, "if axes != 2:", "if axes == 1:", TWINS),
     Mutant("added mass dropped", KERNELS, "    add_mass(mass, tree, found, links, H, h)\n", "", TWINS),
+    Mutant("elastic joints do not push each other", KERNELS, "A[at, unknowns + f] = H[row, row_of[elastic[f]]]",
+           "A[at, unknowns + f] = H[row, row] if f == e else 0.0", ELASTIC),
+    Mutant("deflection departs from the wrong stage", KERNELS, "departed_by[DEPARTURES[stage], e]", "departed_by[0, e]",
+           ELASTIC),
     Mutant("unknown force not in the motion", KERNELS, "aerodynamic[i] + thrusters[i] + pushed[i] - h[i]",
            "aerodynamic[i] + thrusters[i] - h[i]", TWINS),
     Mutant("known aerodynamic force dropped", "aerobat/robot.py",

@@ -111,7 +111,8 @@ OPTIONAL_TRUTH = {
     "drive_torque": _channel("interval", "N m", "torque of the motor on the crank, interval mean"),
     "drive_power": _channel("interval", "W", "power of the motor on the crank, interval mean"),
     "friction_power": _channel("interval", "W", "power lost to friction, interval mean"),
-    **{name: MEASURED[name] for name in ("q", "v", "crank_angle", "motor_torque")},  # exact, if sensors have errors
+    **{name: MEASURED[name] for name in ("q", "v", "crank_angle", "motor_torque")},  # exact, if others are measured
+    "deflection": _channel("time joint", "rad", "elastic joints beyond the linkage"),
 }
 TRUE_CHANNELS = REQUIRED_TRUTH | OPTIONAL_TRUTH
 

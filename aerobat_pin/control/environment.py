@@ -120,11 +120,10 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         """Return what the sensors show, and in `info` the time [s] and the configuration q and velocity v they make."""
         k, flight = self._done, self.scenario.flight
         time = float(self._edges[k])
-        q, v = self._sensing.read(k, self._q, self._v)
+        q, v, crank = self._plant.as_measured()
+        q, v = self._sensing.read(k, q, v)
         attitude = pin.Quaternion(q[3:7])
         error = (self._course.conjugate() * attitude).coeffs()
-        assert self._plant.flight is not None
-        crank = self._plant.flight.crank_angle
         seen = np.concatenate(
             [
                 q[:3] - flight.position - time * np.array(flight.velocity),

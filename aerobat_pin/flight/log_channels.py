@@ -11,6 +11,7 @@ from aerobat_pin.aerobat import KNOWN_FORCE, LABELS, MEASURED, THRUSTERS, TRUE_C
 from aerobat_pin.aerodynamics import strips_of
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.loop import LoopRecord
+from aerobat_pin.flight.plant.elastic_joints import as_measured
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.numerics import Array
@@ -33,14 +34,15 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
     controller's model of the thrusters gave, the only one that is known beside a robot; the real one is in the truth.
     """
     scenario, mean, strips = plant.scenario, flown.forces, strips_of(flown.loads)
+    q, v, crank = as_measured(scenario, plant.robot, flown.q, flown.v, flown.crank_angle, flown.crank_rate)
     coords = {
         "time": channel(time, ("time",), "s", "sample time"),
         "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
     measured = {
-        "q": flown.q,
-        "v": flown.v,
-        "crank_angle": flown.crank_angle,
+        "q": q,
+        "v": v,
+        "crank_angle": crank,
         "airspeed": _airspeed(plant, time, flown),
         "motor_torque": mean.motor,
         THRUSTERS: mean.thrusters,
@@ -68,6 +70,13 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
         "link_wrench": mean.link_wrench,
         **{name: getattr(strips, field).copy() for name, field in LOGGED.items()},  # so that the other rows can go
     }
+    more = []
+    if scenario.plant.shows_joints:
+        true |= {"q": flown.q, "v": flown.v, "crank_angle": flown.crank_angle}
+        more.append("q_axis")
+    if plant.elastic.count:
+        true["deflection"] = flown.deflection
+        more.append("joint")
     if isinstance(plant.drive, RateControlledMotor):
         true |= {
             "crank_rate": flown.crank_rate,
@@ -85,7 +94,7 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
         }
         coords["thruster"] = channel(list(record.thrusters.names), ("thruster",), "", "thruster")
     axes = {
-        **{name: list(LABELS[name]) for name in ("v_axis", "axis", "link", "wrench_axis")},
+        **{name: list(LABELS[name]) for name in ("v_axis", "axis", "link", "wrench_axis", *more)},
         "point": list(plant.points),
         "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
     }

@@ -105,10 +105,10 @@ class ClosedLoop:
         k, pilot = self.done, self.pilot
         time = k * self.dt
         self.sensing.draw(k)
-        true_crank = self.flight.crank_angle
+        q, v, crank_angle = self.plant.as_measured()
         begun = thread_time()
-        q, v = self.sensing.read(k, self.q, self.v)
-        crank_angle = self.sensing.crank(k, true_crank)
+        q, v = self.sensing.read(k, q, v)
+        crank_angle = self.sensing.crank(k, crank_angle)
         if k == 0:
             pilot.begin(time, q, v, crank_angle)
             begun = thread_time()

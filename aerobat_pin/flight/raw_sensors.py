@@ -39,6 +39,7 @@ def recorded_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: 
     assert log.truth is not None
     exact, time = log.measured, log.time
     q, v = np.asarray(exact["q"].values, float), np.asarray(exact["v"].values, float)
+    hidden = {name: exact[name] for name in ("q", "v", "crank_angle", "motor_torque") if name not in log.truth}
     kept = {name: exact[name].variable for name in exact.data_vars if str(name).startswith(KNOWN)}
     measured = xr.Dataset(kept, coords={name: exact[name] for name in exact.coords}, attrs=exact.attrs)
     made: dict[str, tuple[str, Array, Array, dict[str, Any]]] = {}
@@ -77,8 +78,7 @@ def recorded_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: 
         labels[clock] = channel(stamps, (clock,), "s", "stamp of the sample")
         labels |= {dim: list(LABELS[dim]) for dim in row.dims[1:]}
         measured[name] = xr.Variable(row.dims, values, {"units": row.unit, "long_name": row.meaning, **notes})
-    truth = log.truth.assign({name: exact[name] for name in ("q", "v", "crank_angle", "motor_torque")})
-    return FlightLog(measured.assign_coords(labels), truth)
+    return FlightLog(measured.assign_coords(labels), log.truth.assign(hidden))
 
 
 def specific_force(time: Array, q: Array, v: Array, gravity: Array, place: Array) -> Array:

@@ -26,6 +26,8 @@ from .tables import AirSection as AirSection
 from .tables import Number as Number
 from .tables import ObserverSection as ObserverSection
 from .tables import ObserverSettings as ObserverSettings
+from .tables import PayloadSection as PayloadSection
+from .tables import PlantSection as PlantSection
 from .tables import Positive as Positive
 from .tables import RawSection as RawSection
 from .tables import RobotSection as RobotSection

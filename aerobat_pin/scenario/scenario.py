@@ -27,6 +27,7 @@ from aerobat_pin.scenario.tables import (
     FlightSection,
     HoldSection,
     ObserverSection,
+    PlantSection,
     RobotSection,
     Section,
     SimulationSection,
@@ -75,6 +76,7 @@ class Scenario(Section):
     simulation: SimulationSection = SimulationSection()
     observers: ObserverSection = ObserverSection()
     believed: BelievedSection = BelievedSection()
+    plant: PlantSection = PlantSection()
 
     def __repr__(self) -> str:
         frames = ", ".join(dict.fromkeys(force.frame for force in self.unknown_force)) or "no frame"
@@ -83,6 +85,12 @@ class Scenario(Section):
             f"  robot {self.robot.morphology}; {self.simulation.duration:g} s in steps of {self.simulation.dt:g} s, "
             f"seed {self.simulation.seed}; unknown forces at {frames}; observers {', '.join(self.observers.names)}"
         )
+
+    @property
+    def flown_air(self) -> AirSection:
+        """The air that the robot flies in: the table `air` with the density of `plant`."""
+        factor = self.plant.air_density
+        return self.air if factor == 1.0 else self.air.model_copy(update={"density": factor * self.air.density})
 
     @property
     def believed_robot(self) -> RobotSection:

@@ -272,6 +272,40 @@ class ObserverSection(ObserverSettings):
         return self
 
 
+class ElasticSection(Section):
+    """A joint of both wings that turns on a spring: its angle is the linkage's plus a deflection of its own."""
+
+    stiffness: Positive = Field(description="of the spring; without the table the joint is rigid [N m/rad]")
+    damping: NonNegative = Field(0.0, description="torque per rate of the deflection [N m s/rad]")
+
+
+class PayloadSection(Section):
+    """A point mass on the body."""
+
+    mass: Positive = Field(description="of the payload [kg]")
+    position: Triple = Field((0.0, 0.0, 0.0), description="from the body's COM without it, body axes [m]")
+
+
+class PlantSection(Section):
+    """What has changed in the robot that flies, and in its air, since the tables robot and air were written.
+
+    Observers do not know of it: they believe these tables, with `believed` laid over them.
+    """
+
+    air_density: Positive = Field(1.0, description="of the air that flies, as a factor of air.density [-]")
+    crank_zero_deg: Number = Field(
+        0.0, description="what the crank's encoder shows too much; the wings do not move [deg]"
+    )
+    payload: PayloadSection | None = None
+    shoulder: ElasticSection | None = None
+    elbow: ElasticSection | None = None
+
+    @property
+    def shows_joints(self) -> bool:
+        """Whether joint angles, unless they are measured themselves, are those that follow from the crank's encoder."""
+        return bool(self.crank_zero_deg) or self.shoulder is not None or self.elbow is not None
+
+
 class BelievedSection(Section):
     """Deliberate model errors: values of robot, air and thrusters that are assumed in place of the true ones."""
 

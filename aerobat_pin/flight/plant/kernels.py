@@ -100,13 +100,14 @@ def equations_of_motion(
 
     Args:
         plant: the plant's memory; its `forces` and its robot's `loads` are written.
-        joints: (3, 2) angle, rate and acceleration of shoulder and elbow. If the crank is free, the acceleration is
-            written.
+        joints: (3, 2) angle, rate and acceleration of shoulder and elbow as the linkage drives them. If the crank is
+            free, the acceleration is written.
         wind: (2, 3) wind velocity and its rate of change, world axes.
         held: (2, f, intervals) mean noise and mean signal of each unknown force [N].
         k: index of the interval.
-        state: base twist in body axes (6,), aerodynamic state, and the crank's state (4,) if the crank is free.
-        rate: as `state`, written: base acceleration, rate of the aerodynamic state, rate of the crank's state.
+        state: base twist in body axes (6,), aerodynamic state, the crank's state (4,) if the crank is free, and the
+            deflections of elastic joints and their rates (2 e,). Without the last two, all joints follow `joints`.
+        rate: as `state`, written: base acceleration, and the rates of all other states.
     """
     # Fields are unpacked first: every further block of compiled code that reads a field loads the whole named tuple.
     robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
@@ -122,11 +123,14 @@ def equations_of_motion(
     thruster_power, unknown_power = forces.thruster_power, forces.unknown_power
     crank_torque, drive_torque = forces.crank_torque, forces.drive_torque
     drive_power, friction_power = forces.drive_power, forces.friction_power
+    elastic, stiffness, damping, swing = plant.elastic, plant.stiffness, plant.damping, plant.swing
     nv, count, base = nle.shape[0], joint.shape[0], row_of[0]
     body, world, rotation = v[joint[0]], liMi[joint[0]], links.rotation
-    free = linkage.shape[0] > 0 and state.shape[0] == whole
-    end = whole - CRANK_SIZE if free else state.shape[0]
-    crank = state[end:]
+    complete = state.shape[0] == whole
+    free, bends = linkage.shape[0] > 0 and complete, elastic.shape[0] if complete else 0
+    tail = state.shape[0] - 2 * bends
+    end = tail - CRANK_SIZE if free else tail
+    crank, bent = state[end:tail], state[tail:]
     if free:
         joints_at(linkage, crank[0], closed)
         for angle in range(2):
@@ -158,15 +162,37 @@ def equations_of_motion(
             A[i, j] = H[i, j]
         for link in range(1, count):
             b[i] -= H[i, row_of[link]] * joints[2, angle_of[link]]
+    unknowns = 7 if free else 6
     if free:
         add_crank(drive, crank, closed, row_of, angle_of, H, h, aerodynamic, pushed, joints, A, b)
-        solve_positive(A, b)
-        crank_rates(drive, crank, b[6], rate[end:])
+    for e in range(bends):
+        link = elastic[e]
+        at, row = unknowns + e, row_of[link]
+        torque = -stiffness[e] * bent[e] - damping[e] * bent[bends + e]
+        b[at] = aerodynamic[row] + pushed[row] + torque - h[row]
+        for j in range(6):
+            A[at, j] = H[row, j]
+        if free:
+            A[at, 6] = 0.0
+        for other in range(1, count):
+            column, angle = row_of[other], angle_of[other]
+            b[at] -= H[row, column] * joints[2, angle]
+            if free:
+                A[at, 6] += H[row, column] * closed[1, angle]
+        for f in range(e + 1):
+            A[at, unknowns + f] = H[row, row_of[elastic[f]]]
+    solve_positive(A, b[: unknowns + bends])
+    if free:
+        crank_rates(drive, crank, b[6], rate[end:tail])
         for angle in range(2):
             joints[2, angle] += closed[1, angle] * b[6]
-    else:
-        solve_positive(A, b[:6])
     copy_values(b[:6], rate[:6])
+    for link in range(1, count):
+        swing[0, link], swing[1, link] = joints[1, angle_of[link]], joints[2, angle_of[link]]
+    for e in range(bends):
+        link, rate[tail + e], rate[tail + bends + e] = elastic[e], bent[bends + e], b[unknowns + e]
+        swing[0, link] += bent[bends + e]
+        swing[1, link] += b[unknowns + e]
     motor_power = 0.0
     motor[:6] = 0.0
     for row in range(nv):
@@ -175,7 +201,7 @@ def equations_of_motion(
             inertial += H[row, j] * b[j]
             dragged += (M[row, j] - H[row, j]) * b[j]
         for other in range(1, count):
-            column, acceleration = row_of[other], joints[2, angle_of[other]]
+            column, acceleration = row_of[other], swing[1, other]
             inertial += H[row, column] * acceleration
             dragged += (M[row, column] - H[row, column]) * acceleration
         added[row] = dragged
@@ -187,8 +213,8 @@ def equations_of_motion(
         held_power += thrusters[i] * body[i]
         pushed_power += pushed[i] * body[i]
     for link in range(1, count):
-        row, speed = row_of[link], joints[1, angle_of[link]]
-        motor_power += motor[row] * speed
+        row, speed = row_of[link], swing[0, link]
+        motor_power += motor[row] * joints[1, angle_of[link]]
         air_power += added[row] * speed
         pushed_power += pushed[row] * speed
     total_motor_power[()], total_air_power[()] = motor_power, air_power
@@ -240,6 +266,8 @@ def advance_stage(
     tangent, v, strips, row_of, angle_of = plant.tangent, plant.v, plant.robot.loads, tree.row, tree.angle
     forces = array_at(plant.forces.aerodynamic.ctypes.data, (means.shape[1],))
     linkage, closed, second = plant.linkage, plant.closed, plant.second
+    elastic, departed_by = plant.elastic, plant.departed
+    bends, deflections = elastic.shape[0], start.shape[0] - 2 * elastic.shape[0]
     here = 2 * k + HALF_STEPS[stage]
     interval = k // parts
     equations_of_motion(plant, motion[here], wind[here], held, interval, state, rates[stage])
@@ -249,14 +277,18 @@ def advance_stage(
             copy_values(strips[row], loads[interval, row])
     copy_values(state[:6], twists[stage])
     next_tangent(stage, dt, twists, tangent)
+    if stage == 0:
+        copy_values(start[deflections : deflections + bends], departed_by[0])
     next_state(stage, dt, rates, start, state)
+    if stage == 0:
+        copy_values(state[deflections : deflections + bends], departed_by[1])
     if stage == 3:
         copy_values(state, start)
     # The crank angle gives the joint angles: in their rows the tangent is the change of the joint angle.
     begin, end = 2 * k + DEPARTURES[stage], 2 * k + (HALF_STEPS[stage + 1] if stage < 3 else 2)
     departed = motion[begin, 0]
     if linkage.shape[0] > 0:
-        crank = state[state.shape[0] - CRANK_SIZE :]
+        crank = state[deflections - CRANK_SIZE : deflections]
         joints_at(linkage, crank[0], closed)
         for angle in range(2):
             motion[end, 0, angle], motion[end, 1, angle] = closed[0, angle], closed[1, angle] * crank[1]
@@ -270,3 +302,7 @@ def advance_stage(
         v[row] = motion[end, 1, angle]
         tangent[:, row] = 0.0
         tangent[1 if stage == 3 else 0, row] = motion[end, 0, angle] - departed[angle]
+    for e in range(bends):
+        row, deflection = row_of[elastic[e]], state[deflections + e]
+        v[row] += state[deflections + bends + e]
+        tangent[1 if stage == 3 else 0, row] += deflection - departed_by[DEPARTURES[stage], e]

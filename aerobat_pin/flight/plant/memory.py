@@ -69,13 +69,17 @@ class Forces(NamedTuple):
 class PlantMemory(NamedTuple):
     """Memory of the plant's kernels.
 
+    The e `elastic` links (e,) turn on springs, with `stiffness` (e,) [N m/rad] and `damping` (e,) [N m s/rad].
+
     `holds` () is 1 if the attitude hold `hold` acts, 0 if the wrench `command` (6,) acts in its place: on the body, at
     its centre of mass and in body axes, force first [N, N m]. `linkage` (n, 4) are the series of the joint angles (see
     `joint_series`) if a `motor` turns the crank; otherwise n is 0. S is the number of aerodynamic states, plus 4 for
-    the crank's state at the end if there is a motor.
+    the crank's state if there is a motor, plus 2 e at the end: deflections [rad], then their rates.
 
     Scratch arrays: `error_rotation` (3, 3) for the attitude hold, `pushes` (5, 6) for the wrenches of the unknown
-    forces on the links, `closed` (3, 2) for the linkage, `A` (7, 7) and `b` (7,) for the equations of base and crank.
+    forces on the links, `closed` (3, 2) for the linkage, `A` (11, 11) and `b` (11,) for the equations of base, crank
+    and elastic joints, `swing` (2, 5) rate and acceleration of each link's joint, `departed` (2, e) deflections at the
+    first two stages.
     Integrator: base `twists` (4, 6) and `rates` (4, 6 + S) at the stages, `start` (6 + S,) at the start of the step,
     `state` (6 + S,), `v` (nv,) and `tangent` (2, nv) for the next stage, `second` (2,) joint angles at the second
     stage, `forces` at the current stage.
@@ -88,11 +92,16 @@ class PlantMemory(NamedTuple):
     hold: AttitudeHold
     motor: RateControlledMotor
     linkage: Annotated[Array, "harmonics, 4"]
+    elastic: Annotated[Integers, "e"]
+    stiffness: Annotated[Array, "e"]
+    damping: Annotated[Array, "e"]
+    departed: Annotated[Array, "2, e"]
+    swing: Annotated[Array, "2, link_count"]
     error_rotation: Annotated[Array, "3, 3"]
     pushes: Annotated[Array, "link_count, 6"]
     closed: Annotated[Array, "3, 2"]
-    A: Annotated[Array, "7, 7"]
-    b: Annotated[Array, "7"]
+    A: Annotated[Array, "11, 11"]
+    b: Annotated[Array, "11"]
     twists: Annotated[Array, "4, 6"]
     rates: Annotated[Array, "4, states"]
     start: Annotated[Array, "states"]
@@ -103,16 +112,19 @@ class PlantMemory(NamedTuple):
     forces: Forces
 
 
-plant_fields = layout_of(PlantMemory, "robot", "nv", "states", "harmonics", "link_count", "f", "p")
+plant_fields = layout_of(PlantMemory, "robot", "nv", "states", "harmonics", "e", "link_count", "f", "p")
 
 
 @merged
 def plant_in(memory: Array) -> PlantMemory:
-    """Lay out a plant's memory. Sizes: address of the robot's memory, nv, S, harmonics, number of forces and points."""
+    """Lay out a plant's memory.
+
+    Sizes: address of the robot's memory, nv, S, harmonics, e, number of forces, number of points.
+    """
     cursor = rewind(memory)
     robot, nv, states, harmonics = next_size(cursor), next_size(cursor), next_size(cursor) + 6, next_size(cursor)
-    f, p = next_size(cursor), next_size(cursor)
-    return plant_fields(cursor, robot_in(array_at(robot, (1,))), nv, states, harmonics, LINK_COUNT, f, p)
+    e, f, p = next_size(cursor), next_size(cursor), next_size(cursor)
+    return plant_fields(cursor, robot_in(array_at(robot, (1,))), nv, states, harmonics, e, LINK_COUNT, f, p)
 
 
 def split_forces(forces: Forces, rows: Array) -> Forces:

@@ -8,7 +8,8 @@ torque u_m (see `prescribed_joints`):
     H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
 
 H and h are Pinocchio's M and nle plus the contribution of the wings' added mass (see `added_mass`). If a motor turns
-the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank`), and theta'' follows.
+the crank, the crank's acceleration is one more unknown (see `aerobat_pin.flight.crank`), and theta'' follows. So is the
+deflection of an elastic joint (see `aerobat_pin.flight.plant.elastic_joints`).
 
 The kernel `advance_stage` is one stage of the integrator: it evaluates these equations, adds the forces to their means
 over the step, and prepares the next stage.
@@ -17,6 +18,7 @@ over the step, and prepares the next stage.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from aerobat_pin.aerodynamics import RobotInAir
 from aerobat_pin.errors import CrankError, SimulationError
 from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
+from aerobat_pin.flight.plant.elastic_joints import ElasticJoints, as_measured, loaded
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.memory import Forces, plant_in, unknown_forces
 from aerobat_pin.flight.plant.stepping import SteppedFlight
@@ -60,7 +63,8 @@ class Plant:
         self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None
     ) -> None:
         """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
-        self.robot, self.scenario = robot, scenario
+        self._given, self.scenario = robot, scenario
+        self.robot = robot = loaded(robot, scenario.plant.payload)
         self.model = model = robot.model
         self.drive = crank_drive(scenario) if drive is None else drive
         self.forces = point_forces(model, scenario)
@@ -68,13 +72,14 @@ class Plant:
         flight = scenario.flight
         rotation = pin.rpy.rpyToMatrix(*np.radians([flight.roll_deg, -flight.pitch_deg, flight.yaw_deg]))
         self.hold = hold_about(scenario, rotation) if scenario.control is None else None
-        self.in_air = RobotInAir(robot, robot_air(robot.wing, scenario.air))
+        self.in_air = RobotInAir(robot, robot_air(robot.wing, scenario.flown_air))
         self.air, self.data = self.in_air.air, self.in_air.data
         motor = self.drive if isinstance(self.drive, RateControlledMotor) else None
         series = np.zeros((0, 4)) if motor is None else joint_series(robot.linkage)
         self.crank_start = np.zeros(0) if motor is None else motor.state
-        states = self.air.state_size + len(self.crank_start)
-        sizes = (model.nv, states, len(series), len(self.forces), len(self.points))
+        self.elastic = ElasticJoints(robot, scenario.plant)
+        states = self.air.state_size + len(self.crank_start) + 2 * self.elastic.count
+        sizes = (model.nv, states, len(series), self.elastic.count, len(self.forces), len(self.points))
         self.memory = new_memory(plant_in, self.in_air.memory.ctypes.data, *sizes)
         self.fields = fields_of(plant_in, self.memory)
         fill(self.fields.unknown, unknown_forces(model, self.forces, self.points))
@@ -84,8 +89,11 @@ class Plant:
         if motor is not None:
             fill(self.fields.motor, motor)
             self.fields.linkage[...] = series
+        self.elastic.write(self.fields)
         self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
         self.initial = self._warmed_up(rotation)
+        if self.elastic.count:
+            self.initial = replace(self.initial, bent=self.elastic.settled(self))
         self.flight: SteppedFlight | None = None
 
     def __repr__(self) -> str:
@@ -99,7 +107,7 @@ class Plant:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by building the plant anew, because views of Pinocchio's results cannot be pickled."""
-        return type(self), (self.robot, self.scenario, self.drive)
+        return type(self), (self._given, self.scenario, self.drive)
 
     @guarded(time=("n",))
     def closure(self, time: Array) -> Closure:
@@ -148,9 +156,9 @@ class Plant:
                 crank's state, the acceleration is written.
             wind: (2, 3) wind velocity and its rate of change, world axes.
             held: (2, f, 1) mean noise and mean signal of each unknown force [N].
-            state: (6 + 3N,) base twist in body axes, as in v, then the aerodynamic state; for a motor's flight
-                (6 + 3N + 4,) with the state of its crank.
-            rate: as `state`, written: base acceleration, rate of the aerodynamic state, rate of the crank's state.
+            state: (6 + 3N,) base twist in body axes, as in v, then the aerodynamic state; for a motor's flight four
+                more with the state of its crank, for one on e elastic joints 2 e more, see `State`.
+            rate: as `state`, written: base acceleration, and the rates of all other states.
         """
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, v)
@@ -245,9 +253,17 @@ class Plant:
                     progress((k + 1) / count)
         return flight.flown(count + 1)
 
+    def as_measured(self) -> tuple[Array, Array, float]:
+        """Return what exact sensors show now of q (nq,), v (nv,) and crank angle [rad], see `as_measured`."""
+        flight = self.flight
+        assert flight is not None
+        angle, rate = np.array(flight.crank_angle), np.array(flight.crank_rate)
+        q, v, shown = as_measured(self.scenario, self.robot, flight.q, flight.v, angle, rate)
+        return q, v, float(shown)
+
     def substeps(self, dt: float) -> int:
-        """Return the number of integration steps in an interval [s]: more than one where the air would be unstable."""
-        return max(1, int(np.ceil(dt * self.fastest_mode / MODE_STEP_LIMIT - 1e-9)))
+        """Return the number of integration steps in an interval [s]: more where air or springs would be unstable."""
+        return max(1, int(np.ceil(dt * self.fastest_mode / MODE_STEP_LIMIT - 1e-9)), self.elastic.substeps(dt))
 
     @guarded(time=("n",))
     def wind(self, time: Array) -> Array:

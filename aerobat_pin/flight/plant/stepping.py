@@ -39,7 +39,7 @@ class SteppedFlight:
         """Lay out the tables, and put the state into the kernel's memory."""
         self.plant, self.endless, self.done, self._window = plant, endless, 0, 0
         fields = plant.fields
-        begin = np.concatenate([start.twist, start.air, start.crank])
+        begin = np.concatenate([start.twist, start.air, start.crank, start.bent])
         fields.start[:] = fields.state[:] = shaped(begin, (len(fields.start),), "start")
         fields.command[:], fields.holds[...] = 0.0, plant.hold is not None
         if isinstance(plant.drive, RateControlledMotor):
@@ -47,6 +47,9 @@ class SteppedFlight:
         self.tables = FlightTables(plant, held, dt, start)
         self.q = plant.robot.configuration(start.placement, *self.tables.motion[0, 0])
         fields.v[:] = plant.robot.velocity(start.twist, *self.tables.motion[0, 1])
+        deflection, rate = plant.elastic.spread(start.bent.reshape(2, -1))
+        self.q[list(plant.robot.idx_q)] += deflection
+        fields.v[list(plant.robot.idx_v)] += rate
         self._lay_out()
 
     @property
@@ -66,6 +69,14 @@ class SteppedFlight:
         if tables.free:
             return float(tables.states[at, BASE_SIZE + self.plant.air.state_size])
         return float(tables.crank_angle[2 * tables.parts * at])
+
+    @property
+    def crank_rate(self) -> float:
+        """Rate of the crank [rad/s] after the last interval."""
+        tables, at = self.tables, self.done - self._window
+        if tables.free:
+            return float(tables.states[at, BASE_SIZE + self.plant.air.state_size + 1])
+        return float(tables.crank_rate[2 * tables.parts * at])
 
     @property
     def is_hopeless(self) -> bool:
@@ -140,6 +151,7 @@ class SteppedFlight:
         settings = plant.scenario.simulation
         held = interval_means(plant.forces, edges, settings.seed + self.done)
         air = BASE_SIZE + plant.air.state_size
-        state = State(self.q[:7], plant.fields.start[:BASE_SIZE], np.zeros(0), np.array(plant.fields.start[air:]))
+        crank, bent = np.split(np.array(plant.fields.start[air:]), [len(plant.crank_start)])
+        state = State(self.q[:7], plant.fields.start[:BASE_SIZE], np.zeros(0), crank, bent)
         self.tables, self._window = FlightTables(plant, held, tables.dt, state, self.done), self.done
         self._lay_out()

@@ -15,6 +15,7 @@ from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotAir, Str
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
+from aerobat_pin.flight.plant.elastic_joints import ElasticJoints
 from aerobat_pin.flight.plant.memory import Forces, split_forces
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.linkage import Closure
@@ -27,6 +28,7 @@ LIMITS = {
     "velocity": (1e3, "m/s"),
     "angular velocity": (1e4, "rad/s"),
     "aerodynamic state": (1e3, "m or m2/s"),
+    "deflection of an elastic joint": (np.pi, "rad"),
     "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
 }
 HOPELESS = max(limit for limit, _ in LIMITS.values())  # no number of a state within the limits is larger
@@ -44,6 +46,7 @@ class Flyer(Protocol):
     forces: tuple[PointForce, ...]
     hold: AttitudeHold | None
     crank_start: Array
+    elastic: ElasticJoints
     memory: Array
     fields: Any
 
@@ -62,15 +65,17 @@ class Flyer(Protocol):
 
 @dataclass(frozen=True)
 class State:
-    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,), and the crank.
+    """A state of the plant: base placement (7,), base twist (6,) in body axes, aerodynamic state (3N,), and what moves.
 
     `crank` (4,) is the state of a crank that a motor turns: angle, rate, motor torque, integral; (0,) for other drives.
+    `bent` (2 e,) are the deflections of e elastic joints [rad] and their rates [rad/s].
     """
 
     placement: Array
     twist: Array
     air: Array
     crank: Array = field(default_factory=lambda: np.zeros(0))
+    bent: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,7 @@ class Flown:
     Attributes:
         crank_angle, crank_rate: (n + 1,) absolute crank angle t1 [rad] and its rate [rad/s].
         q, v: configuration (n + 1, nq) and velocity (n + 1, nv).
+        deflection: (n + 1, 4) angles by which elastic joints differ from the linkage, in the order of `JOINTS` [rad].
         air: (n + 1, 3N) aerodynamic state.
         forces: means of all forces over the intervals.
         loads: (n, 9, N) strip loads at the start of each interval; `strips_of` names the rows.
@@ -89,6 +95,7 @@ class Flown:
     crank_rate: Array
     q: Array
     v: Array
+    deflection: Array
     air: Array
     forces: Forces
     loads: Array
@@ -112,6 +119,7 @@ class FlightTables:
         means: (n, size) sums of the forces' means over the steps of an interval, see `split_forces`.
         loads: (n, 9, N) strip loads at the start of each interval.
         placement, states: (n + 1, 7) and (n + 1, 6 + S) at the intervals' edges.
+        bent: columns of the elastic joints' deflections in `states`.
     """
 
     def __init__(self, plant: Flyer, held: Array, dt: float, start: State, before: int = 0) -> None:
@@ -134,18 +142,25 @@ class FlightTables:
         self.means = np.zeros((self.intervals, sum(part.size for part in plant.fields.forces)))
         self.loads = np.zeros((self.intervals, STRIP_ROWS, plant.air.line.strips))
         self.placement, self.states = np.zeros((self.intervals + 1, 7)), np.zeros((self.intervals + 1, size))
+        self.bent = slice(size - 2 * plant.elastic.count, size - plant.elastic.count)
 
     def flown(self, kept: int) -> Flown:
         """Return the first samples of the flight, of which there are `kept`."""
         robot, free = self.plant.robot, self.free
         placement, states, air = self.placement[:kept], self.states[:kept], BASE_SIZE + self.plant.air.state_size
         samples, whole = slice(None, 2 * self.parts * kept, 2 * self.parts), slice(max(kept - 1, 0))
-        joints = self.motion[samples]
+        joints, elastic = self.motion[samples], self.plant.elastic
+        q = robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1])
+        v = robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1])
+        deflection = elastic.spread(states[:, self.bent])
+        q[:, list(robot.idx_q)] += deflection
+        v[:, list(robot.idx_v)] += elastic.spread(states[:, self.bent.stop :])
         return Flown(
             crank_angle=states[:, air] if free else self.crank_angle[samples],
             crank_rate=states[:, air + 1] if free else self.crank_rate[samples],
-            q=robot.configuration(placement, joints[:, 0, 0], joints[:, 0, 1]),
-            v=robot.velocity(states[:, :BASE_SIZE], joints[:, 1, 0], joints[:, 1, 1]),
+            q=q,
+            v=v,
+            deflection=deflection,
             air=states[:, BASE_SIZE:air],
             forces=split_forces(self.plant.fields.forces, self.means[whole] / self.parts),
             loads=self.loads[whole],
@@ -160,7 +175,8 @@ def checked_flight(tables: FlightTables, samples: int) -> Flown:
     """
     air = BASE_SIZE + tables.plant.air.state_size
     states, loads = tables.states[:samples, :air], tables.loads[: samples - 1]
-    sizes = [np.abs(part).max(axis=1, initial=0.0) for part in np.split(states, [3, 6], axis=1)]
+    parts = *np.split(states, [3, 6], axis=1), tables.states[:samples, tables.bent]
+    sizes = [np.abs(part).max(axis=1, initial=0.0) for part in parts]
     strips = StripLoads(*loads.swapaxes(0, 1))  # unlike `strips_of`, takes what is not finite
     sizes.append(np.append(strips.airspeed.max(axis=1, initial=0.0), 0.0))
     inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
