@@ -41,6 +41,9 @@ ITEMS = {  # number -> what must hold
     9: "refused by the argument's name",
     10: "kept until it diverged, marked",
     11: "read, with a warning that names it",
+    12: "refused, with 300 MB at most",
+    13: "refused, or nothing changes, or a finding says what",
+    14: "refused or taken, with 300 MB at most",
 }
 
 

@@ -27,10 +27,14 @@ from aerobat_pin.errors.exceptions import (
     TrimError,
     WorkersLostError,
 )
+from aerobat_pin.errors.foreign_files import DEEPEST_XML, MOST_TIMES_LARGER, MOST_UNPACKED, foreign_file, foreign_xml
 from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
 from aerobat_pin.errors.whole_files import check_file, picture_files, write_files, write_text
 
 __all__ = [
+    "DEEPEST_XML",
+    "MOST_TIMES_LARGER",
+    "MOST_UNPACKED",
     "AerobatError",
     "ArgumentError",
     "BrowserError",
@@ -56,6 +60,8 @@ __all__ = [
     "claimed",
     "cleaned",
     "end_on_signals",
+    "foreign_file",
+    "foreign_xml",
     "output_folder",
     "picture_files",
     "raising",

@@ -158,6 +158,11 @@ def sensor_references(record: Record) -> tuple[Reference, ...]:
         when = start - record.start
         return np.asarray((when >= friction.fit[0]) & (when < friction.fit[1]))
 
+    if section.filter is not None and not 1.0 / max(record.duration, record.dt) <= section.filter < 0.5 * record.rate:
+        raise MapError(
+            f"map: check.wrench.filter = {section.filter:g} Hz: a period within the record's {record.duration:.3g} s, "
+            f"and less than half its rate of {record.rate:g} Hz, were expected"
+        )
     margin = 0 if section.filter is None else int(np.ceil(FORGOTTEN / section.filter * record.rate))
     for first, last in record.parts:
         stretches.append((len(values), len(values) + last - first))

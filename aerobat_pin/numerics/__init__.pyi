@@ -8,6 +8,8 @@ from .arrays import real_numbers as real_numbers
 from .arrays import shaped as shaped
 from .arrays import shown as shown
 from .arrays import together as together
+from .foreign_robots import Packages as Packages
+from .foreign_robots import checked_robot as checked_robot
 from .jit import Integers as Integers
 from .jit import announce_compilation as announce_compilation
 from .jit import inner as inner

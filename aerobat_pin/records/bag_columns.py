@@ -4,56 +4,67 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.records.columns import Clock, Columns, GrowingTable
+from aerobat_pin.records.csv_columns import MOST_COLUMNS
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.messages import entries, stamp
 from aerobat_pin.records.spool import Series, Spool
+from aerobat_pin.records.unpacking import Unpacking, check_bag, check_chunks
 
 LATEST_STAMP = 3600.0  # [s]: header stamps further from the recorder's are taken for another epoch, not for a delay
 ROS_ENCODING = "cdr"  # encoding of ROS 2
 KNOWN_SCHEMAS = ("", "ros2msg", "ros2idl", "omgidl")  # languages of schemas that `rosbags` reads
+LARGEST_MESSAGE = 1_000_000  # bytes of a message with numbers
 REORDERED = 10_000  # messages of a topic that are put in order together
 
 
 @contextmanager
-def _foreign_schemas() -> Iterator[None]:
-    """Let `rosbags` open an MCAP file with channels of JSON or protobuf, at whose schemas it stops by itself."""
-    from rosbags.rosbag2 import storage_mcap
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a bag with `rosbags`, let through the door for files of strangers; every failure is a LogError.
 
-    read_string, get_msgdef = storage_mcap.read_string, storage_mcap.get_msgdef
-
-    def definition(schema: Any) -> Any:
-        return get_msgdef(schema if schema is None or schema.encoding in KNOWN_SCHEMAS else None)
-
-    storage_mcap.read_string = lambda file: storage_mcap.read_bytes(file).decode(errors="replace")
-    storage_mcap.get_msgdef = definition
-    try:
-        yield
-    finally:
-        storage_mcap.read_string, storage_mcap.get_msgdef = read_string, get_msgdef
-
-
-def rosbags_reader(path: Path) -> Any:
-    """Return an opened reader of a bag. Raises LogError if it is none, or if `rosbags` is not installed."""
+    `rosbags` stops at schemas of JSON or protobuf, and unpacks whatever a chunk holds before it looks at the size that
+    the chunk states. Its functions for both are replaced while the bag is open.
+    """
     try:
         from rosbags.highlevel import AnyReader
+        from rosbags.rosbag1 import reader as rosbag1
+        from rosbags.rosbag2 import reader as rosbag2
+        from rosbags.rosbag2 import storage_mcap
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise LogError(f"log {path}: reading bags needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
-    try:
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        with _foreign_schemas():
+    check_bag(path)
+    unpack, get_msgdef = Unpacking(path), storage_mcap.get_msgdef
+    changes: tuple[tuple[Any, str, Any], ...] = (
+        (storage_mcap, "read_string", lambda file: storage_mcap.read_bytes(file).decode(errors="replace")),
+        (storage_mcap, "get_msgdef", lambda one: get_msgdef(one if not one or one.encoding in KNOWN_SCHEMAS else None)),
+        (storage_mcap, "DECOMPRESSORS", unpack.of_mcap),
+        (rosbag1, "decompressors", unpack.of_rosbag1),
+        (rosbag2, "zstd", SimpleNamespace(open=rosbag2.zstd.open, decompress=unpack.zstd)),
+        (rosbag2, "shutil", SimpleNamespace(copyfileobj=unpack.copy)),
+    )
+    with ExitStack() as stack:
+        for module, name, value in changes:
+            stack.callback(setattr, module, name, getattr(module, name))
+            setattr(module, name, value)
+        try:
+            reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
-    except Exception as error:  # the reader raises errors of a dozen kinds for a damaged bag
-        raise LogError(f"log {path}: cannot be read as a bag: {' '.join(str(error).split())[:200]}") from error
-    return reader
+            stack.callback(reader.close)
+            check_chunks(path, reader)
+            yield reader
+        except LogError:
+            raise
+        except Exception as error:  # the reader raises errors of a dozen kinds for a damaged bag
+            raise LogError(f"log {path}: cannot be read as a bag: {' '.join(str(error).split())[:200]}") from error
 
 
 def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
@@ -67,8 +78,7 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     Raises:
         LogError: the bag cannot be read or lacks a topic.
     """
-    reader = rosbags_reader(path)
-    try:
+    with _opened(path) as reader:
         known = reader.typestore.fielddefs
         readable = [one for one in reader.connections if one.msgtype in known and _encoding(one) == ROS_ENCODING]
         kinds = {connection.topic: connection.msgtype for connection in readable}
@@ -83,9 +93,13 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             table = tables.setdefault(connection.topic, _Topic(spool, log.clock))
             if table.useless:
                 continue
+            if len(raw) > LARGEST_MESSAGE and wanted is not None:
+                raise LogError(
+                    f"log {path}: {connection.topic} has a message of {len(raw)} bytes: numbers were expected"
+                )
             try:
                 message = reader.deserialize(raw, connection.msgtype)
-                found = entries(message)
+                found = entries(message) if len(raw) <= LARGEST_MESSAGE else None
             except Exception:
                 if wanted is not None:
                     raise
@@ -94,12 +108,6 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
                 table.useless = True
                 continue
             table.add(stamp(message), 1e-9 * recorded, found)
-    except LogError:
-        raise
-    except Exception as error:  # damaged chunks, unknown types
-        raise LogError(f"log {path}: cannot be read as a bag: {' '.join(str(error).split())[:200]}") from error
-    finally:
-        reader.close()
     clocks: dict[str, Clock] = {}
     values, clock_of = {}, {}
     for topic, table in tables.items():
@@ -146,6 +154,8 @@ class _Topic:
         for name, value in found.items():
             column = self._table.get(name)
             if column is None:
+                if count and len(self._table) >= MOST_COLUMNS:
+                    raise LogError(f"a topic has more than {MOST_COLUMNS} columns")
                 column = self._table[name] = array("d", [np.nan] * count)
             column.append(value)
         if len(found) < len(self._table):

@@ -109,7 +109,7 @@ def named_columns(chosen: Map) -> set[str]:
     sections = (table.position, table.velocity, table.effort)
     names = {name for section in sections if section is not None for name in section.columns}
     names |= {topic for topic in (table.topic, chosen.base.topic) if topic is not None}
-    return names | ({when.column} if when is not None and when.column is not None else set())
+    return names | ({when.column} if when is not None else set())
 
 
 def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from aerobat_pin.errors import LogError
+from aerobat_pin.errors import LogError, foreign_file
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.columns import Columns, GrowingTable, same_unit
 from aerobat_pin.records.map_tables import LogTable
@@ -30,26 +29,34 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
 SEPARATORS = (",", ";", "\t", " ")
 ROWS_AT_ONCE = 50_000
+LONGEST_HEADER, MOST_COLUMNS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
 
 def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
     """Return the separator and the names of the columns of a table. Raises LogError if it is none."""
-    if not os.path.isfile(path):
-        raise LogError(f"log {path}: there is no such file")
+    foreign_file(path, f"log {path}")
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            line = file.readline(1_000_000)
+            line = file.readline(LONGEST_HEADER)
             while line and not line.strip():  # empty lines before the header
-                line = file.readline(1_000_000)
+                line = file.readline(LONGEST_HEADER)
             line = line.strip("\r\n")
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
     separator = log.delimiter or max(SEPARATORS, key=lambda sign: (line.count(sign), -SEPARATORS.index(sign)))
     if log.delimiter is None and any(sign in line for sign in ",;\t"):
         separator = max((",", ";", "\t"), key=line.count)
-    names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    try:
+        names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error as error:
+        raise LogError(f"log {path}: its first line cannot be read as a header: {error}") from error
+    if len(line) >= LONGEST_HEADER or len(names) > MOST_COLUMNS:
+        raise LogError(
+            f"log {path}: its first line has {len(names)} cells or more, and {len(line)} characters: a header of at "
+            f"most {MOST_COLUMNS} columns was expected"
+        )
     if len(names) < 2:
         raise LogError(
             f"log {path}: its first line has {len(names)} cells: a header of two columns or more was expected"

@@ -65,6 +65,7 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
     if (fault := robot.fault(channels)) is not None:
         raise LogError(f"log {path}: {fault}")
     start, rate, end, knots = _common_times(path, chosen, channels, columns)
+    _check_stretches(chosen, end - start)
     parts, dropped = _parts(chosen, columns, channels, start, rate, end, knots)
     if knots is not None and robot.smooths(channels):
         parts, dropped = ((0, len(knots) - 1),), ()
@@ -142,6 +143,22 @@ def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, LogChann
                 )
 
 
+def _check_stretches(chosen: Map, length: float) -> None:
+    """Raise MapError if a stretch of a map [s] is outside a record of some length [s]."""
+    friction, wrench, payload = chosen.joints.friction, chosen.check.wrench, chosen.payload
+    stretches = {
+        "use.free": chosen.use.free,
+        "joints.friction.fit": None if friction is None else friction.fit,
+        "payload.fit": None if payload is None else payload.fit,
+        "check.wrench.tare": None if wrench is None else wrench.tare,
+        "check.wrench.part": None if wrench is None else wrench.part,
+        **{f"known.{name}.tare": section.tare for name, section in chosen.known.items()},
+    }
+    for key, stretch in stretches.items():
+        if stretch is not None and not (stretch[0] < length and stretch[1] > 0.0):
+            raise MapError(f"map: {key} = {list(stretch)}: a stretch within the record's {length:.3g} s was expected")
+
+
 def _common_times(
     path: Path, chosen: Map, channels: dict[str, LogChannel], columns: Columns
 ) -> tuple[float, float, float, Series | None]:
@@ -217,7 +234,7 @@ def _parts(
                 )
     when = chosen.use.when
     level = None
-    if when is not None and when.column is not None:
+    if when is not None:
         level = LogChannel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
     runs: list[tuple[int, int]] = []
     covered, used = 0, 0

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from aerobat_pin.records.joint_names import JointNames
-from aerobat_pin.records.robot_tables import PayloadSection, RobotTable, Stretch, Three
-from aerobat_pin.scenario import Number, ObserverSettings, Positive, Section
+from aerobat_pin.records.robot_tables import NonZero, PayloadSection, RobotTable, Shares, Stretch, Three
+from aerobat_pin.scenario import NonNegative, Number, ObserverSettings, Positive, Section
 
 
 class TimeSection(Section):
@@ -22,7 +23,9 @@ class TimeSection(Section):
 class LogTable(Section):
     """How to read the log."""
 
-    delimiter: str | None = Field(None, description="of a table; found when left out")
+    delimiter: str | None = Field(
+        None, min_length=1, max_length=1, description="of a table, one character; found when left out"
+    )
     time: TimeSection = TimeSection()
     world: Literal["z_up", "ned"] = Field("z_up", description="world axes of the log; ned is turned to z up")
     clock: Literal["header", "recorder"] = Field(
@@ -100,7 +103,7 @@ class JointVelocitySection(ChannelSection):
 class EffortSection(ChannelSection):
     """What drives the joints, in the order of `names`: not passive ones; ignored rows can be left out, all of them."""
 
-    torque_per_unit: dict[str, Number] = Field(
+    torque_per_unit: dict[str, NonZero] = Field(
         default_factory=dict,
         description="joint -> N m (N) for each unit that the map states (A, mA, N m), with its sign, such as "
         "{knee = -0.2}; * for all others",
@@ -190,7 +193,7 @@ class ThrustFitSection(Section):
     """Where the coefficients of a law come from."""
 
     to: Literal["check.specific_force"] = Field("check.specific_force", description="times the mass, along direction")
-    part: Stretch = Field((0.0, 0.5), description="share of the used record that is fitted; the rest tests it [-]")
+    part: Shares = Field((0.0, 0.5), description="share of the used record that is fitted; the rest tests it [-]")
 
 
 class KnownSection(ChannelSection):
@@ -219,10 +222,16 @@ class KnownSection(ChannelSection):
     def _law_is_one(self) -> KnownSection:
         words = self.law.split()
         good = words == ["wrench"] or (
-            len(words) > 1 and words[0] == "polynomial" and all(w in "123" for w in words[1:])
+            len(words) > 1
+            and words[0] == "polynomial"
+            and {*words[1:]} <= {"1", "2", "3"}
+            and len({*words}) == len(words)
         )
         if not good:
-            raise ValueError(f'law = "{self.law}": "wrench", or "polynomial" and powers such as "polynomial 1 2"')
+            raise ValueError(
+                f'law = "{self.law}": "wrench", or "polynomial" and some of the powers 1, 2 and 3, once each, such as '
+                '"polynomial 1 2"'
+            )
         if self.powers and bool(self.coefficients) == (self.fit is not None):
             raise ValueError("a polynomial needs either coefficients, one for each power, or a table fit")
         if self.powers and self.coefficients and len(self.coefficients) != len(self.powers):
@@ -244,10 +253,19 @@ class ExtraSection(ChannelSection):
 class WhenSection(Section):
     """Use only the part of the record in which a column is above or below a value."""
 
-    column: str | None = Field(None, description="name in the log")
+    column: str = Field(description="name in the log")
     above: Number | None = Field(None, description="least value of the column, in its own unit")
     below: Number | None = Field(None, description="largest value of the column, in its own unit")
-    trim: Stretch = Field((0.0, 0.0), description="taken off at the start and the end of each such part [s]")
+    trim: tuple[NonNegative, NonNegative] = Field(
+        (0.0, 0.0), description="taken off at the start and the end of each such part [s]"
+    )
+
+    @model_validator(mode="after")
+    def _some_bound(self) -> WhenSection:
+        low, high = (-np.inf if self.above is None else self.above), (np.inf if self.below is None else self.below)
+        if not np.isfinite([low, high]).any() or low >= high:
+            raise ValueError("use.when: above or below was expected, or both, the first one smaller")
+        return self
 
 
 class UseTable(Section):

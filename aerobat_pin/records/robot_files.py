@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -10,13 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import guarded, read_robot
+from aerobat_pin.numerics import checked_robot, guarded, read_robot
 from aerobat_pin.observers import has_free_base
 from aerobat_pin.records.named_robots import named_robot
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.robots import PlainRobot
-
-LARGEST_ROBOT = 100_000_000  # bytes of a robot's file
 
 
 @guarded()
@@ -72,7 +69,7 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
         path = urdf_of(table, folder) or folder / (table.mjcf or "")
         if table.name is not None and table.root is None:
             free = named_robot(table.name)[1]
-        model, title = _from_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
+        model, title = model_of_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
         free = has_free_base(model)
     model.gravity.linear = np.array([0.0, 0.0, -table.gravity])
     joints = tuple(model.names.tolist()[2 if free else 1 :])
@@ -101,14 +98,14 @@ def _one_body(table: RobotTable) -> pin.Model:
     return model
 
 
-def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
-    """Read a URDF or MJCF file; what Pinocchio prints about it becomes the error's message."""
-    if not os.path.isfile(path):
-        raise LogError(f"robot {path}: there is no such file")
-    if path.stat().st_size > LARGEST_ROBOT:
-        raise LogError(f"robot {path}: {path.stat().st_size} bytes: at most {LARGEST_ROBOT} were expected")
+def model_of_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
+    """Read a URDF or MJCF file, for a robot on a free base or one that stands.
 
-    text = "" if mjcf else _with_angles(path)
+    Raises:
+        LogError: it is none, or no robot can have its values; what Pinocchio prints about it becomes the message.
+    """
+    root = checked_robot(path, "mjcf" if mjcf else "urdf")
+    text = "" if mjcf else _with_angles(root)
 
     def read(*root: pin.JointModel) -> pin.Model:
         if not mjcf:
@@ -123,12 +120,8 @@ def _from_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     return model
 
 
-def _with_angles(path: Path) -> str:
+def _with_angles(root: ElementTree.Element) -> str:
     """Return a URDF whose continuous joints are revolute: one angle, as logs have it, in place of cosine and sine."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, ValueError) as error:
-        raise LogError(f"robot {path}: cannot be read as XML: {error}") from error
     for joint in root.iter("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")

@@ -4,11 +4,28 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
-from aerobat_pin.scenario import Number, Positive, Section
+from aerobat_pin.scenario import NonNegative, Number, Positive, Section
 
-Stretch = Annotated[tuple[Number, Number], Field()]
+
+def _rising(given: tuple[float, float]) -> tuple[float, float]:
+    if not given[0] < given[1]:
+        raise PydanticCustomError("stretch", "from and to were expected, the smaller one first")
+    return given
+
+
+def _not_zero(given: float) -> float:
+    if given == 0.0:
+        raise PydanticCustomError("zero", "another number than 0 was expected")
+    return given
+
+
+Share = Annotated[Number, Field(ge=0.0, le=1.0)]
+NonZero = Annotated[Number, AfterValidator(_not_zero)]
+Stretch = Annotated[tuple[Number, Number], AfterValidator(_rising)]  # of time since the record's start [s]
+Shares = Annotated[tuple[Share, Share], AfterValidator(_rising)]  # of a record
 Three = tuple[Number, Number, Number]
 
 
@@ -41,7 +58,7 @@ class RobotTable(Section):
     )
     wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
     rows: RowsSection = RowsSection()
-    gravity: Positive = Field(9.81, description="downward, along -z of the world [m/s2]")
+    gravity: Annotated[Positive, Field(ge=1e-3)] = Field(9.81, description="downward, along -z of the world [m/s2]")
 
 
 class PayloadSection(Section):
@@ -50,7 +67,9 @@ class PayloadSection(Section):
     frame: str = Field(description="of the robot's file, to which it is fastened")
     mass: Positive | None = Field(None, description="left out: it is sought [kg]")
     com: Three | None = Field(None, description="centre of mass in the frame's axes; left out: it is sought [m]")
-    inertia: Three = Field((0.0, 0.0, 0.0), description="about the centre of mass, the frame's axes [kg m2]")
+    inertia: tuple[NonNegative, NonNegative, NonNegative] = Field(
+        (0.0, 0.0, 0.0), description="about the centre of mass, the frame's axes [kg m2]"
+    )
     fit: Stretch | None = Field(
         None,
         description="from and to: nothing touches the robot and it is sought there; left out: use.free, for "

@@ -18,7 +18,7 @@ from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
-from aerobat_pin.records.robot_files import robot_of_map
+from aerobat_pin.records.robot_files import model_of_file, robot_of_map
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.suggest_joints import (
     UNITS_IN_NAMES,
@@ -134,7 +134,7 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
             'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}  # are all moments on the body known? '
             "Then leave this out",
         ]
-    model = pin.buildModelFromUrdf(str(urdf), *([pin.JointModelFreeFlyer()] if free else []))
+    model = model_of_file(urdf, mjcf=False, free=free)
     moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
     leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
     bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]

@@ -23,6 +23,7 @@ from .scenario import load_scenario as load_scenario
 from .scenario import parse_scenario as parse_scenario
 from .scenario import shipped_scenarios as shipped_scenarios
 from .tables import AirSection as AirSection
+from .tables import NonNegative as NonNegative
 from .tables import Number as Number
 from .tables import ObserverSection as ObserverSection
 from .tables import ObserverSettings as ObserverSettings

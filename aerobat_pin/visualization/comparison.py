@@ -107,7 +107,7 @@ class Comparison:
                 grid[0][column].set_title(point_label(point))
                 for k, axis in enumerate("xyz"):
                     force, error = grid[2 * k][column], grid[2 * k + 1][column]
-                    force.set_ylabel(f"$F_{axis}$ [N]")
+                    force.set_ylabel(f"$F_{axis}$ [N]", parse_math=True)
                     error.set_ylabel("error [mN]")
                     for run, name, colour, line in zip(runs, names, style.ESTIMATES, ("-", "--"), strict=False):
                         middle = 0.5 * (run.log.time[1:] + run.log.time[:-1])

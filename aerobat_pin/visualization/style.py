@@ -54,6 +54,7 @@ RC: Any = {
     "pdf.fonttype": 42,
     "savefig.dpi": 160,
     "svg.hashsalt": "aerobat",
+    "text.parse_math": False,  # names in a stranger's log or robot can have dollar signs
 }
 METADATA: Any = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 

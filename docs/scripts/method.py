@@ -204,7 +204,7 @@ def blocks() -> Figure:
 def main() -> None:
     """Rewrite the pictures."""
     FIGURES.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context({**RC, "axes.grid": False, "mathtext.fontset": "cm"}):
+    with mpl.rc_context({**RC, "axes.grid": False, "mathtext.fontset": "cm", "text.parse_math": True}):
         for name, figure in (("five_bodies", five_bodies()), ("observer", blocks())):
             figure.savefig(FIGURES / f"{name}.svg", metadata=METADATA["svg"])
 

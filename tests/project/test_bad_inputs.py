@@ -19,7 +19,7 @@ from aerobat_pin import load_aerobat
 from aerobat_pin.errors import ArgumentError, ShapeError
 from aerobat_pin.numerics import guarded
 
-COUNTS = {1: 24, 2: 84, 3: 28, 4: 20, 5: 20, 6: 20, 7: 32, 8: 20, 9: 30, 10: 20, 11: 20}
+COUNTS = {1: 24, 2: 84, 3: 28, 4: 20, 5: 20, 6: 20, 7: 32, 8: 20, 9: 30, 10: 20, 11: 20, 12: 28, 13: 40, 14: 40}
 
 
 @pytest.fixture(scope="module")

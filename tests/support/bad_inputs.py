@@ -27,6 +27,7 @@ from types import FrameType, TracebackType
 from typing import Any, NoReturn
 
 import numpy as np
+import tomli_w
 
 from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.aerobat.flight_log import FlightLog
@@ -38,9 +39,12 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.replay.serve import serve
 from support import bad_recordings
+from support.bad_bytes import changed_bytes, write_readable
 from support.bad_folders import SWEEP, bad_run, bad_sweep
 from support.bad_logs import HARMLESS, bad_log
+from support.bad_maps import WITH_MAP, by_map, changes_nothing, drawn_map, says_more
 from support.bad_robots import FOREIGN, ROBOT
+from support.bad_strangers import STRANGERS
 from support.bad_texts import SHORT, SIZES, TEXT, Kind
 from support.broken_runs import Bench, random_case
 from support.damaged_kernels import damaged_case
@@ -58,11 +62,15 @@ CLASSES = {  # number -> what is bad
     9: "wrong arguments from Python",
     10: "flights that diverge",
     11: "logs that contradict themselves",
+    12: "files that eat the machine, robots that cannot be",
+    13: "keys of a map with values drawn from its tables",
+    14: "bytes changed in a file of any kind",
 }
-SHARES = (10, 40, 15, 0, 0, 0, 12, 4, 13, 0, 6)  # of the classes beyond their least number, in per cent
+SHARES = (8, 24, 10, 0, 0, 0, 8, 2, 10, 0, 4, 10, 12, 12)  # of the classes beyond their least number, in per cent
 FAULTS = ("traceback", "hang", "half-written result", "silent acceptance", "wrong message")
 RUNS = {4: "replaced", 5: "disk", 6: "signals", 10: "diverged"}
 LONGEST = 20.0  # [s]
+MORE_MEMORY = 300_000_000  # bytes beyond those of a process that has imported everything: some 200 MB
 IN_A_PROCESS = 0.05  # share of the command lines that run in a process of their own
 
 
@@ -164,6 +172,13 @@ class Doors:
                     return self._bad_log(rng, number, place)
                 if number == 7 and rng.random() < 0.3:
                     return self._asked(rng)
+                if number == 12:
+                    name = str(rng.choice(list(STRANGERS)))
+                    return Attempt(number, name, self._refused(rng, STRANGERS[name](rng, place), place, limited=True))
+                if number == 13:
+                    return self._drawn_map(rng, place)
+                if number == 14:
+                    return self._changed_bytes(rng, place)
                 name, write = self._kind(rng, number)
                 return Attempt(number, name, self._refused(rng, write(rng, place), place))
 
@@ -173,8 +188,8 @@ class Doors:
         return name, kinds[name]
 
     @cached_property
-    def recordings(self) -> dict[str, Kind]:
-        """The kinds of bad recordings, with good ones behind them."""
+    def walk(self) -> Path:
+        """The folder of good recordings, robots and maps, and of a free flight with its calibration."""
         good = self.folder / "walk"
         good.mkdir()
         bad_recordings.write_good(good)
@@ -182,7 +197,13 @@ class Doors:
         assert self.called(["run", "paper", *free, "--out", "free"], good).code == 0
         learn = ["calibrate", "free", "--out", "c.nc", "--identify", "none"]
         assert self.called(learn, good).code == 0
-        return bad_recordings.recordings(good, good / "free" / "flight.nc", good / "c.nc")
+        write_readable(good, good / "free" / "flight.nc", good / "c.nc")
+        return good
+
+    @cached_property
+    def recordings(self) -> dict[str, Kind]:
+        """The kinds of bad recordings, with good ones behind them."""
+        return bad_recordings.recordings(self.walk, self.walk / "free" / "flight.nc", self.walk / "c.nc")
 
     @property
     def _folders(self) -> dict[str, Kind]:
@@ -214,23 +235,37 @@ class Doors:
             self.longest = max(self.longest, time.monotonic() - start)
         return Said(code, error.getvalue(), out.getvalue())
 
-    def _answer(self, rng: np.random.Generator, words: list[str], place: Path) -> Said:
-        if rng.random() >= IN_A_PROCESS:
+    def _answer(self, rng: np.random.Generator, words: list[str], place: Path, *, limited: bool = False) -> Said:
+        if not limited and rng.random() >= IN_A_PROCESS:
             return self.called(words, place)
         start = time.monotonic()
-        done = self.bench.forks.start(words, place).result()
+        limits: Any = {"more_memory": MORE_MEMORY, "patience": int(self.patience)} if limited else {}
+        done = self.bench.forks.start(words, place, **limits).result()
         late = time.monotonic() - start > self.patience
         bad = done.returncode < 0 or "Traceback" in done.stderr
-        text = "hang: in a process" if late else f"traceback: {done.stderr[-300:]}" if bad else done.stderr
+        ended = f"traceback: code {done.returncode}, {done.stderr[-300:]}"
+        text = "hang: in a process" if late or done.returncode == -signal.SIGALRM else ended if bad else done.stderr
         return Said(None if late or bad else done.returncode, text, done.stdout)
 
-    def _refused(self, rng: np.random.Generator, words: list[str], place: Path) -> str:
-        """Return the fault that a command line shows which must be refused: no fault if it is, with one message."""
+    def _refused(
+        self, rng: np.random.Generator, words: list[str], place: Path, *, limited: bool = False, taken: bool = False
+    ) -> str:
+        """Return the fault that a command line shows which must be refused: no fault if it is, with one message.
+
+        Args:
+            rng: chooses what is tried in a process of its own.
+            words: the words behind `aerobat`.
+            place: the current folder, where nothing may change.
+            limited: always in a process of its own, whose memory and time are limited.
+            taken: the input may also be taken.
+        """
         before = _state(place)
-        said = self._answer(rng, words, place)
+        said = self._answer(rng, words, place, limited=limited)
         what = f"{' '.join(words)[:300]}: "
         if said.code is None:
             return re.sub("^([a-z]+)", rf"\1: {re.escape(what)}", said.error, count=1)
+        if said.code == 0 and taken:
+            return ""
         if said.code == 0:
             return f"silent acceptance: {what}{said.out[-200:]}"
         if _state(place) != before:
@@ -256,6 +291,40 @@ class Doors:
             return Attempt(number, name, "" if told else f"silent acceptance: {name}: warnings {warned}")
         same = read["observers"] == self.estimated[path.suffix]["observers"]
         return Attempt(number, name, "" if same else f"silent acceptance: {name}: read as another flight")
+
+    def _drawn_map(self, rng: np.random.Generator, place: Path) -> Attempt:
+        """Estimate by a map with one drawn value: it is refused, or it changes nothing, or a finding says what."""
+        name, values, bad = drawn_map(rng)
+        for file in ("robot.urdf", "log.csv"):
+            shutil.copy(self.walk / file, place)
+        (place / "map.toml").write_text(tomli_w.dumps(values))
+        if bad:
+            return Attempt(13, name, self._refused(rng, ["estimate", "log.csv", *WITH_MAP], place))
+        before = signal.signal(signal.SIGALRM, _hang)
+        signal.setitimer(signal.ITIMER_REAL, self.patience)
+        try:
+            found = by_map(place)
+        except AerobatError:
+            return Attempt(13, name, "")
+        except Hang:
+            return Attempt(13, name, f"hang: more than {self.patience:g} s")
+        except Exception as error:
+            return Attempt(13, name, f"traceback: {type(error).__name__}: {str(error)[:300]}")
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+        fine = changes_nothing(self.by_map, found) or says_more(self.by_map, found)
+        return Attempt(13, name, "" if fine else "silent acceptance: other forces without a finding")
+
+    @cached_property
+    def by_map(self) -> Any:
+        """What is estimated from the good recording by the good map."""
+        return by_map(self.walk)
+
+    def _changed_bytes(self, rng: np.random.Generator, place: Path) -> Attempt:
+        """Change bytes of a good file: it is taken or refused, within memory and time."""
+        name, words = changed_bytes(rng, self.walk, place)
+        return Attempt(14, name, self._refused(rng, words, place, limited=True, taken=True))
 
     @cached_property
     def estimated(self) -> dict[str, dict[str, Any]]:

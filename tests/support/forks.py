@@ -71,7 +71,14 @@ class Forks:
         self._said.cleanup()
 
     def start(
-        self, words: Sequence[str], cwd: Path, *, largest_file: int | None = None, ignored: Sequence[int] = ()
+        self,
+        words: Sequence[str],
+        cwd: Path,
+        *,
+        largest_file: int | None = None,
+        ignored: Sequence[int] = (),
+        more_memory: int | None = None,
+        patience: int | None = None,
     ) -> Running:
         """Start `aerobat` with these words.
 
@@ -80,8 +87,11 @@ class Forks:
             cwd: its current folder.
             largest_file: limit of the size of a file that it writes [bytes].
             ignored: signals that it is started to ignore, as `nohup` does.
+            more_memory: limit of the addresses that it takes beyond those of the process it is forked from [bytes].
+            patience: after so many seconds it is ended by SIGALRM.
         """
         wanted = {"words": list(words), "cwd": str(cwd), "largest_file": largest_file, "ignored": list(ignored)}
+        wanted |= {"more_memory": more_memory, "patience": patience}
         return Running(self, self.ask(wanted), Path(self._said.name))
 
     def ask(self, wanted: Any) -> int:
@@ -96,7 +106,15 @@ class Forks:
         return answer
 
 
-def fork(said: Path, words: list[str], cwd: str, largest_file: int | None, ignored: list[int]) -> int:
+def fork(
+    said: Path,
+    words: list[str],
+    cwd: str,
+    largest_file: int | None,
+    ignored: list[int],
+    more_memory: int | None,
+    patience: int | None,
+) -> int:
     """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end."""
     from aerobat_pin.cli import main
     from aerobat_pin.errors import end_on_signals
@@ -117,6 +135,10 @@ def fork(said: Path, words: list[str], cwd: str, largest_file: int | None, ignor
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         if largest_file is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
+        if more_memory is not None:
+            taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (taken + more_memory,) * 2)
+        signal.alarm(patience or 0)
         os.chdir(cwd)
         sys.argv = ["aerobat", *words]
         main()

@@ -60,16 +60,16 @@ def test_meshes_of_the_robots_own_folders_are_drawn(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        ("../bar.stl", r"names \.\./bar\.stl: a file in the folder of the URDF"),
-        ("{above}/bar.stl", "names .*/bar.stl: a file in the folder of the URDF"),
-        ("file://{above}/bar.stl", "a file in the folder of the URDF"),
-        ("package://../bar.stl", "a file in the folder of the URDF"),
-        ("package://arm/../bar.stl", "a file in the folder of the URDF"),
-        ("package:///../bar.stl", "a file in the folder of the URDF"),
-        ("link.stl", "a file in the folder of the URDF"),
+        ("../bar.stl", r"names \.\./bar\.stl: a file in the folder of the robot"),
+        ("{above}/bar.stl", "link .bar.: <mesh filename=.*/bar.stl.>: a file in the folder of the robot"),
+        ("file://{above}/bar.stl", "a file in the folder of the robot"),
+        ("package://../bar.stl", "a file in the folder of the robot"),
+        ("package://arm/../bar.stl", "a file in the folder of the robot"),
+        ("package:///../bar.stl", "a file in the folder of the robot"),
+        ("link.stl", "a file in the folder of the robot"),
         ("meshes/bar.txt", r"\.txt: one of \.dae, \.obj, \.stl was expected"),
-        ("pipe.stl", "there is no such file"),
-        ("meshes", "there is no such file"),
+        ("pipe.stl", "a folder, pipe or device: a file was expected"),
+        ("meshes", "a folder, pipe or device: a file was expected"),
         ("http://example.org/a.stl", "there is no such file"),
         ("cut.stl", "Pinocchio cannot read it: Could not load resource"),
         ("nan.stl", r"mesh .*nan\.stl holds NaN or infinity"),
@@ -98,7 +98,7 @@ def test_a_texture_pulls_no_file_into_the_page(texture: str, folder: Path) -> No
     (folder / "bar.txt").write_bytes(SECRET)
     (folder / "meshes" / "bar.dae").write_text(COLLADA.format(texture.format(above=folder.parent)))
     with pytest.raises(
-        LogError, match=r"names .*: a (file in the folder of the URDF|picture \(PNG, JPEG, GIF or BMP\))"
+        LogError, match=r"names .*: a (file in the folder of the robot's file|picture \(PNG, JPEG, GIF or BMP\))"
     ):
         page_of(folder, "meshes/bar.dae")
 

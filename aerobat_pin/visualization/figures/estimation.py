@@ -152,7 +152,7 @@ class _Panels:
                     label="not seen: the pose does not show it",
                 )
         letter = f"${label[0]}_{label[1]}$" if len(label) > 1 else f"${label}$"
-        axis.set_ylabel(f"{letter} [{'N' if label[0] == 'F' else 'N m'}]")
+        axis.set_ylabel(f"{letter} [{'N' if label[0] == 'F' else 'N m'}]", parse_math=len(label) <= 2)
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""

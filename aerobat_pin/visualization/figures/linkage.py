@@ -134,15 +134,20 @@ def _draw_angles(axis: Axes, pins: Mapping[str, Array], shown: Closure) -> None:
         axis.plot(*(pivot[:, None] + radius * arc), color=style.AXIS_COLOURS[0], linewidth=1.2)
         middle = pivot + 1.15 * radius * arc[:, 20]
         axis.annotate(
-            rf"$\theta_{name}$", (middle[0], middle[1]), color=style.AXIS_COLOURS[0], fontsize=11, va="center"
+            rf"$\theta_{name}$",
+            (middle[0], middle[1]),
+            color=style.AXIS_COLOURS[0],
+            fontsize=11,
+            va="center",
+            parse_math=True,
         )
 
 
 def _draw_joints(axis: Axes, linkage: KineticSculpture) -> None:
     crank = np.linspace(-90.0, 270.0, 721)
     cycle = linkage.solve(np.radians(crank))
-    axis.plot(crank, np.degrees(cycle.theta_s), color=style.LEFT, label=r"shoulder $\theta_s$")
-    axis.plot(crank, np.degrees(cycle.theta_e), "--", color=style.RIGHT, label=r"elbow $\theta_e$")
+    axis.plot(crank, np.degrees(cycle.theta_s), color=style.LEFT, label="shoulder θₛ")
+    axis.plot(crank, np.degrees(cycle.theta_e), "--", color=style.RIGHT, label="elbow θₑ")
     shown = linkage.solve(np.radians(SHOWN_DEG))
     both = np.degrees([shown.theta_s, shown.theta_e])
     axis.plot([SHOWN_DEG] * 2, both, "o", ms=4.5, mfc="white", mec=style.INK, label="pose on the left")

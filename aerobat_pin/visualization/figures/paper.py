@@ -36,9 +36,9 @@ def draw_states(log: FlightLog) -> Figure:
     """Draw joint angles, Euler angles and world velocities over time (the paper's Fig. 6)."""
     figure, axes = _panels(3, "Joint angles, attitude and velocity", height=6.0)
     q, v = log.measured["q"], log.measured["v"].values
-    for joint, colour, line in (("shoulder", style.LEFT, "-"), ("elbow", style.RIGHT, "--")):
+    for joint, sign, colour, line in (("shoulder", "θₛ", style.LEFT, "-"), ("elbow", "θₑ", style.RIGHT, "--")):
         angle = np.degrees(q.sel(q_axis=f"left_{joint}").values)
-        axes[0].plot(log.time, angle, line, color=colour, label=rf"{joint} $\theta_{joint[0]}$")
+        axes[0].plot(log.time, angle, line, color=colour, label=f"{joint} {sign}")
     axes[0].set_ylabel("joint angle [deg]")
     axes[1].set_ylabel("Euler angle [deg]")
     axes[2].set_ylabel("velocity, world [m/s]")

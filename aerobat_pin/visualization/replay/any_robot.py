@@ -12,33 +12,20 @@ need, the base is free. The first seven columns are then its placement: position
 
 from __future__ import annotations
 
-import os
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_description import PACKAGE_PATH
-from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import Array, read_robot
+from aerobat_pin.errors import LogError, foreign_file, foreign_xml
+from aerobat_pin.numerics import Array, Packages, checked_robot, read_robot
 from aerobat_pin.scenario import TextTable
 from aerobat_pin.visualization.replay.recording import Recording, record
 
-Element = ElementTree.Element
 FREE_BASE = 7  # number of entries of q for a free base
-LARGEST_ROBOT_FILE = 100_000_000  # of a URDF or a mesh
-DEEPEST_XML = 100  # of nested elements
-LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
-    **dict.fromkeys(("xyz", "rpy", "size", "radius", "length", "scale"), 1e6),
-    **dict.fromkeys(
-        ("rgba", "value", "lower", "upper", "effort", "velocity", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1e30
-    ),
-}
-EXTENTS = {"size", "radius", "length"}  # of a box, a ball, a cylinder
+LARGEST_MESH = 100_000_000  # bytes
 MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Collada names other files
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM")  # how the content of a texture begins
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
@@ -57,8 +44,7 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
         LogError: the file or one that it names cannot be read or lies outside the robot's packages; a number is not
             finite or too large; the robot cannot move, or has another number of joints.
     """
-    root = _parsed(urdf, f"robot {urdf}", "robot")
-    _check_numbers(root, f"robot {urdf}")
+    root = checked_robot(urdf, "urdf")
     packages = Packages(urdf)
     for element in root.iter():
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
@@ -86,69 +72,13 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
     return model, visual_model
 
 
-class Packages:
-    """The folders whose files a robot may name.
-
-    Args:
-        urdf: the URDF file; the folders follow from its place.
-    """
-
-    def __init__(self, urdf: Path) -> None:
-        self._name = f"robot {urdf}"
-        place = Path(os.path.abspath(urdf)).parent
-        above = [*dict.fromkeys([place, *place.parents, *Path(os.path.realpath(urdf)).parents])]
-        self._own = [place.parent if place.name == "urdf" else place]
-        self._own += [folder for folder in above if _is_package(folder)] + [Path(PACKAGE_PATH)]
-        self._above = above
-        self._ros = [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
-
-    def file(self, name: str, folder: Path, check: Callable[[Path, Packages], None]) -> Path:
-        """Return the path of a file that the robot names.
-
-        Args:
-            name: `package://` or `file://` address, absolute path, or path relative to `folder`.
-            folder: folder of the file that contains the name.
-            check: called with the path and this object; raises LogError if the file is none of those allowed.
-
-        Raises:
-            LogError: there is no such file, or it lies outside the robot's packages.
-        """
-        path, roots = Path(folder, name), self._own + self._ros
-        if name.startswith(("package://", "model://")):
-            package, _, rest = name.partition("://")[2].partition("/")
-            beside = [base / package for base in self._above]
-            roots = [root for root in beside if root in self._own or _is_package(root)]
-            roots += [base / package for base in self._ros]
-            path = next((root / rest for root in roots if os.path.isfile(root / rest)), Path(folder, rest))
-        elif name.startswith("file://"):
-            path = Path(unquote(urlsplit(name).path))
-        place = Path(os.path.realpath(path))
-        if not any(place.is_relative_to(os.path.realpath(root)) for root in roots):
-            raise LogError(
-                f"{self._name} names {name}: a file in the folder of the URDF, in a folder above it that has a "
-                "package.xml, in such a package beside these, or in one of ROS_PACKAGE_PATH was expected"
-            )
-        if not os.path.isfile(place):
-            raise LogError(f"{self._name} names {name}: there is no such file")
-        try:
-            check(place, self)
-        except LogError as error:
-            raise LogError(f"{self._name} names {name}: {error}") from error
-        return place
-
-
-def _is_package(folder: Path) -> bool:
-    return os.path.isfile(folder / "package.xml")
-
-
 def _check_mesh(path: Path, packages: Packages) -> None:
     """Raise LogError unless a file is a mesh that a page can draw, and the textures that it names are pictures."""
     if path.suffix.lower() not in MESHES:
         raise LogError(f"{path.suffix or 'no ending'}: one of {', '.join(MESHES)} was expected")
-    if path.stat().st_size > LARGEST_ROBOT_FILE:
-        raise LogError(f"{path.stat().st_size} bytes: at most {LARGEST_ROBOT_FILE} were expected")
+    foreign_file(path, "mesh", LARGEST_MESH)
     if path.suffix.lower() == ".dae":
-        for library in _parsed(path, "mesh", "COLLADA").iter():
+        for library in foreign_xml(path, "mesh", "COLLADA").iter():
             if library.tag.endswith("library_images"):
                 for element in (inner for inner in library.iter() if "init_from" in inner.tag):
                     packages.file(element.text or "", path.parent, _check_picture)
@@ -160,50 +90,6 @@ def _check_picture(path: Path, packages: Packages) -> None:
         start = file.read(8)
     if not start.startswith(PICTURES):
         raise LogError("a picture (PNG, JPEG, GIF or BMP) was expected")
-
-
-def _parsed(path: Path, name: str, tag: str) -> Element:
-    """Read an XML file. Raises LogError if it is none, too large, nests too deep, or has another outermost element."""
-    if not os.path.isfile(path):
-        raise LogError(f"{name}: there is no such file")
-    if path.stat().st_size > LARGEST_ROBOT_FILE:
-        raise LogError(f"{name}: {path.stat().st_size} bytes: at most {LARGEST_ROBOT_FILE} were expected")
-    level = 0
-    root: Element | None = None
-    try:
-        for event, element in ElementTree.iterparse(path, ("start", "end")):
-            root = element if root is None else root
-            level += 1 if event == "start" else -1
-            if level > DEEPEST_XML:
-                raise LogError(f"{name}: more than {DEEPEST_XML} levels of elements")
-    except (ElementTree.ParseError, ValueError, OSError) as error:
-        if isinstance(error, LogError):
-            raise
-        raise LogError(f"{name}: cannot be read as XML: {error}") from error
-    if root is None or root.tag.rpartition("}")[2] != tag:
-        raise LogError(f"{name}: an outermost element <{tag}> was expected")
-    return root
-
-
-def _check_numbers(root: Element, name: str) -> None:
-    """Raise LogError unless all numbers of a URDF are finite and not absurd; its parser skips what it cannot read."""
-    fixed = {axis for joint in root.iterfind("joint[@type='fixed']") for axis in joint.iterfind("axis")}  # not used
-    for element in root.iter():
-        for key, text in element.attrib.items():
-            if key in LARGEST_NUMBERS:
-                try:
-                    numbers = np.array(text.split(), float)
-                except ValueError:
-                    numbers = np.array([np.nan])
-                rule = f"numbers up to {LARGEST_NUMBERS[key]:g} were expected"
-                good = numbers.size > 0 and bool(np.all(np.abs(numbers) <= LARGEST_NUMBERS[key]))
-                if good and (key in EXTENTS or (element.tag == "axis" and element not in fixed)):
-                    rule, good = (
-                        "more than 0 was expected",
-                        bool(np.all(numbers > 0.0) if key in EXTENTS else np.any(numbers)),
-                    )
-                if not good:
-                    raise LogError(f'{name}: <{element.tag} {key}="{text[:80]}">: {rule}')
 
 
 def replay_table(table: Path, urdf: Path) -> Recording:

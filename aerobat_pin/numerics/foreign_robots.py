@@ -1,0 +1,187 @@
+"""What a robot's file must be before Pinocchio reads it: URDF and MJCF, which may come from a stranger.
+
+Pinocchio calls itself for each level of a file and for each link of a chain, skips numbers that it cannot read, and
+takes a mass of NaN as it is. So the file is looked at first: depth, number of bodies, numbers, and the places of files
+that it names.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+
+from aerobat_description import PACKAGE_PATH
+from aerobat_pin.errors import DEEPEST_XML, LogError, foreign_file, foreign_xml
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+LARGEST_ROBOT = 20_000_000  # bytes; the largest of `example-robot-data` has 0.2e6
+MOST_BODIES = 1000
+OUTERMOST = {"urdf": "robot", "mjcf": "mujoco"}
+NAMED = ("link", "joint", "body", "geom", "material")  # elements by whose name a message says where it is
+LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
+    **dict.fromkeys(("xyz", "rpy", "size", "radius", "length", "scale", "pos", "euler", "axisangle", "fromto"), 1e6),
+    **dict.fromkeys(("rgba", "value", "lower", "upper", "effort", "velocity", "mass", "density", "armature"), 1e30),
+    **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz", "diaginertia", "fullinertia", "ref"), 1e30),
+    **dict.fromkeys(("axis", "quat", "quat_xyzw", "zaxis", "xyaxes", "offset", "multiplier"), 1e30),
+}
+EXTENTS = ("radius", "length")  # of a box, a ball, a cylinder: more than 0, in a URDF also `size`
+DIRECTIONS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
+NOT_NEGATIVE = ("mass", "density", "ixx", "iyy", "izz", "diaginertia")
+
+
+def checked_robot(path: Path, kind: str) -> Element:
+    """Return the outermost element of a robot's file that can be a robot's.
+
+    Args:
+        path: the file.
+        kind: `urdf` or `mjcf`.
+
+    Raises:
+        LogError: the file cannot be read, nests too deep, has too many bodies; a number is none, not finite, too large,
+            or cannot be (a negative mass or inertia, an axis or quaternion of zeros); a class of an MJCF file is not
+            defined; or it names a file outside its packages. The message names the link and the key.
+    """
+    name = f"robot {path}"
+    root = foreign_xml(path, name, OUTERMOST[kind], LARGEST_ROBOT)
+    bodies = sum(element.tag in ("link", "body") for element in root.iter())
+    if bodies > MOST_BODIES:
+        raise LogError(f"{name}: {bodies} bodies: at most {MOST_BODIES} were expected")
+    if kind == "urdf" and _deeper_than(root, DEEPEST_XML):
+        raise LogError(f"{name}: more than {DEEPEST_XML} links in a row, or a closed chain")
+    classes = {"main", *(element.get("class") for element in root.iter("default"))}
+    for element, where in _placed(root, ""):
+        for key, text in element.attrib.items():
+            if (rule := _broken_rule(element, key, text, kind)) is not None:
+                raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: {rule}')
+            if kind == "mjcf" and key in ("class", "childclass") and text not in classes:
+                known = ", ".join(sorted(filter(None, classes)))
+                raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: no such class; there are {known}')
+            if key in ("file", "filename"):
+                _check_inside(path, text, f'{name}: {where}<{element.tag} {key}="{text[:80]}">')
+        if kind == "mjcf" and element.tag in ("include", "attach", "replicate"):
+            raise LogError(f"{name}: <{element.tag}>: Pinocchio leaves it out; a whole robot in one file was expected")
+    return root
+
+
+def _deeper_than(root: Element, most: int) -> bool:
+    """Return whether a chain of a URDF has more than so many joints, one behind the other; also for a closed chain."""
+    above: dict[str, str] = {}
+    for joint in root.iterfind("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            above[child.get("link", "")] = parent.get("link", "")
+    links = set(above)
+    for _ in range(most):
+        links = {above[link] for link in links if link in above}
+    return bool(links)
+
+
+def _placed(element: Element, where: str) -> Iterator[tuple[Element, str]]:
+    """Yield an element and all below it, each with the nearest link, joint or body, for messages."""
+    if element.tag in NAMED and element.get("name") is not None:
+        where = f"{element.tag} '{element.get('name', '')[:80]}': "
+    if not (element.tag == "joint" and element.get("type") == "fixed"):
+        yield element, where
+    for inner in element:
+        if not (inner.tag == "axis" and element.get("type") == "fixed"):  # not used
+            yield from _placed(inner, where)
+
+
+def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None:
+    """Return the rule that a number of a robot breaks; None if it breaks none, or is no number."""
+    if key not in LARGEST_NUMBERS:
+        return None
+    try:
+        numbers = np.array(text.split(), float)
+    except ValueError:
+        numbers = np.array([np.nan])
+    if not numbers.size or not bool(np.all(np.abs(numbers) <= LARGEST_NUMBERS[key])):
+        return f"numbers up to {LARGEST_NUMBERS[key]:g} were expected"
+    urdf = kind == "urdf"
+    if (key in EXTENTS or (key == "size" and urdf)) and not np.all(numbers > 0.0):
+        return "more than 0 was expected"
+    if (key in DIRECTIONS or (element.tag == "axis" and key == "xyz")) and not np.any(numbers):
+        return "more than 0 was expected"
+    if key == "axisangle" and not np.any(numbers[:3]):
+        return "an axis longer than 0 was expected"
+    if (key in NOT_NEGATIVE or element.tag == "mass" or (key == "size" and not urdf)) and np.any(numbers < 0.0):
+        return "0 or more was expected"
+    if key == "fullinertia" and np.any(numbers[:3] < 0.0):
+        return "0 or more was expected on the diagonal"
+    return None
+
+
+def _check_inside(robot: Path, named: str, where: str) -> None:
+    """Raise LogError if a robot names an existing file by its absolute path that is not in its packages."""
+    path = Path(unquote(urlsplit(named).path)) if named.startswith("file://") else Path(named)
+    if path.is_absolute() and os.path.exists(path) and not Packages(robot).contains(path):
+        raise LogError(f"{where}: {INSIDE}")
+
+
+INSIDE = (
+    "a file in the folder of the robot's file, in a folder above it that has a package.xml, in such a package beside "
+    "these, or in one of ROS_PACKAGE_PATH was expected"
+)
+
+
+class Packages:
+    """The folders whose files a robot may name.
+
+    Args:
+        robot: the robot's file; the folders follow from its place.
+    """
+
+    def __init__(self, robot: Path) -> None:
+        self._name = f"robot {robot}"
+        place = Path(os.path.abspath(robot)).parent
+        above = [*dict.fromkeys([place, *place.parents, *Path(os.path.realpath(robot)).parents])]
+        self._own = [place.parent if place.name == "urdf" else place]
+        self._own += [folder for folder in above if _is_package(folder)] + [Path(PACKAGE_PATH)]
+        self._above = above
+        self._ros = [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
+
+    def contains(self, path: Path, roots: list[Path] | None = None) -> bool:
+        """Return whether a file is in one of these folders, or of `roots`, after all links."""
+        place = Path(os.path.realpath(path))
+        roots = self._own + self._ros if roots is None else roots
+        return any(place.is_relative_to(os.path.realpath(root)) for root in roots)
+
+    def file(self, name: str, folder: Path, check: Callable[[Path, Packages], None]) -> Path:
+        """Return the path of a file that the robot names.
+
+        Args:
+            name: `package://` or `file://` address, absolute path, or path relative to `folder`.
+            folder: folder of the file that contains the name.
+            check: called with the path and this object; raises LogError if the file is none of those allowed.
+
+        Raises:
+            LogError: there is no such file, or it lies outside the robot's packages.
+        """
+        path, roots = Path(folder, name), self._own + self._ros
+        if name.startswith(("package://", "model://")):
+            package, _, rest = name.partition("://")[2].partition("/")
+            beside = [base / package for base in self._above]
+            roots = [root for root in beside if root in self._own or _is_package(root)]
+            roots += [base / package for base in self._ros]
+            path = next((root / rest for root in roots if os.path.isfile(root / rest)), Path(folder, rest))
+        elif name.startswith("file://"):
+            path = Path(unquote(urlsplit(name).path))
+        if not self.contains(path, roots):
+            raise LogError(f"{self._name} names {name}: {INSIDE}")
+        place = foreign_file(os.path.realpath(path), f"{self._name} names {name}")
+        try:
+            check(place, self)
+        except LogError as error:
+            raise LogError(f"{self._name} names {name}: {error}") from error
+        return place
+
+
+def _is_package(folder: Path) -> bool:
+    return os.path.isfile(folder / "package.xml")

@@ -1,0 +1,220 @@
+"""Files made to eat the machine: bombs, pipes, and robots that no arm can have; all of them are refused.
+
+Each kind writes its files and returns a command line. What is tried on robots follows from the numbers that their files
+have, and from the keys that `numerics/foreign_robots.py` knows.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import tomli_w
+
+from support.walking_log import bag_map, table_map, urdf
+
+Rng = np.random.Generator
+Kind = Callable[[Rng, Path], list[str]]
+WITH_MAP = ["--map", "map.toml", "--out", "out"]
+BOMB = 300_000_000  # bytes
+LINK = (
+    '<link name="l{}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    "</link>"
+)
+HINGE = (
+    '<joint name="j{0}" type="revolute"><parent link="l{1}"/><child link="l{2}"/><axis xyz="0 1 0"/>'
+    '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+)
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+ARM_MJCF = (
+    f'<mujoco model="arm"><worldbody><body name="base"><freejoint/>{INERTIAL}'
+    f'<body name="bar" pos="0 0 1" quat="1 0 0 0"><joint name="hinge" axis="0 1 0" ref="0"/>{INERTIAL}'
+    '<geom class="main" size=".1" mass="0"/></body></body></worldbody></mujoco>'
+)
+
+
+def _record(opcode: int, content: bytes) -> bytes:
+    return bytes([opcode]) + struct.pack("<Q", len(content)) + content
+
+
+def _text(text: str) -> bytes:
+    return struct.pack("<I", len(text)) + text.encode()
+
+
+def mcap_bomb(compression: str, stated: int | None = None, chunks: int = 1, size: int = BOMB) -> bytes:
+    """Return an MCAP file of zeros whose chunk unpacks to `size` bytes, listed `chunks` times in its index.
+
+    Args:
+        compression: `lz4` or `zstd`.
+        stated: size that the chunk states [bytes]; its own when omitted.
+        chunks: 0 for a file without an index.
+        size: bytes that the chunk unpacks to.
+    """
+    from lz4.frame import compress
+    from rosbags.rosbag2.storage_mcap import zstd
+
+    message = _record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(10_000))
+    raw = message * (size // len(message))
+    packed = (compress if compression == "lz4" else zstd.compress)(raw)
+    head = b"\x89MCAP0\r\n" + _record(1, _text("ros2") + _text("x"))
+    made = _record(3, struct.pack("<H", 1) + _text("sensor_msgs/msg/JointState") + _text("ros2msg") + _text(""))
+    made += _record(4, struct.pack("<HH", 1, 1) + _text("/joint_states") + _text("cdr") + _text(""))
+    stated = len(raw) if stated is None else stated
+    chunk = struct.pack("<QQQI", 0, 9, stated, 0) + _text(compression) + struct.pack("<Q", len(packed)) + packed
+    body = head + made + _record(6, chunk)
+    index = struct.pack("<QQQQ", 0, 9, len(head) + len(made), 9 + len(chunk)) + struct.pack("<IHQ", 10, 1, len(body))
+    index += struct.pack("<Q", 31) + _text(compression) + struct.pack("<QQ", len(packed), stated)
+    body += _record(7, struct.pack("<HI", 1, 16) + bytes(16)) + _record(15, bytes(4))
+    start = len(body) if chunks else 0
+    body += (made + chunks * _record(8, index)) if chunks else b""
+    return body + _record(2, struct.pack("<QQI", start, 0, 0)) + b"\x89MCAP0\r\n"
+
+
+def _mapped(place: Path, **changes: object) -> list[str]:
+    """Write a robot and a map of the table `log.csv`."""
+    values = table_map(Path("robot.urdf"))
+    (place / "robot.urdf").write_text(urdf())
+    (place / "map.toml").write_text(tomli_w.dumps({**values, **changes}))
+    return ["estimate", "log.csv", *WITH_MAP]
+
+
+def _bag(place: Path, name: str) -> list[str]:
+    (place / "robot.urdf").write_text(urdf())
+    (place / "map.toml").write_text(tomli_w.dumps(bag_map(Path("robot.urdf"))))
+    return ["estimate", name, *WITH_MAP]
+
+
+def _unpacks(rng: Rng, place: Path) -> list[str]:
+    """Give a bag whose chunks unpack to hundreds of megabytes, one of them or all together."""
+    compression = str(rng.choice(["lz4", "zstd"]))
+    stated, chunks, size = ((None, 1, BOMB), (1000, 1, BOMB), (None, 0, BOMB), (None, 40, 10_000_000))[rng.integers(4)]
+    (place / "a.mcap").write_bytes(mcap_bomb(compression, stated, chunks, size))
+    return _bag(place, "a.mcap")
+
+
+def _endless(rng: Rng, place: Path) -> list[str]:
+    """Give a database whose messages are computed, without an end."""
+    made = (
+        "CREATE VIEW messages AS WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) "
+        "SELECT n AS id, 1 AS topic_id, n AS timestamp, zeroblob(1000) AS data FROM r",
+        "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, "
+        "data BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL)",
+    )[rng.integers(2)]
+    file = sqlite3.connect(place / "a.db3")
+    file.execute("CREATE TABLE topics (id, name, type, serialization_format, offered_qos_profiles)")
+    file.execute("INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr', '')")
+    file.execute(made)
+    file.commit()
+    file.close()
+    return _bag(place, "a.db3")
+
+
+def _pipe(rng: Rng, place: Path) -> list[str]:
+    """Give a pipe in the place of a file, for which nothing is ever written."""
+    name = str(rng.choice(["log.csv", "log.nc", "log.mcap", "log.db3", "log.bag", "robot.urdf", "map.toml", "bag"]))
+    words = _mapped(place)
+    if name.startswith("log"):
+        words[1] = name
+    if name == "bag":
+        words[1] = "bag"
+        (place / "bag").mkdir()
+        (place / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+        os.mkfifo(place / "bag" / "bag.mcap")
+        return words
+    (place / name).unlink(missing_ok=True)
+    os.mkfifo(place / name)
+    if not os.path.lexists(place / "log.csv"):
+        (place / "log.csv").write_text("t,px\n0,0\n1,0\n")
+    return [*words[:2], "--suggest"] if name.startswith("log") and rng.integers(2) else words
+
+
+def _header(rng: Rng, place: Path) -> list[str]:
+    """Give a table with a cell or a number of columns that no header has."""
+    line = (200_000 * "x" + ",t", ",".join(f"c{k}" for k in range(20_000)), 3_000_000 * "x,")[rng.integers(3)]
+    words = _mapped(place)
+    (place / "log.csv").write_text(f"{line}\n0,0\n1,0\n")
+    return words if rng.integers(2) else ["estimate", "log.csv", "--suggest"]
+
+
+def _chain(count: int, *, star: bool = False) -> str:
+    joints = "".join(HINGE.format(k, 0 if star else k, k + 1) for k in range(count))
+    return f'<robot name="chain">{"".join(LINK.format(k) for k in range(count + 1))}{joints}</robot>'
+
+
+def _large(rng: Rng, place: Path) -> list[str]:
+    """Give a robot of too many levels, bodies or links in a row."""
+    words, depth = _mapped(place), int(rng.integers(101, 50_000))
+    nested = f'<body name="b">{INERTIAL}<joint name="j"/>'
+    texts = (
+        urdf().replace("</robot>", depth * "<a>" + depth * "</a>" + "</robot>"),
+        _chain(int(rng.integers(101, 5000))),
+        _chain(int(rng.integers(1001, 5000)), star=True),
+        f'<mujoco model="m"><worldbody>{depth * nested}{depth * "</body>"}</worldbody></mujoco>',
+        f'<mujoco model="m">{depth * "<default>"}{depth * "</default>"}</mujoco>',
+        f'<mujoco model="m"><worldbody>{(1001 + depth // 10) * (nested + "</body>")}</worldbody></mujoco>',
+    )
+    return _robot(place, words, texts[rng.integers(len(texts))])
+
+
+def _robot(place: Path, words: list[str], text: str) -> list[str]:
+    kind = "mjcf" if text.startswith("<mujoco") else "urdf"
+    _mapped(place, robot={kind: f"robot.{kind}", "points": ["bar"]})
+    (place / f"robot.{kind}").write_text(text)
+    (place / "log.csv").write_text("t,px\n0,0\n1,0\n")
+    return words
+
+
+def impossible(rng: Rng) -> str:
+    """Return a URDF or MJCF in which one number, drawn among all that it has, cannot be."""
+    from aerobat_pin.numerics.foreign_robots import DIRECTIONS, LARGEST_NUMBERS, NOT_NEGATIVE
+
+    root = ElementTree.fromstring(urdf() if rng.integers(2) else ARM_MJCF)
+    places = [(one, key) for one in root.iter() for key in one.attrib if key in LARGEST_NUMBERS]
+    one, key = places[rng.integers(len(places))]
+    count = len(one.attrib[key].split())
+    wrong = ["nan", "inf", "-inf", "1e300", "far", ""]
+    wrong += ["-1"] if key in NOT_NEGATIVE or one.tag == "mass" or key == "size" else []
+    wrong += ["0"] if key in DIRECTIONS or one.tag == "axis" else []
+    one.set(key, " ".join(count * [str(rng.choice(wrong))]))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _impossible(rng: Rng, place: Path) -> list[str]:
+    """Give a robot with a number that cannot be."""
+    return _robot(place, _mapped(place), impossible(rng))
+
+
+def _foreign(rng: Rng, place: Path) -> list[str]:
+    """Give a robot that names files of others, parts in other files, or a class that nobody defined."""
+    asset = '<mujoco model="m"><asset><mesh name="m" file="{}"/></asset>'
+    texts = (
+        ARM_MJCF.replace('class="main"', 'class="none"'),
+        ARM_MJCF.replace('<body name="bar"', '<body name="bar" childclass="none"'),
+        ARM_MJCF.replace('<mujoco model="arm">', asset.format("/etc/passwd")),
+        ARM_MJCF.replace("<worldbody>", '<include file="robot.mjcf"/><worldbody>'),
+        urdf().replace(
+            '<link name="trunk">',
+            '<link name="trunk"><visual><geometry><mesh filename="/etc/passwd"/></geometry></visual>',
+        ),
+        urdf().replace(
+            '<link name="trunk">',
+            '<link name="trunk"><visual><geometry><mesh filename="file:///etc/passwd"/></geometry></visual>',
+        ),
+    )
+    return _robot(place, _mapped(place), texts[rng.integers(len(texts))])
+
+
+STRANGERS: dict[str, Kind] = {
+    "bag that unpacks": _unpacks,
+    "endless bag": _endless,
+    "pipe": _pipe,
+    "header": _header,
+    "large robot": _large,
+    "robot that cannot be": _impossible,
+    "robot of others' files": _foreign,
+}
