@@ -27,8 +27,15 @@ from aerobat_pin.errors.exceptions import (
     TrimError,
     WorkersLostError,
 )
+from aerobat_pin.errors.given_files import check_private, content_of, plain_json
 from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
-from aerobat_pin.errors.whole_files import check_file, picture_files, write_files, write_text
+from aerobat_pin.errors.whole_files import (
+    check_file,
+    locked,
+    opened_folder,
+    write_files,
+    write_text,
+)
 
 __all__ = [
     "AerobatError",
@@ -53,11 +60,15 @@ __all__ = [
     "TrimError",
     "WorkersLostError",
     "check_file",
+    "check_private",
     "claimed",
     "cleaned",
+    "content_of",
     "end_on_signals",
+    "locked",
+    "opened_folder",
     "output_folder",
-    "picture_files",
+    "plain_json",
     "raising",
     "replace_results",
     "write_files",
