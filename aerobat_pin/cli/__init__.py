@@ -11,9 +11,11 @@ def main() -> None:
         import signal
         import sys
 
+        from aerobat_pin.cli.surroundings import prepare_surroundings
         from aerobat_pin.errors import end_on_signals
 
         end_on_signals()
+        prepare_surroundings()
     except KeyboardInterrupt:
         print("interrupted: nothing was written", file=__import__("sys").stderr)
         raise SystemExit(130) from None

@@ -18,7 +18,7 @@ import typer
 
 from aerobat_pin.cli.calibrate import calibrate_command
 from aerobat_pin.cli.check import check_command
-from aerobat_pin.cli.console import print_version, write_results
+from aerobat_pin.cli.console import picture_files, print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.options import CalibrationFile, Correct, Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.runs import compare_command, convert_command, play_command
@@ -174,7 +174,7 @@ def linkage_command(
     force: Force = False,
 ) -> None:
     """Draw the linkage over a turn of its crank, and print the ranges of its joints and transmission angles."""
-    from aerobat_pin.errors import picture_files, write_files
+    from aerobat_pin.errors import write_files
     from aerobat_pin.linkage import KineticSculpture
     from aerobat_pin.robot import load_morphology
     from aerobat_pin.visualization import draw_linkage, range_table, render_figure
@@ -253,6 +253,9 @@ def main() -> None:
             sys.stdout.flush()
     except AerobatError as error:
         typer.echo(f"error: {_readable(str(error))}", err=True)
+        sys.exit(2)
+    except MemoryError as error:
+        typer.echo(f"error: not enough memory{f': {error}' if str(error) else ''}", err=True)
         sys.exit(2)
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):

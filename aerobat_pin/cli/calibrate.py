@@ -116,7 +116,7 @@ def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[Fl
     """Read a run or a log with the belief about it."""
     from aerobat_pin.aerobat import belief_about, describe_belief, read_log
     from aerobat_pin.errors import LogError
-    from aerobat_pin.scenario import load_scenario
+    from aerobat_pin.scenario import scenario_of_run
 
     if os.path.isdir(path):  # unlike `path.is_dir()`, takes names of any length
         if not (path / "scenario.toml").is_file() or not (path / "flight.nc").is_file():
@@ -125,7 +125,7 @@ def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[Fl
             raise LogError(
                 "calibrate: --morphology says which robot is believed to have flown a log; a log was expected"
             )
-        return read_log(path / "flight.nc"), load_scenario(str(path / "scenario.toml"), settings)
+        return read_log(path / "flight.nc"), scenario_of_run(path, settings)
     log = read_log(path)
     belief = belief_about(log, path.stem, morphology, [], settings)
     typer.echo(f"{path}: {describe_belief(belief, morphology, settings)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from aerobat_pin.errors import cleaned, output_folder
+from aerobat_pin.errors import OutputError, check_file, cleaned, output_folder
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Result
@@ -108,7 +109,10 @@ def write_results(
     """
     from aerobat_pin import experiments
 
-    with output_folder(target, force=force, replaces=experiments.RESULTS) as folder, progress_bar() as show:
+    with (
+        output_folder(target, force=force, replaces=experiments.RESULTS, sign="estimate.nc") as folder,
+        progress_bar() as show,
+    ):
         made = estimated(show)
         experiments.write(made, folder)
         if pages:
@@ -122,3 +126,28 @@ def write_results(
     typer.echo(f"\nresults in {target}/: {', '.join(names)}")
     for page in [name for name in FIRST_OPENED if name in names] or ["metrics.json"]:
         typer.echo(f"open {target / page}")
+
+
+def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
+    """Return the picture files to write: `out` itself if it is a file name, else `name`.png and `name`.pdf in `out`.
+
+    Args:
+        out: file that ends in .png, .pdf or .svg, or a folder.
+        name: name of the files in a folder, without ending.
+        force: allow files that exist.
+
+    Raises:
+        OutputError: the ending is none of these three, or a file cannot be written or exists (without `force`).
+    """
+    if os.path.isdir(out) or not out.suffix:
+        files = [out / f"{name}.png", out / f"{name}.pdf"]
+        if os.path.exists(out) and not os.path.isdir(out):
+            raise OutputError(f"output {out}: is a file; a folder, or a .png, .pdf or .svg file was expected")
+        for file in files:
+            if os.path.exists(file):
+                check_file(file, force=force)
+        return files
+    if out.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise OutputError(f"output {out}: {out.suffix} is none of .png, .pdf and .svg, and there is no such folder")
+    check_file(out, force=force)
+    return [out]

@@ -181,18 +181,12 @@ def _urdf() -> Iterator[Verified]:
 
 
 def _kernels() -> Iterator[Verified]:
-    """Report the folder in which numba keeps the compiled kernels, and remove those that are damaged."""
+    """Report the folder in which the compiled kernels of one room are kept."""
     from aerobat_pin.aerobat import estimate_flight  # noqa: F401  # imports all kernels
     from aerobat_pin.flight import advance_stage
-    from aerobat_pin.numerics import is_compiled, remove_damaged_kernels
+    from aerobat_pin.numerics import is_compiled
 
-    removed, left = remove_damaged_kernels()
     folder = getattr(getattr(advance_stage, "stats", None), "cache_path", None)
     state = "compiled" if is_compiled(advance_stage) else "not compiled yet: the first run takes some 20 s more"
-    if removed:
-        state += f"; {len(removed)} damaged files were removed, the next run compiles them again"
     detail = f"{folder}, {state}" if folder else "nowhere to write: every start compiles for about 20 s"
     yield Verified("kernel cache", bool(folder), detail, "set NUMBA_CACHE_DIR to a folder that can be written")
-    if left:
-        detail = f"{left[0]} is damaged and cannot be removed"
-        yield Verified("damaged kernels", False, detail, f"remove {left[0].parent} as the user who owns it")

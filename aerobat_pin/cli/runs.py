@@ -57,7 +57,7 @@ def play_command(
     page = recording.html(rate)
     if frames is not None:
         times = np.arange(0.0, recording.duration, rate / PICTURES_PER_SECOND)
-        with output_folder(frames, force=force, replaces=("frame_*.png",)) as folder:
+        with output_folder(frames, force=force, replaces=("frame_*.png",), sign="frame_*.png") as folder:
             for k, picture in enumerate(snapshots(page, times)):
                 (folder / f"frame_{k:05d}.png").write_bytes(picture)
         typer.echo(f"{len(times)} pictures, {PICTURES_PER_SECOND:g} a second, in {frames}/")
@@ -97,7 +97,7 @@ def compare_command(
     comparison = compare_runs(first, second)
     typer.echo(str(comparison))
     target = out or Path("runs") / f"compare-{first.resolve().name}-{second.resolve().name}"
-    with output_folder(target, force=force, replaces=comparison.FILES) as folder:
+    with output_folder(target, force=force, replaces=comparison.FILES, sign="comparison.html") as folder:
         comparison.write(folder)
         files = files_in(folder)
     typer.echo(f"\nresults in {target}/: {', '.join(map(str, files))}\nopen {target / 'comparison.html'}")

@@ -48,7 +48,7 @@ def urdf_command(
     contents = export(robot, output, form, meshes, bars)
     for path in (output, *filter(os.path.exists, contents)):
         check_file(path, force=force)
-    write_files(contents)
+    write_files(contents, output.absolute().parent)
     typer.echo(f"written {output} and, beside it, {len(contents) - 1} files it needs:")
     for path in contents:
         if path != output.absolute():

@@ -28,8 +28,15 @@ from aerobat_pin.errors.exceptions import (
     WorkersLostError,
 )
 from aerobat_pin.errors.foreign_files import DEEPEST_XML, MOST_TIMES_LARGER, MOST_UNPACKED, foreign_file, foreign_xml
+from aerobat_pin.errors.given_files import check_private, content_of, plain_json
 from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
-from aerobat_pin.errors.whole_files import check_file, picture_files, write_files, write_text
+from aerobat_pin.errors.whole_files import (
+    check_file,
+    locked,
+    opened_folder,
+    write_files,
+    write_text,
+)
 
 __all__ = [
     "DEEPEST_XML",
@@ -57,13 +64,17 @@ __all__ = [
     "TrimError",
     "WorkersLostError",
     "check_file",
+    "check_private",
     "claimed",
     "cleaned",
+    "content_of",
     "end_on_signals",
     "foreign_file",
     "foreign_xml",
+    "locked",
+    "opened_folder",
     "output_folder",
-    "picture_files",
+    "plain_json",
     "raising",
     "replace_results",
     "write_files",

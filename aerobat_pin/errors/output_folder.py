@@ -7,7 +7,8 @@ of the file system, and the old one is deleted. For the folder `runs/paper`:
     runs/.aerobat-paper/new     what it has written so far; after the exchange, the old result
 
 A process that is killed leaves this folder behind, but not its lock: the next one that writes beside it removes it. A
-link at one of these places, or what belongs to another user, is left alone, and the result refused.
+link at one of these places, or what belongs to another user, is left alone, and the result refused: each is opened
+without following a link, and looked at when it is open, so that nobody can put a link there in between.
 """
 
 from __future__ import annotations
@@ -18,19 +19,30 @@ import os
 import shutil
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from aerobat_pin.errors.ending import cleaned, undisturbed, written
 from aerobat_pin.errors.exceptions import OutputError, OutputWarning
-from aerobat_pin.errors.whole_files import WORK, check_ours, locked, without_empty, write_files
+from aerobat_pin.errors.given_files import content_of
+from aerobat_pin.errors.whole_files import (
+    FOLDER,
+    WORK,
+    check_ours,
+    locked,
+    opened_folder,
+    own_folder,
+    refuse_links,
+    without_empty,
+    write_files,
+)
 
 LOCK, NEW = "lock", "new"
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of the system call renameat2, see its page in section 2 of the Linux manual
 
 
 @contextmanager
-def output_folder(target: Path, *, force: bool, replaces: Sequence[str]) -> Iterator[Path]:
+def output_folder(target: Path, *, force: bool, replaces: Sequence[str], sign: str) -> Iterator[Path]:
     """Provide an empty work folder; if the `with` block ends without an error, its content is the result in `target`.
 
     Nothing appears at the target unless everything was written. With `force`, the results of an earlier run are
@@ -38,16 +50,18 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str]) -> Iter
 
     Args:
         target: folder for the results. Missing folders are created, and removed again if the block fails.
-        force: allow a target that is not empty.
+        force: allow a target that is not empty, if it holds an earlier result.
         replaces: glob patterns of the results of an earlier run.
+        sign: the one of them by which an earlier result is known.
 
     Raises:
-        OutputError: another process writes into the target, or the target is a file, is not empty (without `force`),
-            has a folder where a file has to go, or cannot be written, now or later.
+        OutputError: another process writes into the target, or a link leads to it, or it is a file, is not empty
+            (without `force`), holds no earlier result (with it), has a folder where a file has to go, or cannot be
+            written, now or later.
     """
-    _check_folder(target, force, replaces)
+    _check_folder(target, force, replaces, sign)
     with claimed(target) as work:
-        _check_folder(target, force, replaces)  # another process may have ended in between
+        _check_folder(target, force, replaces, sign)  # another process may have ended in between
         yield work
         replace_results(work, target, replaces)
 
@@ -59,34 +73,37 @@ def claimed(target: Path) -> Iterator[Path]:
     Args:
         target: the folder; it may be missing.
     """
-    target, descriptor = _real(target), -1
+    refuse_links(target)
+    asked, target = Path(os.path.normpath(target)), _real(target)
     place = _work_place(target)
+    opened: list[int] = []  # the folder that holds the work folder, the work folder, its lock
 
     def clear() -> None:
-        nonlocal descriptor
-        if descriptor >= 0:
-            _remove(place)
-            os.close(descriptor)
-            descriptor = -1
+        if len(opened) > 2:
+            _remove(place, *opened[:2])
+        while opened:
+            os.close(opened.pop())
 
     try:
         with without_empty((place, *place.parents, target)), cleaned(clear):
-            for folder in (place, place / NEW):
-                check_ours(folder, folder=True)
+            holder = asked if place.parent == target else asked.parent
             with undisturbed():
-                descriptor = locked(place / LOCK)
-            os.truncate(descriptor, 0)
-            os.write(descriptor, b"%d\n" % os.getpid())
-            for other in place.parent.glob(f"{WORK}*"):
-                if other != place:
-                    _remove_unless_alive(other)
-            shutil.rmtree(place / NEW, ignore_errors=True)  # of a process that was killed
-            (place / NEW).mkdir()
+                opened.append(opened_folder(place.parent if asked.name in ("", "..") else holder))
+                opened.append(own_folder(place, opened[0]))
+                opened.append(locked(place / LOCK, opened[1]))
+            os.truncate(opened[2], 0)
+            os.write(opened[2], b"%d\n" % os.getpid())
+            for name in os.listdir(opened[0]):
+                if name.startswith(WORK) and name != place.name:
+                    _remove_unless_alive(place.with_name(name), opened[0])
+            os.close(own_folder(place / NEW, opened[1]))
+            shutil.rmtree(NEW, ignore_errors=True, dir_fd=opened[1])  # of a process that was killed
+            os.mkdir(NEW, dir_fd=opened[1])
             yield place / NEW
     except BlockingIOError as error:
         number = ""
         with suppress(OSError):
-            number = (place / LOCK).read_text().strip()
+            number = content_of(place / LOCK, 20).decode(errors="replace").strip()
         raise OutputError(
             f"output folder {target}: another process{f' ({number})' * bool(number)} writes into it"
         ) from error
@@ -131,21 +148,32 @@ def replace_results(work: Path, target: Path, replaces: Sequence[str]) -> None:
     message = f"output folder {target}: {obstacle}; so its files are replaced one by one, not all in one step"
     warnings.warn(OutputWarning(message), stacklevel=2)
     with undisturbed():
-        write_files({target / path: (work / path).read_bytes() for path in new})
+        write_files({target / path: (work / path).read_bytes() for path in new}, target)
         for path in old - {target / path for path in new}:
             path.unlink()
 
 
-def _check_folder(target: Path, force: bool, replaces: Sequence[str]) -> None:
+def _check_folder(target: Path, force: bool, replaces: Sequence[str], sign: str) -> None:
     """Raise OutputError unless results can go into a folder."""
+    refuse_links(target)
     target = _real(target)
     try:
         if target.exists() and not target.is_dir():
             raise OutputError(f"output {target}: is a file; a folder was expected")
-        if target.is_dir() and not force and any(not path.name.startswith(WORK) for path in target.iterdir()):
-            raise OutputError(f"output folder {target} is not empty; --force replaces an earlier run's results in it")
+        if target.is_dir() and any(not path.name.startswith(WORK) for path in target.iterdir()):
+            if not force:
+                raise OutputError(
+                    f"output folder {target} is not empty; --force replaces an earlier run's results in it"
+                )
+            if not any(target.glob(sign)):
+                raise OutputError(
+                    f"output folder {target} holds no earlier result ({sign}) that --force could replace; an empty or "
+                    "missing folder was expected"
+                )
         for pattern in replaces:
             folder = (target / pattern).parent
+            if os.path.islink(folder):
+                raise OutputError(f"output folder {target}: {folder.name} is a link; a folder was expected")
             if folder.exists() and not folder.is_dir():
                 raise OutputError(f"output folder {target}: {folder.name} is a file; a folder was expected")
             for path in target.glob(pattern):
@@ -211,20 +239,20 @@ def _link_others(old: Path, new: Path, results: set[Path]) -> None:
             there.mkdir(parents=True)
 
 
-def _remove(place: Path) -> None:
-    """Remove a work folder, its lock last: until then no other process works in it."""
-    shutil.rmtree(place / NEW, ignore_errors=True)
+def _remove(place: Path, holder: int, folder: int) -> None:
+    """Remove a work folder, open as `folder` in `holder`, its lock last: until then no other process works in it."""
+    shutil.rmtree(NEW, ignore_errors=True, dir_fd=folder)
     with suppress(OSError):
-        (place / LOCK).unlink()
-        place.rmdir()
+        os.unlink(LOCK, dir_fd=folder)
+        os.rmdir(place.name, dir_fd=holder)
 
 
-def _remove_unless_alive(place: Path) -> None:
+def _remove_unless_alive(place: Path, holder: int) -> None:
     """Remove the work folder of a process that was killed; of one that lives, and of another user's, do nothing."""
-    if not (place / LOCK).is_file():
-        return
-    with suppress(OSError):
-        check_ours(place, folder=True)
-        descriptor = locked(place / LOCK)
-        _remove(place)
-        os.close(descriptor)
+    with suppress(OSError), ExitStack() as opened:
+        folder = os.open(place.name, FOLDER | os.O_NOFOLLOW, dir_fd=holder)
+        opened.callback(os.close, folder)
+        check_ours(os.fstat(folder), place, folder=True)
+        os.lstat(LOCK, dir_fd=folder)  # what has none is no work folder
+        opened.callback(os.close, locked(place / LOCK, folder))
+        _remove(place, holder, folder)

@@ -13,9 +13,11 @@ from pathlib import Path
 
 from aerobat_pin.errors.ending import cleaned, undisturbed, written
 from aerobat_pin.errors.exceptions import OutputError
+from aerobat_pin.errors.given_files import NO_TRICKS
 
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
 LONGEST_FILE_NAME = 255 - len(WORK)  # bytes
+FOLDER = os.O_RDONLY | os.O_DIRECTORY
 
 
 def write_text(target: Path, text: str) -> None:
@@ -23,35 +25,44 @@ def write_text(target: Path, text: str) -> None:
     write_files({target: text.encode()})
 
 
-def write_files(contents: Mapping[Path, bytes | Path]) -> None:
+def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = None) -> None:
     """Write files atomically: either all of them or none. Missing folders are created.
 
     Each file is first written beside its place, and locked there.
 
     Args:
         contents: path -> content, or the file that has it.
+        within: folder below which no folder may be a link.
 
     Raises:
-        OutputError: a file or folder cannot be written, or another process is just writing it.
+        OutputError: a file or folder cannot be written, or a link leads to it, or another process is just writing it.
     """
-    parts: dict[Path, int] = {}  # file beside its place -> descriptor that locks it
+    for path in contents:
+        refuse_links(path, within)
+    parts: dict[Path, tuple[int, int]] = {}  # path -> its folder, and the descriptor that locks the file beside it
     path = Path()
 
     def clear() -> None:
         while parts:
-            part, descriptor = parts.popitem()
+            path, (folder, descriptor) = parts.popitem()
             with suppress(OSError):
-                part.unlink(missing_ok=True)
+                os.unlink(WORK + path.name, dir_fd=folder)
             os.close(descriptor)
+            os.close(folder)
 
     try:
         with without_empty({folder for path in contents for folder in path.absolute().parents}), cleaned(clear):
             for path, content in contents.items():
                 if os.path.isdir(path):
                     raise IsADirectoryError(errno.EISDIR, "is a folder")
-                part = path.with_name(WORK + path.name)
                 with undisturbed():
-                    parts[part] = descriptor = locked(part)
+                    folder = opened_folder(path.parent, within)
+                    try:
+                        parts[path] = folder, locked(path.with_name(WORK + path.name), folder)
+                    except BaseException:
+                        os.close(folder)
+                        raise
+                descriptor = parts[path][1]
                 os.truncate(descriptor, 0)
                 with open(descriptor, "wb", closefd=False) as file:
                     if isinstance(content, bytes):
@@ -61,9 +72,11 @@ def write_files(contents: Mapping[Path, bytes | Path]) -> None:
                             shutil.copyfileobj(source, file)
             with undisturbed():
                 for path in contents:
-                    part = path.with_name(WORK + path.name)
-                    os.replace(part, path)
-                    os.close(parts.pop(part))
+                    folder, descriptor = parts[path]
+                    os.replace(WORK + path.name, path.name, src_dir_fd=folder, dst_dir_fd=folder)
+                    del parts[path]
+                    os.close(descriptor)
+                    os.close(folder)
                     written(path)
     except BlockingIOError as error:
         raise OutputError(f"output {path}: another process is writing it") from error
@@ -71,47 +84,110 @@ def write_files(contents: Mapping[Path, bytes | Path]) -> None:
         raise OutputError(f"output {path}: cannot be written: {error.strerror or error}") from error
 
 
-def locked(path: Path) -> int:
-    """Open a file of ours for reading and writing, and lock it until it is closed; it and its folder may be missing.
+def refuse_links(target: Path, within: Path | None = None) -> None:
+    """Raise OutputError if a link leads to an output.
+
+    Whoever sent a folder can have put links into it, so of a path that begins at the current folder no part may be one;
+    of an absolute path, which the user has typed, only the last part and what is below the folder `within`.
+    """
+    path = Path(os.path.normpath(target))
+    below = [folder for folder in path.parents if within and folder != within and folder.is_relative_to(within)]
+    for place in [path, *(below if path.is_absolute() else path.parents)]:
+        if os.path.islink(place):
+            real = os.path.realpath(path)
+            raise OutputError(f"output {target}: {place} is a link; to write behind it, name the place itself: {real}")
+
+
+def opened_folder(path: Path, within: Path | None = None) -> int:
+    """Open a folder for the `dir_fd` of other calls; make those that are missing.
+
+    The links that `refuse_links` refuses are not followed here either: they can be made in between.
+    """
+    path = Path(os.path.normpath(path))
+    names = path.relative_to(path.anchor).parts
+    typed = len((within or path).parts) - 1 if path.is_absolute() else 0
+    descriptor = os.open(path.anchor or ".", FOLDER)
+    for i, name in enumerate(names):
+        outer = descriptor
+        try:
+            descriptor = _entered(name, outer, FOLDER if i < typed else FOLDER | os.O_NOFOLLOW)
+        finally:
+            os.close(outer)
+    return descriptor
+
+
+def _entered(name: str, outer: int, flags: int, mode: int = 0o777) -> int:
+    """Open a folder in another one; make it if it is missing."""
+    try:
+        return os.open(name, flags, dir_fd=outer)
+    except FileNotFoundError:
+        with suppress(FileExistsError):  # another process was faster
+            os.mkdir(name, mode, dir_fd=outer)
+        return os.open(name, flags, dir_fd=outer)
+
+
+def own_folder(path: Path, outer: int) -> int:
+    """Open a work folder in a folder that is open; make it, for this user alone, if it is missing.
+
+    Raises:
+        FileExistsError: what is there is not ours.
+    """
+    try:
+        descriptor = _entered(path.name, outer, FOLDER | os.O_NOFOLLOW, 0o700)
+    except NotADirectoryError:
+        check_ours(os.lstat(path.name, dir_fd=outer), path, folder=True)
+        raise
+    try:
+        check_ours(os.fstat(descriptor), path, folder=True)
+    except FileExistsError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def locked(path: Path, folder: int) -> int:
+    """Open a file of ours for reading and writing, and lock it until it is closed; it may be missing.
 
     The lock ends with the process that holds it, however that ends.
+
+    Args:
+        path: the file.
+        folder: descriptor of its folder.
 
     Raises:
         BlockingIOError: another process holds the lock.
         FileExistsError: what is there is not ours.
     """
     while True:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        check_ours(path)
         descriptor = -1
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+            descriptor = os.open(path.name, os.O_RDWR | os.O_CREAT | NO_TRICKS, 0o666, dir_fd=folder)
+            check_ours(os.fstat(descriptor), path)
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(descriptor), os.lstat(path)):
+            if os.path.samestat(os.fstat(descriptor), os.lstat(path.name, dir_fd=folder)):
                 return descriptor
         except FileNotFoundError:
             pass  # the process that held it has just removed it
-        except OSError:
+        except OSError as error:
             if descriptor >= 0:
                 os.close(descriptor)
+            elif error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO):
+                check_ours(os.lstat(path.name, dir_fd=folder), path)
             raise
         if descriptor >= 0:
             os.close(descriptor)
 
 
-def check_ours(path: Path, *, folder: bool = False) -> None:
-    """Raise FileExistsError if something is at a work place that no program of this user can have left there.
+def check_ours(found: os.stat_result, path: Path, *, folder: bool = False) -> None:
+    """Raise FileExistsError if what is at a work place can be left there by no program of this user.
 
-    What is there will be overwritten or deleted; through a link, that would befall a file or folder elsewhere.
+    It will be overwritten or deleted; through a link, that would befall a file or folder elsewhere.
 
     Args:
+        found: what is there, by `fstat` of what was opened.
         path: where a work file goes.
         folder: a work folder goes there, not a file.
     """
-    try:
-        found = os.lstat(path)
-    except FileNotFoundError:
-        return
     kind = "folder" if folder else "file"
     if stat.S_ISLNK(found.st_mode):
         what = "is a link"
@@ -141,7 +217,8 @@ def without_empty(folders: Iterable[Path]) -> Iterator[None]:
 
 
 def check_file(target: Path, *, force: bool) -> None:
-    """Raise OutputError if a file cannot be written, or if it exists and `force` is False."""
+    """Raise OutputError if a file cannot be written, a link leads to it, or it exists and `force` is False."""
+    refuse_links(target)
     if len(os.fsencode(target.name)) > LONGEST_FILE_NAME:
         raise OutputError(f"output {target}: a name of {LONGEST_FILE_NAME} bytes at most was expected")
     if os.path.isdir(target):
@@ -152,28 +229,3 @@ def check_file(target: Path, *, force: bool) -> None:
         raise OutputError(f"output {target}: there is no folder {target.parent}")
     if not os.access(target.absolute().parent, os.W_OK):
         raise OutputError(f"output {target}: cannot be written: the folder {target.parent} takes no files")
-
-
-def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
-    """Return the picture files to write: `out` itself if it is a file name, else `name`.png and `name`.pdf in `out`.
-
-    Args:
-        out: file that ends in .png, .pdf or .svg, or a folder.
-        name: name of the files in a folder, without ending.
-        force: allow files that exist.
-
-    Raises:
-        OutputError: the ending is none of these three, or a file cannot be written or exists (without `force`).
-    """
-    if os.path.isdir(out) or not out.suffix:
-        files = [out / f"{name}.png", out / f"{name}.pdf"]
-        if os.path.exists(out) and not os.path.isdir(out):
-            raise OutputError(f"output {out}: is a file; a folder, or a .png, .pdf or .svg file was expected")
-        for file in files:
-            if os.path.exists(file):
-                check_file(file, force=force)
-        return files
-    if out.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise OutputError(f"output {out}: {out.suffix} is none of .png, .pdf and .svg, and there is no such folder")
-    check_file(out, force=force)
-    return [out]

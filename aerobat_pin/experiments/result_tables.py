@@ -14,7 +14,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import read_netcdf
-from aerobat_pin.scenario import Scenario, load_scenario
+from aerobat_pin.scenario import Scenario, scenario_of_run
 
 FORCE_DIMS = ("observer", "interval", "point", "axis")
 
@@ -39,7 +39,7 @@ def read_run(folder: Path) -> tuple[Scenario, FlightLog, xr.Dataset]:
     missing = [name for name in names if not os.path.isfile(folder / name)]  # False for names that no file can have
     if missing:
         raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}")
-    scenario, log = load_scenario(str(folder / "scenario.toml")), FlightLog.load(folder / "flight.nc")
+    scenario, log = scenario_of_run(folder), FlightLog.load(folder / "flight.nc")
     return scenario, log, read_estimates(folder / "estimate.nc", log)
 
 

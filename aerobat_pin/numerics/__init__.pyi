@@ -18,7 +18,6 @@ from .jit import kernel as kernel
 from .jit import lock as lock
 from .jit import merged as merged
 from .jit import told_of_compilation as told_of_compilation
-from .kernel_cache import remove_damaged_kernels as remove_damaged_kernels
 from .lie_runge_kutta import DEPARTURES as DEPARTURES
 from .lie_runge_kutta import HALF_STEPS as HALF_STEPS
 from .lie_runge_kutta import add_stage as add_stage

@@ -89,11 +89,10 @@ def _compiled(function: Function, **more: Any) -> Function:
         "no_cfunc_wrapper": True,  # kernels are not called from C
         **more,
     }
-    try:
-        compiled = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # numba found no writable folder for its cache, or no file in which the function stands
-        return cast(Function, numba.njit(**options)(function))
-    with suppress(AttributeError, RuntimeError):  # in case another numba version keeps its files elsewhere
+    compiled = numba.njit(**options)(function)  # without numba's own cache, which runs whatever file it finds
+    # There is no cache if numba finds no folder to write to, or no file in which the function stands (RuntimeError), or
+    # if another numba version keeps its files elsewhere.
+    with suppress(AttributeError, RuntimeError):
         # numba checks only the kernel's own file for changes, but the kernels that it calls are compiled into it.
         compiled._cache = KernelCache(function, sources_stamp())
         compiled.compile = compiled._cache.by_one_process()(compiled.compile)

@@ -1,8 +1,10 @@
-"""The files that keep compiled kernels between runs, sealed so that a damaged one is compiled again instead of run.
+"""The files that keep compiled kernels between runs: none of another user's, nor a damaged one, is ever run.
 
-numba reads these files without a check: a cut or foreign file ends the process inside the compiler's library. Here
-every file ends with a checksum. A file whose checksum is wrong counts as absent, so numba compiles the kernel and
-replaces the file. A folder that is full or cannot be written costs only the time to compile at the next start.
+numba reads these files without a check: a cut one ends the process inside the compiler's library, and another user's
+runs whatever he put into it. So they lie in a folder that only this user can write, `aerobat-` and his number below the
+one that numba chooses; and a file counts only if it is his, nobody else can write it, and its checksum, at its end, is
+right. Others count as absent, so numba compiles the kernel and replaces the file. A folder that is full or cannot be
+written costs only the time to compile at the next start.
 
 Of several processes that start at once, one compiles a kernel, and the others wait and then load it. This also keeps
 them from writing one index at the same time, which numba would let lead to the wrong file.
@@ -12,6 +14,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import pickle
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -26,9 +29,11 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime import rtsys
 
+from aerobat_pin.errors import check_private, content_of
+
 SEAL_SIZE = 4  # [bytes]
+LARGEST_KERNEL = 100_000_000  # [bytes]; one has 2,000,000 at most
 LONGEST_WAIT = 300.0  # [s] for a process that compiles the same kernel; it may have been stopped
-_files: list[SealedFiles] = []  # those of every kernel that is imported
 _told: list[str] = []  # so that a process tells once, not for every kernel
 
 
@@ -42,7 +47,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
 
     def __init__(self, function: Callable[..., Any], stamp: object) -> None:
         super().__init__(function)
-        self._cache_file = SealedFiles(self.cache_path, self._impl.filename_base, stamp)
+        self._cache_path = os.path.join(self.cache_path, f"aerobat-{os.geteuid()}")
+        self._cache_file = SealedFiles(self._cache_path, self._impl.filename_base, stamp)
         self.by_one_process = self._cache_file.by_one_process
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -65,7 +71,6 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         # A new version also avoids unpickling outdated entries, whose signatures can name classes that no longer exist.
         self._version = f"{numba.__version__} {stamp}"
         self._held = False  # by this process
-        _files.append(self)
 
     @contextmanager
     def by_one_process(self) -> Iterator[None]:
@@ -80,7 +85,8 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
                 return
             lock = None
             with suppress(OSError):
-                lock = os.open(f"{self._index_path}.lock", os.O_RDWR | os.O_CREAT, 0o666)
+                self._enter()
+                lock = os.open(f"{self._index_path}.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
                 _lock(lock)
             self._held = True
             try:
@@ -90,36 +96,39 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
                 if lock is not None:
                     os.close(lock)
 
-    def damaged(self) -> list[Path]:
-        """Return the files that an up-to-date index leads to, or the index itself, if their checksum is wrong."""
-        paths = [self._index_path]
-        if self._is_whole(self._index_path):
-            paths = [self._data_path(name) for name in self._load_index().values()]
-        return [Path(path) for path in paths if Path(path).exists() and not self._is_whole(path)]
-
     def save(self, key: Any, data: Any) -> None:
         """Store a compiled kernel; if that fails, tell it once and go on."""
         try:
+            self._enter()
             super().save(key, data)
         except OSError as error:
             _tell(f"compiled kernels cannot be stored in {self._cache_path}: {error.strerror or error}")
 
+    def _enter(self) -> None:
+        """Make the folder if it is missing. Raises OSError if it cannot be made, or if others can write into it."""
+        with suppress(FileExistsError):
+            os.mkdir(self._cache_path, 0o700)
+        check_private(os.lstat(self._cache_path), Path(self._cache_path))
+
     def _load_index(self) -> dict[Any, str]:
-        if Path(self._index_path).exists() and self._checked(self._index_path):
-            return dict(super()._load_index())
-        return {}
+        content = BytesIO(self._told_content(self._index_path) or pickle.dumps(""))
+        if pickle.load(content) != self._version:
+            return {}
+        stamp, found = pickle.load(content)
+        return dict(found) if stamp == self._source_stamp else {}
 
     def _load_data(self, name: str) -> Any:
-        path = self._data_path(name)
-        if not self._checked(path):
+        content = self._told_content(path := self._data_path(name))
+        if content is None:
             raise FileNotFoundError(path)  # which numba takes for a kernel that is not compiled yet
-        return super()._load_data(name)
+        return pickle.loads(content)
 
     @contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[BytesIO]:
         content = BytesIO()
         yield content
         with super()._open_for_write(filepath) as file:
+            os.fchmod(file.fileno(), 0o600)
             file.write(content.getvalue() + self._seal(filepath, content.getvalue()))
 
     def _seal(self, path: str, content: bytes) -> bytes:
@@ -127,18 +136,20 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         version = "" if path == self._index_path else self._version
         return crc32(f"{Path(path).name} {version}".encode(), crc32(content)).to_bytes(SEAL_SIZE, "big")
 
-    def _is_whole(self, path: str) -> bool:
+    def _content(self, path: str) -> bytes | None:
+        """Return what a file contains before its checksum; None if that is wrong, or others can have written it."""
         try:
-            data = Path(path).read_bytes() if Path(path).is_file() else b""  # a named pipe would wait for ever
+            check_private(os.lstat(self._cache_path), Path(self._cache_path))
+            data = content_of(Path(path), LARGEST_KERNEL, private=True)
         except OSError:
-            return False
-        return data[-SEAL_SIZE:] == self._seal(path, data[:-SEAL_SIZE])
+            return None
+        return data[:-SEAL_SIZE] if data[-SEAL_SIZE:] == self._seal(path, data[:-SEAL_SIZE]) else None
 
-    def _checked(self, path: str) -> bool:
-        whole = self._is_whole(path)
-        if not whole and Path(path).exists():
-            _tell(f"the compiled kernel {path} is damaged or of another version: it is compiled again")
-        return whole
+    def _told_content(self, path: str) -> bytes | None:
+        content = self._content(path)
+        if content is None and os.path.lexists(path):
+            _tell(f"the compiled kernel {path} is damaged, another's or of another version: it is compiled again")
+        return content
 
 
 def _lock(file: int) -> None:
@@ -156,12 +167,3 @@ def _tell(text: str) -> None:
     if not _told:
         _told.append(text)
         print(text, file=sys.stderr, flush=True)
-
-
-def remove_damaged_kernels() -> tuple[list[Path], list[Path]]:
-    """Remove damaged files of the kernels that are imported; return those removed, and those that cannot be."""
-    found = [path for files in _files for path in files.damaged()]
-    for path in found:
-        with suppress(OSError):
-            path.unlink()
-    return [path for path in found if not path.exists()], [path for path in found if path.exists()]

@@ -33,7 +33,7 @@ from aerobat_pin.scenario.tables import (
     SimulationSection,
 )
 from aerobat_pin.scenario.toml import read_toml, shipped_names, with_settings
-from aerobat_pin.scenario.unknown_forces import UnknownForceSection
+from aerobat_pin.scenario.unknown_forces import RecordedForce, UnknownForceSection
 
 SECONDS_PER_STEP = 1.0e-4  # measured: 30 to 200 us for 16 to 200 strips, half of it more for two observers
 BYTES_PER_STEP, BYTES_PER_STRIP = 980, 72  # of a step of the log; measured with 4, 16 and 60 strips
@@ -198,6 +198,21 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     if os.path.isfile(source):
         _find_beside(Path(source).parent, values)
     return parse_scenario(with_settings(values, settings), str(source))
+
+
+def scenario_of_run(folder: Path, settings: Iterable[str] = ()) -> Scenario:
+    """Read the scenario in the folder of a run, and apply settings.
+
+    Raises:
+        ScenarioError: as `load_scenario`, or it names a file outside the folder; a run has copies of all that it needs.
+    """
+    source = str(folder / "scenario.toml")
+    stored = load_scenario(source)
+    forces = (force.file for force in stored.unknown_force if isinstance(force, RecordedForce))
+    for name in (stored.robot.morphology, *forces):
+        if name not in MORPHOLOGIES and not Path(name).is_relative_to(os.path.realpath(folder)):
+            raise ScenarioError(f"scenario {source}: names {name}, outside the folder of its run; a copy was expected")
+    return load_scenario(source, settings)
 
 
 def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import errno
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,15 +13,18 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from aerobat_pin.aerobat import FlightLog, true_force
-from aerobat_pin.errors import LogError
+from aerobat_pin.errors import LogError, content_of, plain_json
 from aerobat_pin.estimation import point_label
-from aerobat_pin.experiments import read_run
+from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.page import SPEEDS
 from aerobat_pin.visualization.replay.recording import Recording
 from aerobat_pin.visualization.template import fill_template
+
+MOST_FIGURE, MOST_METRICS = 5_000_000, 5_000_000  # bytes; those of `aerobat run` have 300,000
+PNG = b"\x89PNG"
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,7 +37,8 @@ class ComparedRun:
         scenario: its scenario.
         log: its flight log.
         estimates: forces of all observers, as in `estimate.nc`.
-        observers: the entry of that name in `metrics.json`.
+        scores: (observer, point, axis) -> R2, None without a signal, and root mean square error [N], of `metrics.json`.
+        figures: name -> content of the PNG file.
     """
 
     label: str
@@ -42,17 +46,47 @@ class ComparedRun:
     scenario: Scenario
     log: FlightLog
     estimates: xr.Dataset
-    observers: dict[str, Any]
+    scores: dict[tuple[str, str, str], tuple[float | None, float]]
+    figures: dict[str, bytes]
 
     @classmethod
     def load(cls, folder: Path, label: str) -> ComparedRun:
         """Read a run's folder. Raises LogError if it is none."""
         scenario, log, estimates = read_run(folder)
+        return cls(label, folder, scenario, log, estimates, _scores(folder / "metrics.json"), _figures(folder))
+
+
+def _figures(folder: Path) -> dict[str, bytes]:
+    """Return the figures of a run: name -> content of the PNG file. Raises LogError for what is none."""
+    found = {}
+    for path in (folder / name for name in RESULTS if name.endswith(".png")):
         try:
-            observers = dict(json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["observers"])
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise LogError(f"metrics {folder / 'metrics.json'}: the scores of a run were expected") from error
-        return cls(label, folder, scenario, log, estimates, observers)
+            if path.parent.is_symlink():
+                raise OSError(errno.ELOOP, f"{path.parent} is a link")
+            found[path.stem] = content_of(path, MOST_FIGURE)
+            if not found[path.stem].startswith(PNG):
+                raise OSError(errno.EINVAL, "is no picture")
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise LogError(f"figure {path}: {error.strerror}; a PNG file of the run was expected") from error
+    return found
+
+
+def _scores(path: Path) -> dict[tuple[str, str, str], tuple[float | None, float]]:
+    """Read the scores of a run's forces. Raises LogError if the file has none."""
+    found = {}
+    try:
+        for name, points in plain_json(content_of(path, MOST_METRICS))["observers"].items():
+            for point, axes in points.items():
+                for axis, score in axes.items() if isinstance(axes, dict) and "Fx" in axes else ():
+                    r2, rmse = score["r2"], float(score["rmse"])
+                    found[name, point, axis] = None if r2 is None else float(r2), rmse
+                    if not ",".join([name, point, axis]).isprintable():
+                        raise ValueError("a name that cannot be printed")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise LogError(f"metrics {path}: the scores of a run were expected") from error
+    return found
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,14 +110,10 @@ class Comparison:
 
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows of the table with the columns of `header`: the scores that both runs have."""
-        for name, found in self.first.observers.items():
-            for point, axes in found.items():
-                for axis in axes if isinstance(axes, dict) and "Fx" in axes else ():
-                    other = self.second.observers.get(name, {}).get(point, {}).get(axis)
-                    if other is not None:
-                        pair = (axes[axis], other)
-                        r2 = ("no signal" if one["r2"] is None else f"{one['r2']:.5f}" for one in pair)
-                        yield name, point, axis, *r2, *(f"{1e3 * one['rmse']:.2f} mN" for one in pair)
+        for key in (key for key in self.first.scores if key in self.second.scores):
+            pair = self.first.scores[key], self.second.scores[key]
+            r2 = ("no signal" if one[0] is None else f"{one[0]:.5f}" for one in pair)
+            yield *key, *r2, *(f"{1e3 * one[1]:.2f} mN" for one in pair)
 
     def __repr__(self) -> str:
         a, b = self.first, self.second
@@ -131,8 +161,7 @@ class Comparison:
         style.save_figure(self.draw(), folder / "forces")
         lines = [",".join(row) for row in (self.header, *self.rows())]
         (folder / "comparison.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        both = [path.name for path in sorted((self.first.folder / "figures").glob("*.png"))]
-        both = [name for name in both if (self.second.folder / "figures" / name).is_file()]
+        one, other = self.first.figures, self.second.figures
         page = fill_template(
             "comparison.html",
             runs=(self.first, self.second),
@@ -140,9 +169,7 @@ class Comparison:
             header=self.header,
             rows=list(self.rows()),
             forces=folder / "forces.png",
-            figures={
-                Path(name).stem: [run.folder / "figures" / name for run in (self.first, self.second)] for name in both
-            },
+            figures={name: (one[name], other[name]) for name in one if name in other},
         )
         (folder / "comparison.html").write_text(page, encoding="utf-8")
         labels = self.first.label, self.second.label

@@ -35,7 +35,10 @@ SECTIONS = {
         "docs/broken_runs.md",
     ],
     "Reference": ["docs/conventions.md", "aerobat_description/README.md"],
-    "Design": ["docs/architecture.md", "CONTRIBUTING.md", "docs/design/*.md", "docs/licences.md", "CHANGELOG.md"],
+    "Design": [
+        *("docs/architecture.md", "CONTRIBUTING.md", "docs/design/*.md", "SECURITY.md", "docs/walls.md"),
+        *("docs/licences.md", "CHANGELOG.md"),
+    ],
 }
 MADE = ["commands", "scenario_keys", "api/index"]  # pages that stand in no file
 

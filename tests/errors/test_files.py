@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -20,7 +21,6 @@ import pytest
 import support.broken_runs as broken
 from support.bench import RUN, Bench
 from support.broken_runs import Case
-from support.commands import call
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import OutputError, OutputWarning, claimed, output_folder, write_files
@@ -37,7 +37,7 @@ def written(folder: Path) -> dict[str, str]:
 
 def write(target: Path) -> None:
     """Write a new result of one file over an old one of two."""
-    with output_folder(target, force=True, replaces=REPLACES) as work:
+    with output_folder(target, force=True, replaces=REPLACES, sign="a.txt") as work:
         (work / "a.txt").write_text("new")
 
 
@@ -54,7 +54,7 @@ def target(tmp_path: Path) -> Path:
 def test_a_new_result_takes_the_place_of_the_old_one_at_once(target: Path) -> None:
     """Until the end nothing changes; then the folder is another one, with the user's file itself, not a copy."""
     inode, mine = target.stat().st_ino, (target / "mine.txt").stat().st_ino
-    with output_folder(target, force=True, replaces=REPLACES) as work:
+    with output_folder(target, force=True, replaces=REPLACES, sign="a.txt") as work:
         (work / "a.txt").write_text("new")
         assert written(target) == {"a.txt": "old", "b.txt": "old", "mine.txt": "mine"}
         (target / "late.txt").write_text("made meanwhile")
@@ -64,13 +64,13 @@ def test_a_new_result_takes_the_place_of_the_old_one_at_once(target: Path) -> No
     assert os.listdir(target.parent) == ["target"]
 
 
-def test_a_link_to_a_folder_stays_a_link(target: Path) -> None:
-    """The folder behind it is replaced."""
+def test_a_link_to_a_folder_is_not_followed(target: Path) -> None:
+    """Nobody knows who put it there; the line says what to name to write behind it."""
     link = target.parent / "link"
     link.symlink_to(target)
-    write(link)
-    assert link.is_symlink()
-    assert written(target) == {"a.txt": "new", "mine.txt": "mine"}
+    with pytest.raises(OutputError, match=f"{link} is a link; to write behind it, name the place itself: {target}"):
+        write(link)
+    assert written(target)["a.txt"] == "old"
 
 
 @pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EPERM])
@@ -122,83 +122,54 @@ def test_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
     assert written(tmp_path) == {"three": "3"}
 
 
-@pytest.fixture
-def outside(tmp_path: Path) -> Path:
-    """Return a folder with what a work folder has, but nobody asked to write there."""
-    folder = tmp_path / "outside"
-    (folder / "new").mkdir(parents=True)
-    for name in ("private", "lock", "new/private"):
-        (folder / name).write_text("mine")
-    return folder
-
-
-@pytest.mark.parametrize(
-    ("place", "leads_to", "is_hard"),
-    [
-        ("runs/.aerobat-paper/lock", "private", False),
-        ("runs/.aerobat-paper/lock", "private", True),
-        ("runs/.aerobat-paper/lock", "missing", False),
-        ("runs/.aerobat-paper/new", "new", False),
-        ("runs/.aerobat-paper", "", False),
-        (".aerobat-crank.html", "private", False),
-        (".aerobat-crank.html", "private", True),
-        (".aerobat-crank.html", "missing", False),
-    ],
-)
-def test_a_link_where_work_goes_is_refused_and_not_followed(
-    place: str,
-    leads_to: str,
-    is_hard: bool,
-    outside: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Plain commands in somebody else's folder, such as git brings it: one line, and nothing outside changes."""
-    here, before = outside.parent / "here", written(outside)
-    (here / place).parent.mkdir(parents=True)
-    (os.link if is_hard else os.symlink)(outside / leads_to, here / place)
-    monkeypatch.chdir(here)
-    assert call(monkeypatch, *(["run", "paper", "--no-report"] if "paper" in place else ["crank"])) == 2
-    what = "is also a file of another name" if is_hard else "is a link"
-    kind = "file" if place.endswith(("lock", "html")) else "folder"
-    said = capsys.readouterr().err
-    assert said.startswith("error: output ")
-    assert said.endswith(f"{place} {what}; nothing, or a {kind} of your own, was expected there\n")
-    assert said.count("\n") == 1
-    assert written(outside) == before
-    assert (here / place).samefile(outside / leads_to) if leads_to != "missing" else (here / place).is_symlink()
-    assert [str(path.relative_to(here)) for path in here.rglob("*") if not path.is_dir() or path.is_symlink()] == [
-        place
-    ]
-
-
-def test_links_of_others_beside_the_result_stay(target: Path, outside: Path) -> None:
-    """What a killed process left is removed, but not through a link."""
-    (target.parent / ".aerobat-link").symlink_to(outside)
-    (target.parent / ".aerobat-dead").mkdir()
-    (target.parent / ".aerobat-dead" / "lock").symlink_to(outside / "private")
-    before = written(outside)
-    write(target)
-    assert written(outside) == before
-    assert (target.parent / ".aerobat-dead" / "lock").is_symlink()
-
-
-def test_what_another_user_left_is_refused(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And stays: he could put links there while we write."""
-    (target.parent / ".aerobat-target" / "new").mkdir(parents=True)
-    (target.parent / ".aerobat-target" / "new" / "his").write_text("his")
-    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
-    with pytest.raises(OutputError, match=r"\.aerobat-target belongs to another user; nothing, or a folder"):
-        write(target)
-    assert written(target.parent / ".aerobat-target") == {"new/his": "his"}
-    assert written(target)["a.txt"] == "old"
-
-
 def test_standard_output_on_a_full_disk_is_told(tmp_path: Path) -> None:
     """One line and exit code 2; without it Python would end with code 120."""
     with open("/dev/full", "w") as full:
         done = subprocess.run([*PROGRAM, "urdf"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "error: standard output: cannot be written: No space left on device\n")
+
+
+def limited_memory() -> None:
+    """As `ulimit -v 300000` does."""
+    resource.setrlimit(resource.RLIMIT_AS, (300_000 << 10, 300_000 << 10))
+
+
+@pytest.mark.parametrize("words", [["list"], ["run", "paper"], ["crank"], ["doctor"], ["--version"]])
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        (lambda: os.close(1), "standard output is closed; a file or a terminal was expected, such as >/dev/null"),
+        (lambda: os.rmdir(os.getcwd()), "the current folder: No such file or directory; a folder that exists was"),
+        (limited_memory, "307 MB of memory (ulimit -v); 1000 MB at least were expected"),
+    ],
+    ids=["standard output closed", "current folder removed", "ulimit -v 300000"],
+)
+def test_surroundings_in_which_nothing_works_are_told_in_one_line(
+    what: Callable[[], None], said: str, words: list[str], tmp_path: Path
+) -> None:
+    """Before anything is loaded or written; exit code 2."""
+    done = subprocess.run(
+        [*PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=what
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: {said}")
+    assert done.stderr.count("\n") == 1
+    assert not tmp_path.exists() or os.listdir(tmp_path) == []
+
+
+def test_other_surroundings_do_not_matter(tmp_path: Path) -> None:
+    """A backend of matplotlib that is none, no folder for its settings, and neither input nor messages."""
+
+    def close() -> None:
+        os.close(0)
+        os.close(2)
+
+    environment = {**os.environ, "MPLBACKEND": "nonsense", "MPLCONFIGDIR": "/proc/nowhere"}
+    command = [*PROGRAM, "linkage", "--out", "a.png"]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, stdout=subprocess.PIPE, check=False, preexec_fn=close)
+    assert done.returncode == 0
+    assert done.stdout.endswith(b"drawn to a.png\n")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_programs_without_docstrings_work(tmp_path: Path) -> None:

@@ -214,14 +214,17 @@ def test_a_wrong_sweep_costs_one_message_exit_code_2_and_leaves_nothing(
 def test_a_folder_keeps_to_its_sweep(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Another sweep and a folder of something else are refused; --force starts anew and leaves foreign files alone."""
+    """Another sweep is refused, a folder of something else with --force too; --force leaves foreign files alone."""
     out = tmp_path / "out"
     path = str(written(tmp_path, SHORT))
     out.mkdir()
+    (out / "results.csv").write_text("mine")
+    for force in ([], ["--force"]):
+        assert call(monkeypatch, path, "--out", str(out), "--jobs", "1", *force) == 2
+        assert "holds no sweep; an empty or missing one was expected" in capsys.readouterr().err
+    (out / "results.csv").unlink()
+    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
     (out / "notes.txt").write_text("mine")
-    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 2
-    assert "holds no sweep; --force" in capsys.readouterr().err
-    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1", "--force") == 0
     kept = (out / "finished.jsonl").read_bytes()
     assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
     assert "going on: 2 of 2 runs are finished" in capsys.readouterr().out

@@ -275,12 +275,12 @@ def test_what_is_no_file_of_ours_is_not_read(tmp_path: Path) -> None:
     path, manifest = out / "finished.jsonl", out / "sweep.json"
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(OutputError, match=r"finished\.jsonl: is no file that a sweep wrote"):
+    with pytest.raises(OutputError, match=r"finished\.jsonl: cannot be read: is no file; --force"):
         run_sweep(sweep, out)
     path.unlink()
     other.write_text("")
     path.symlink_to(other)
-    with pytest.raises(OutputError, match="is no file that a sweep wrote"):
+    with pytest.raises(OutputError, match="cannot be read: is a link; a file was expected; --force"):
         run_sweep(sweep, out)
     path.unlink()
     with path.open("wb") as file:

@@ -1,9 +1,10 @@
-"""Compiled kernels on disk: damaged ones are compiled again with one line, and the doctor removes them."""
+"""Compiled kernels on disk: damaged ones are compiled again with one line, and so are another user's."""
 
 from __future__ import annotations
 
 import importlib
 import os
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,7 @@ import pytest
 from support.damaged_kernels import DAMAGES, ENDS, SOURCE, damage, damaged_case, small_kernel
 from support.kernel_cases import compiled_only
 
-from aerobat_pin.cli import doctor
-from aerobat_pin.numerics import jit, kernel_cache, remove_damaged_kernels
+from aerobat_pin.numerics import jit, kernel_cache
 
 pytestmark = compiled_only
 
@@ -21,7 +21,6 @@ pytestmark = compiled_only
 def nothing_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Start as a new process does, and forget the kernels of the test at its end."""
     monkeypatch.setattr(kernel_cache, "_told", [])
-    monkeypatch.setattr(kernel_cache, "_files", [])
 
 
 @pytest.mark.parametrize("end", ENDS)
@@ -35,7 +34,7 @@ def test_a_damaged_kernel_is_compiled_again(
     assert again(np.ones(4), 0.5) == 2.0
     assert again(np.ones(4, np.float32), 0.5) == 2.0
     told = capsys.readouterr().err
-    assert told == f"the compiled kernel {path} is damaged or of another version: it is compiled again\n"
+    assert told == f"the compiled kernel {path} is damaged, another's or of another version: it is compiled again\n"
     whole = small_kernel(tmp_path)
     assert whole(np.ones(4), 0.5) == 2.0
     assert sum(whole.stats.cache_hits.values()) == 1
@@ -79,7 +78,7 @@ def test_a_whole_file_under_a_wrong_name_is_not_run(tmp_path: Path, capsys: pyte
     (index,) = path.parent.glob("*.nbi")
     path.write_bytes(index.read_bytes())
     assert small_kernel(tmp_path)(np.ones(4), 0.5) == 2.0
-    assert "damaged or of another version" in capsys.readouterr().err
+    assert "damaged, another's or of another version" in capsys.readouterr().err
 
 
 def test_a_file_that_is_gone_or_cannot_be_replaced_is_no_failure(
@@ -100,6 +99,72 @@ def test_a_file_that_is_gone_or_cannot_be_replaced_is_no_failure(
     assert path.is_file()
 
 
+class Planted:
+    """What somebody puts in the place of a kernel: to unpickle it makes a folder."""
+
+    def __init__(self, made: Path) -> None:
+        self.made = made
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.mkdir, (str(self.made),)
+
+
+FOREIGN = {
+    "file that all can write": lambda path: path.chmod(0o666),
+    "file that a group can write": lambda path: path.chmod(0o660),
+    "folder that all can write": lambda path: path.parent.chmod(0o777),
+    "another user's file": lambda path: os.chown(path, 65534, -1),
+    "another user's folder": lambda path: os.chown(path.parent, 65534, -1),
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("how", FOREIGN)
+def test_what_another_user_can_have_written_is_not_run(how: str, end: str, tmp_path: Path) -> None:
+    """A file with the right checksum, which is no signature; it is replaced where the folder is private."""
+    if os.geteuid() != 0 and "another" in how:
+        pytest.skip("only root gives files away")
+    path = damage(tmp_path, end, "empty", np.random.default_rng(1))
+    files = small_kernel(tmp_path)._cache._cache_file
+    content = pickle.dumps(Planted(tmp_path / "run"))
+    path.write_bytes(content + files._seal(str(path), content))
+    FOREIGN[how](path)
+    kernel = small_kernel(tmp_path)
+    assert kernel(np.ones(4), 0.5) == 2.0
+    assert not (tmp_path / "run").exists()
+    assert sum(small_kernel(tmp_path).stats.cache_hits.values()) == 0
+    if "folder" in how:
+        assert path.read_bytes().startswith(content)
+    else:
+        assert path.stat().st_mode & 0o777 == 0o600
+        assert path.stat().st_uid == os.geteuid()
+
+
+def test_a_right_seal_of_ones_own_is_trusted(tmp_path: Path) -> None:
+    """The same planted file would run if it were this user's: the test above sees what it looks for."""
+    path = damage(tmp_path, ".nbi", "empty", np.random.default_rng(1))
+    files = small_kernel(tmp_path)._cache._cache_file
+    content = pickle.dumps(Planted(tmp_path / "run"))
+    path.write_bytes(content + files._seal(str(path), content))
+    small_kernel(tmp_path)(np.ones(4), 0.5)
+    assert (tmp_path / "run").exists()
+
+
+def test_a_shared_folder_for_kernels_is_used_below_a_private_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`NUMBA_CACHE_DIR` of several users; numba alone would take what lies in it."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(shared))
+    assert small_kernel(tmp_path / "source")(np.ones(4), 0.5) == 2.0
+    (path,) = shared.glob("*/*/*.nbc")
+    assert path.parent.name == f"aerobat-{os.geteuid()}"
+    assert path.parent.stat().st_mode & 0o777 == 0o700
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
 def test_a_full_disk_costs_only_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -112,21 +177,5 @@ def test_a_full_disk_costs_only_time(
     monkeypatch.setattr("numba.core.caching.IndexDataCacheFile._save_data", full)
     assert kernel(np.ones(4), 0.5) == 2.0
     told = capsys.readouterr().err
-    assert told == f"compiled kernels cannot be stored in {tmp_path / '__pycache__'}: No space left on device\n"
-
-
-def test_the_doctor_removes_damaged_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It counts those that it removed, and names one that it cannot remove."""
-    assert remove_damaged_kernels() == ([], [])
-    paths = [damage(tmp_path / end, end, "cut", np.random.default_rng(1)) for end in ENDS]
-    findings = {one.name: one for one in doctor._kernels()}
-    assert "2 damaged files were removed, the next run compiles them again" in findings["kernel cache"].detail
-    assert findings["kernel cache"].ok
-    assert not any(path.exists() for path in paths)
-    path = damage(tmp_path / "kept", ".nbc", "cut", np.random.default_rng(1))
-    path.unlink()
-    path.mkdir()
-    finding = {one.name: one for one in doctor._kernels()}["damaged kernels"]
-    assert not finding.ok
-    assert str(path) in finding.detail
-    assert str(path.parent) in finding.advice
+    folder = tmp_path / "__pycache__" / f"aerobat-{os.geteuid()}"
+    assert told == f"compiled kernels cannot be stored in {folder}: No space left on device\n"

@@ -73,6 +73,14 @@ def test_every_link_in_the_documents_leads_somewhere() -> None:
     assert missing == []
 
 
+def test_every_wall_stands_in_the_table_and_they_are_few() -> None:
+    """What holds against strangers' files and sudden ends: 1,500 lines together at most, each wall with its tests."""
+    page = (ROOT / "docs" / "walls.md").read_text()
+    walls = re.findall(r"^\| `([\w/]+\.py)`", page, re.MULTILINE)
+    assert sum(len((ROOT / "aerobat_pin" / wall).read_text().splitlines()) for wall in walls) <= 1500
+    assert all((ROOT / test).is_file() for test in re.findall(r"`(tests/[\w/]+\.py)`", page))
+
+
 def test_the_readme_leads_with_the_two_commands() -> None:
     """Whoever opens it sees `make demo` and `make test` first."""
     first_block = (ROOT / "README.md").read_text().split("```")[1]

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -15,12 +16,15 @@ from pathlib import Path
 import pytest
 
 from aerobat_pin.cli import app as cli
+from support.watch import watched_command
+
+TEMPORARY = [Path(tempfile.gettempdir())]  # where tests have their folders, and so what commands may read
 
 
 def call(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    """Run `aerobat` with these words in this process and return its exit code."""
+    """Run `aerobat` with these words in this process and return its exit code; it writes only where they say."""
     monkeypatch.setattr(sys, "argv", ["aerobat", *words])
-    with pytest.raises(SystemExit) as stop:
+    with pytest.raises(SystemExit) as stop, watched_command(words, reads=TEMPORARY):
         cli.main()
     return int(stop.value.code or 0)
 
@@ -38,7 +42,7 @@ def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         ):
             warnings.resetwarnings()
             warnings.simplefilter("ignore", DeprecationWarning)
-            with pytest.raises(SystemExit) as stop:
+            with pytest.raises(SystemExit) as stop, watched_command(words, reads=TEMPORARY):
                 cli.main()
     finally:
         sys.argv = before

@@ -46,7 +46,7 @@ def small_kernel(folder: Path) -> Any:
 def damage(folder: Path, end: str, how: str, rng: np.random.Generator) -> Path:
     """Compile the small kernel into a folder, and damage its index or its machine code; return that file."""
     assert small_kernel(folder)(np.ones(4), 0.5) == 2.0
-    (path,) = folder.glob(f"__pycache__/*{end}")
+    (path,) = folder.glob(f"__pycache__/aerobat-*/*{end}")
     path.write_bytes(DAMAGES[how](path.read_bytes(), rng))
     return path
 

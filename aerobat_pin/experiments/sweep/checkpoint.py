@@ -6,6 +6,8 @@
 | `base.toml` | the base scenario, `[set]` included |
 | `finished.jsonl` | one line for each finished run, written to disk as soon as the run ends |
 | `results.nc`, `results.csv` | all results as tables, written at the end |
+
+What an earlier process left in the folder can be cut off, forged, or no file at all.
 """
 
 from __future__ import annotations
@@ -15,19 +17,36 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.errors import OutputError, claimed, cleaned, replace_results, write_files
-from aerobat_pin.estimation import versions
-from aerobat_pin.experiments.sweep.outcomes import content_of, finished_runs, plain_json
+from aerobat_pin.errors import (
+    OutputError,
+    claimed,
+    cleaned,
+    content_of,
+    locked,
+    opened_folder,
+    plain_json,
+    replace_results,
+    write_files,
+)
+from aerobat_pin.estimation import ObserverScores, versions
+from aerobat_pin.experiments import FlightSummary
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.scenario import Scenario, scenario_toml
 
 FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc")
 MOST_MANIFEST = 10_000_000  # bytes of a sweep file as JSON
 MANIFEST, BASE_SCENARIO, FINISHED, TABLE, GRID = FILES
+MOST_BYTES_PER_RUN = 1_000_000  # of a line; one of two observers has 3,000
+KEYS = {"observers", "flight", "failed", "warnings"}
+ADVICE = "--force starts anew"
+VALID_SCORES, VALID_FLIGHT = TypeAdapter(ObserverScores), TypeAdapter(FlightSummary)
 
 
 class Checkpoint:
@@ -36,21 +55,23 @@ class Checkpoint:
     Args:
         folder: folder of the sweep; created when missing.
         sweep: the sweep to resume, or to start if the folder is empty.
-        force: start from the beginning even if the folder is not empty; files that no sweep wrote are left alone.
+        force: start from the beginning even if the folder holds a sweep; files that no sweep wrote are left alone.
 
     Raises:
         OutputError: the folder contains something else, another process uses it, or it cannot be written.
     """
 
     def __init__(self, folder: Path, sweep: Sweep, *, force: bool) -> None:
-        self.folder = folder = Path(os.path.abspath(folder))
+        asked, self.folder = folder, Path(os.path.abspath(folder))
+        folder = self.folder
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"output {folder}: is a file; a folder was expected")
         with ExitStack() as stack:
-            work = stack.enter_context(claimed(folder))
+            work = stack.enter_context(claimed(asked))
             self._resume_or_start(_manifest(sweep), sweep, force, work)
             self.finished = self._read_finished(sweep.scenarios)
-            self._file = stack.enter_context((folder / FINISHED).open("ab"))
+            stack.callback(os.close, inside := opened_folder(folder))
+            self._file = stack.enter_context(open(locked(folder / FINISHED, inside), "ab"))
             stack.enter_context(cleaned(self._remove_if_empty))
             self._until_exit = stack.pop_all()
 
@@ -85,12 +106,14 @@ class Checkpoint:
         there = self.folder / MANIFEST
         if there.is_file() and not force:
             _refuse_other(there, manifest)
-        elif self.folder.is_dir() and any(self.folder.iterdir()) and not force:
-            raise OutputError(f"output folder {self.folder} is not empty and holds no sweep; --force starts one in it")
-        else:
-            (work / BASE_SCENARIO).write_text(scenario_toml(sweep.base), encoding="utf-8")
-            (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
-            replace_results(work, self.folder, FILES)
+            return
+        left = any(os.path.lexists(self.folder / name) for name in (MANIFEST, BASE_SCENARIO, FINISHED))
+        if self.folder.is_dir() and any(self.folder.iterdir()) and not (force and left):
+            what = "no whole sweep; --force starts anew" if left else "no sweep; an empty or missing one was expected"
+            raise OutputError(f"output folder {self.folder} is not empty and holds {what}")
+        (work / BASE_SCENARIO).write_text(scenario_toml(sweep.base), encoding="utf-8")
+        (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        replace_results(work, self.folder, FILES)
 
     def _read_finished(self, scenarios: Sequence[Scenario]) -> dict[int, Any]:
         """Read the finished runs; delete the last line from the file if an interrupted write has cut it off."""
@@ -115,7 +138,7 @@ def _manifest(sweep: Sweep) -> dict[str, Any]:
 
 def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
     try:
-        there = plain_json(content_of(path, MOST_MANIFEST))
+        there = plain_json(stored(path, MOST_MANIFEST))
     except ValueError as error:
         raise OutputError(f"output {path}: cannot be read: {error}; --force starts anew") from error
     other = [key for key in manifest if there.get(key) != manifest[key] and key != "description"]
@@ -125,3 +148,63 @@ def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
             f"output folder {path.parent} holds another sweep: {', '.join(named)} differ; --out chooses another "
             "folder, --force starts anew in this one"
         )
+
+
+def stored(path: Path, most: int) -> bytes:
+    """Return what a file of a sweep contains, of at most so many bytes; nothing if it does not exist.
+
+    Raises:
+        OutputError: it is a pipe, a link, a folder or another thing that this package does not write, or it is larger,
+            or it cannot be read.
+    """
+    try:
+        return content_of(path, most)
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        raise OutputError(f"output {path}: cannot be read: {error.strerror}; {ADVICE}") from error
+
+
+def finished_runs(path: Path, scenarios: Sequence[Scenario]) -> tuple[dict[int, Any], bytes]:
+    """Read the finished runs of a sweep.
+
+    Args:
+        path: the file, one JSON line for each run.
+        scenarios: the scenario of each run.
+
+    Returns:
+        Run number -> outcome, and the content of the file without its last line if that is cut off.
+
+    Raises:
+        OutputError: the file or one of its lines is not what the sweep wrote; the message names the line.
+    """
+    content = stored(path, MOST_BYTES_PER_RUN * len(scenarios))
+    whole = content[: content.rfind(b"\n") + 1]
+    finished: dict[int, Any] = {}
+    for k, line in enumerate(whole.splitlines()):
+        try:
+            read = plain_json(line)
+            number, outcome = read["run"], read["outcome"]
+            if type(number) is not int or not 0 <= number < len(scenarios) or number in finished:
+                raise ValueError(f"run = {number!r}: each number below {len(scenarios)} once was expected")
+            _check_outcome(outcome, scenarios[number])
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            reason = f"no key {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
+            raise OutputError(f"output {path}, line {k + 1}: not what this sweep writes: {reason}; {ADVICE}") from error
+        finished[number] = outcome
+    return finished, whole
+
+
+def _check_outcome(outcome: dict[str, Any], scenario: Scenario) -> None:
+    """Raise an error unless an outcome has the form that `outcome_of` gives it for this scenario."""
+    if unknown := set(outcome) - KEYS:
+        raise ValueError(f"unknown key {min(unknown)!r}")
+    TypeAdapter(list[str]).validate_python(outcome.get("warnings", []))
+    if "failed" in outcome:
+        TypeAdapter(str).validate_python(outcome["failed"])
+        return
+    if (names := set(outcome["observers"])) != set(scenario.observers.names):
+        raise ValueError(f"observers {', '.join(sorted(names))}: the run has {', '.join(scenario.observers.names)}")
+    for entry in outcome["observers"].values():
+        VALID_SCORES.validate_python(asdict(ObserverScores.from_json(entry)))
+    VALID_FLIGHT.validate_python(asdict(FlightSummary(**outcome["flight"])))

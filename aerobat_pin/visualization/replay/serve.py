@@ -74,7 +74,8 @@ def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
             self.wfile = _ToClient(self.connection)
 
         def do_GET(self) -> None:
-            if self.headers.get("Host") not in hosts:
+            asked = [value for name, value in self.headers.items() if name.strip().lower() == "host"]
+            if len(asked) != 1 or asked[0] not in hosts:
                 self.send_error(403, "this page is served at its own address only")
                 return
             if self.path not in ("/", "/favicon.ico"):
