@@ -50,7 +50,7 @@ mutants: $(VENV)/.installed-test
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
-# Thousands of bad inputs through all doors, and the page of their counts; ARGS="--seeds 2000 --seed 1".
+# Thousands of bad inputs through all doors, and the page of their counts; ARGS="--count 5000 --seeds 1 2 3".
 reliability: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/bad_inputs.py $(ARGS)
 

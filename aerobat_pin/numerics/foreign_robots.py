@@ -33,6 +33,7 @@ LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, 
 }
 EXTENTS = ("radius", "length")  # of a box, a ball, a cylinder: more than 0, in a URDF also `size`
 DIRECTIONS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
+ROUNDED = 1e-15  # of inertias that files round to less than 0 [kg m2]
 NOT_NEGATIVE = ("mass", "density", "ixx", "iyy", "izz", "diaginertia")
 
 
@@ -80,7 +81,7 @@ def _deeper_than(root: Element, most: int) -> bool:
     links = set(above)
     for _ in range(most):
         links = {above[link] for link in links if link in above}
-    return bool(links)
+    return bool(links & above.keys())
 
 
 def _placed(element: Element, where: str) -> Iterator[tuple[Element, str]]:
@@ -111,7 +112,7 @@ def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None
         return "more than 0 was expected"
     if key == "axisangle" and not np.any(numbers[:3]):
         return "an axis longer than 0 was expected"
-    if (key in NOT_NEGATIVE or element.tag == "mass" or (key == "size" and not urdf)) and np.any(numbers < 0.0):
+    if (key in NOT_NEGATIVE or element.tag == "mass" or (key == "size" and not urdf)) and np.any(numbers < -ROUNDED):
         return "0 or more was expected"
     if key == "fullinertia" and np.any(numbers[:3] < 0.0):
         return "0 or more was expected on the diagonal"

@@ -32,7 +32,7 @@ def read_robot(path: Path, read: Callable[[], Loaded]) -> Loaded:
         os.dup2(said.fileno(), 2)
         try:
             loaded, reason = read(), ""
-        except (ValueError, RuntimeError) as error:
+        except Exception as error:  # of half a dozen kinds; an MJCF class that is missing is an IndexError
             reason = " ".join(str(error).rpartition("message: ")[2].partition("\nHint")[0].split()) or "no reason given"
         finally:
             os.dup2(stderr, 2)

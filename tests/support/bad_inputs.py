@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shutil
 import signal
@@ -20,6 +21,7 @@ import threading
 import time
 import urllib.request
 import warnings
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -69,6 +71,16 @@ CLASSES = {  # number -> what is bad
 SHARES = (8, 24, 10, 0, 0, 0, 8, 2, 10, 0, 4, 10, 12, 12)  # of the classes beyond their least number, in per cent
 FAULTS = ("traceback", "hang", "half-written result", "silent acceptance", "wrong message")
 RUNS = {4: "replaced", 5: "disk", 6: "signals", 10: "diverged"}
+OTHER_DOORS = {
+    4: "run",
+    5: "run",
+    6: "run",
+    8: "cache of kernels",
+    9: "functions of Python",
+    10: "run",
+    13: "estimate --map",
+}
+OWN_FOLDERS = {"bench", "run", "swept", "walk", "good.nc", "good.csv"}  # which are made when they are first needed
 LONGEST = 20.0  # [s]
 MORE_MEMORY = 300_000_000  # bytes beyond those of a process that has imported everything: some 200 MB
 IN_A_PROCESS = 0.05  # share of the command lines that run in a process of their own
@@ -107,6 +119,7 @@ class Doors:
     def __init__(self, folder: Path, patience: float = LONGEST) -> None:
         """Keep the folder."""
         self.folder, self.patience, self.longest = folder, patience, 0.0  # the last: of all command lines [s]
+        self.tried = Counter[str]()  # door -> number of inputs
 
     def __enter__(self) -> Doors:
         self._stack = contextlib.ExitStack()
@@ -154,6 +167,15 @@ class Doors:
 
     def attempt(self, rng: np.random.Generator, number: int) -> Attempt:
         """Draw one bad input of a class and try it."""
+        self._door = OTHER_DOORS.get(number, "estimate")
+        before = sorted(os.listdir(self.folder))
+        made = self._attempt(rng, number)
+        self.tried[self._door] += 1
+        if not made.fault and number not in RUNS and set(os.listdir(self.folder)) - set(before) - OWN_FOLDERS:
+            return Attempt(number, made.name, "half-written result: something beside the folder was written")
+        return made
+
+    def _attempt(self, rng: np.random.Generator, number: int) -> Attempt:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if number in RUNS:
@@ -236,6 +258,8 @@ class Doors:
         return Said(code, error.getvalue(), out.getvalue())
 
     def _answer(self, rng: np.random.Generator, words: list[str], place: Path, *, limited: bool = False) -> Said:
+        kinds = (" --map", " --suggest", " --calibration")
+        self._door = words[0] + "".join(kind for kind in kinds if kind.strip() in words)
         if not limited and rng.random() >= IN_A_PROCESS:
             return self.called(words, place)
         start = time.monotonic()
@@ -313,7 +337,7 @@ class Doors:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, before)
-        fine = changes_nothing(self.by_map, found) or says_more(self.by_map, found)
+        fine = name.startswith("choice") or changes_nothing(self.by_map, found) or says_more(self.by_map, found)
         return Attempt(13, name, "" if fine else "silent acceptance: other forces without a finding")
 
     @cached_property
@@ -335,6 +359,7 @@ class Doors:
 
     def _asked(self, rng: np.random.Generator) -> Attempt:
         """Ask for the page with the name of another host."""
+        self._door = "the page that play serves"
         hosts = (
             "evil.example",
             "127.0.0.1",

@@ -1,0 +1,171 @@
+"""The door for files of strangers: each thing that it looks at, on both sides of its limit."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bad_strangers import ARM_MJCF, HINGE, LINK, impossible, mcap_bomb
+from support.walking_log import bag, urdf, walk
+
+from aerobat_pin.errors import LogError, foreign_file, foreign_xml
+from aerobat_pin.numerics import checked_robot
+from aerobat_pin.records.map_tables import LogTable
+from aerobat_pin.records.named_robots import FIXED, FREE, named_robot
+from aerobat_pin.records.read import read_columns
+
+
+def test_a_file_is_regular_and_not_too_large(tmp_path: Path) -> None:
+    """A pipe would wait for ever, whatever its name says."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "file").write_bytes(bytes(100))
+    (tmp_path / "link").symlink_to("file")
+    assert foreign_file(tmp_path / "link", "x", 100).name == "link"
+    for name, said in (
+        ("pipe.csv", "log x: a folder, pipe or device: a file was expected"),
+        (".", "a folder, pipe or device"),
+        ("none", "log x: there is no such file"),
+        (300 * "n", "there is no such file"),
+    ):
+        with pytest.raises(LogError, match=said):
+            foreign_file(tmp_path / name, "log x")
+    with pytest.raises(LogError, match="log x: 100 bytes: at most 99 were expected"):
+        foreign_file(tmp_path / "file", "log x", 99)
+
+
+def test_xml_nests_to_a_depth(tmp_path: Path) -> None:
+    """A hundred levels, which no robot reaches; a library that calls itself for each would end the process."""
+    file = tmp_path / "a.xml"
+    file.write_text(99 * "<a>" + "<b/>" + 99 * "</a>")
+    assert foreign_xml(file, "x", "a").tag == "a"
+    file.write_text(100 * "<a>" + "<b/>" + 100 * "</a>")
+    with pytest.raises(LogError, match="x: more than 100 levels of elements"):
+        foreign_xml(file, "x", "a")
+    file.write_text(f"<a>{200_001 * '<b/>'}</a>")
+    with pytest.raises(LogError, match="x: more than 200000 elements"):
+        foreign_xml(file, "x", "a")
+
+
+def _chain(count: int, *, star: bool = False) -> str:
+    joints = "".join(HINGE.format(k, 0 if star else k, k + 1) for k in range(count))
+    return f'<robot name="chain">{"".join(LINK.format(k) for k in range(count + 1))}{joints}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (_chain(100), None),
+        (_chain(101), "more than 100 links in a row, or a closed chain"),
+        (_chain(999, star=True), None),
+        (_chain(1000, star=True), "1001 bodies: at most 1000 were expected"),
+        (urdf(), None),
+        (
+            urdf().replace('<mass value="0.3"', '<mass value="-0.3"', 1),
+            "link 'FL_hip': <mass value=\"-0.3\">: 0 or more",
+        ),
+        (
+            urdf().replace("<mass value=", '<mass value="nan" was=', 1),
+            "link 'trunk': <mass value=\"nan\">: numbers up to",
+        ),
+        (urdf().replace('ixx="', 'ixx="-', 1), "link 'trunk': <inertia ixx=\"-0.045"),
+        (urdf().replace('xyz="1 0 0"', 'xyz="0 0 0"', 1), "joint 'FL_HAA': <axis xyz=\"0 0 0\">: more than 0"),
+        (urdf().replace("</robot>", '<mesh filename="/etc/passwd"/></robot>'), 'passwd">: a file in the folder'),
+        (urdf().replace("</robot>", '<mesh filename="/nowhere/a.stl"/></robot>'), None),
+    ],
+)
+def test_a_urdf_can_be_a_robot(text: str, said: str | None, tmp_path: Path) -> None:
+    """Else link and key are named; a mesh that is on another machine is not read, and does not matter."""
+    _look(tmp_path / "robot.urdf", "urdf", text, said)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("", "", None),
+        ('quat="1 0 0 0"', 'quat="0 0 0 0"', "body 'bar': <body quat=\"0 0 0 0\">: more than 0"),
+        ('axis="0 1 0"', 'axis="0 0 0"', "joint 'hinge': <joint axis=\"0 0 0\">: more than 0"),
+        ('mass="1"', 'mass="-1"', "body 'base': <inertial mass=\"-1\">: 0 or more"),
+        ('diaginertia="1 1 1"', 'diaginertia="1 -1 1"', "body 'base': <inertial diaginertia=\"1 -1 1\">: 0 or more"),
+        ('class="main"', 'class="none"', "body 'bar': <geom class=\"none\">: no such class; there are main"),
+        ('ref="0"', 'childclass="none"', "joint 'hinge': <joint childclass=\"none\">: no such class"),
+        ("<worldbody>", '<asset><mesh file="/etc/passwd"/></asset><worldbody>', '<mesh file="/etc/passwd">: a file in'),
+        ("<worldbody>", '<include file="more.xml"/><worldbody>', "<include>: Pinocchio leaves it out"),
+    ],
+)
+def test_an_mjcf_can_be_a_robot(old: str, new: str, said: str | None, tmp_path: Path) -> None:
+    """Pinocchio takes a quaternion of zeros for none, a negative mass for 0, and leaves included files out."""
+    _look(tmp_path / "robot.xml", "mjcf", ARM_MJCF.replace(old, new, 1), said)
+
+
+def _look(file: Path, kind: str, text: str, said: str | None) -> None:
+    file.write_text(text)
+    if said is None:
+        checked_robot(file, kind)
+    else:
+        with pytest.raises(LogError, match=r"^robot .*robot\.(urdf|xml): ") as caught:
+            checked_robot(file, kind)
+        assert said in str(caught.value)
+
+
+def test_no_number_of_a_robot_is_believed_unseen(tmp_path: Path) -> None:
+    """Of all numbers in a URDF and an MJCF, two hundred times one is drawn that cannot be."""
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        text = impossible(rng)
+        file = tmp_path / "robot"
+        file.write_text(text)
+        with pytest.raises(LogError, match=r'<.*=".*">: '):
+            checked_robot(file, "mjcf" if text.startswith("<mujoco") else "urdf")
+
+
+@pytest.mark.parametrize("name", [*FREE, *FIXED])
+def test_real_robots_pass(name: str) -> None:
+    """All of `example-robot-data`: their numbers, odd as some are (Tiago's inertia is indefinite), can be."""
+    checked_robot(named_robot(name)[0], "urdf")
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+@pytest.mark.parametrize(
+    ("stated", "chunks", "size", "said"),
+    [
+        (None, 1, 60_000_000, "one chunk unpack to 5.* bytes: at most 50000000"),
+        (1000, 1, 60_000_000, "a chunk unpacks to more than the 1000 bytes"),
+        (None, 0, 60_000_000, "a chunk unpacks to more than the 50000000 bytes"),
+        (None, 40, 2_000_000, "26 chunks of one time unpack to 5.* bytes: at most 50000000"),
+    ],
+)
+def test_a_bag_unpacks_to_what_fits(
+    compression: str, stated: int | None, chunks: int, size: int, said: str, tmp_path: Path
+) -> None:
+    """As its chunks state, as they are, and as many as its index names at one time."""
+    (tmp_path / "a.mcap").write_bytes(mcap_bomb(compression, stated, chunks, size))
+    with pytest.raises(LogError, match=said):
+        read_columns(tmp_path / "a.mcap", LogTable())
+
+
+def test_a_bag_of_pipes_is_refused_and_a_good_one_is_read(tmp_path: Path) -> None:
+    """Also where the pipe is a file in the bag's folder."""
+    bag(walk(0.3, 200.0), tmp_path / "bag")
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    assert "/joint_states" in read_columns(tmp_path / "bag", LogTable()).kinds
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(LogError, match=r"bag\.mcap: a folder, pipe or device"):
+        read_columns(tmp_path / "bag", LogTable())
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (140_000 * "x" + ",t", "cannot be read as a header: field larger than field limit"),
+        (",".join(f"c{k}" for k in range(10_001)), "10001 cells or more"),
+        (600_000 * "x,", "1000000 characters: a header of at most 10000 columns"),
+    ],
+)
+def test_a_header_is_one(header: str, said: str, tmp_path: Path) -> None:
+    """Python's reader of tables stops at cells above 131,072 characters."""
+    (tmp_path / "log.csv").write_text(f"{header}\n0,0\n1,0\n")
+    with pytest.raises(LogError, match=said):
+        read_columns(tmp_path / "log.csv", LogTable(), ())

@@ -1,0 +1,107 @@
+"""Values of a map that no recording can mean: each is refused by its key, or by name once the record is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.bad_maps import keys
+from support.walking_log import table, table_map, urdf, walk
+
+from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.estimation import estimate
+from aerobat_pin.records import Map, open_record, parse_map
+
+SENSOR = {"columns": ["fl_fx", "fl_fy", "fl_fz"], "point": "FL_FOOT"}
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a robot and the table of its walk, 0.3 s at 200 Hz."""
+    folder = tmp_path_factory.mktemp("walk")
+    (folder / "robot.urdf").write_text(urdf())
+    table(walk(0.3, 200.0)).to_csv(folder / "log.csv", index=False)
+    return folder
+
+
+def _changed(key: str, value: Any) -> dict[str, Any]:
+    values: Any = table_map(Path("robot.urdf"))
+    inner = values
+    *tables, last = key.split(".")
+    for name in tables:
+        inner = inner.setdefault(name, {})
+    inner[last] = value
+    return dict(values)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("use.free", [0.2, 0.1], r"use\.free = \[0\.2, 0\.1\]: from and to were expected, the smaller one first"),
+        ("use.part", [0.1, 0.1], r"use\.part = .*the smaller one first"),
+        ("check.wrench.tare", [0.2, 0.1], r"check\.wrench\.tare = .*the smaller one first"),
+        ("log.delimiter", "\\s+", r"log\.delimiter = .*at most 1 character"),
+        ("log.delimiter", "", r"log\.delimiter = .*at least 1 character"),
+        ("use.when", {"above": 1.0}, r"missing key 'use\.when\.column'"),
+        ("use.when", {"column": "px"}, r"use\.when: above or below was expected"),
+        ("use.when", {"column": "px", "above": 1.0, "below": -1.0}, r"use\.when: above or below was expected"),
+        ("use.when", {"column": "px", "above": 0.0, "trim": [-1.0, 0.0]}, r"use\.when\.trim\.0 = -1\.0"),
+        ("known.t", {"columns": ["px"], "law": "polynomial 1 1"}, 'law = "polynomial 1 1": .*once each'),
+        ("known.t", {"columns": ["px"], "law": "polynomial 12"}, 'law = "polynomial 12": .*once each'),
+        ("known.t", {"columns": ["px"], "law": "polynomial 1", "fit": {"part": [0.5, 1.5]}}, r"fit\.part\.1 = 1\.5"),
+        ("known.t", {"columns": ["px"], "law": "polynomial 1", "fit": {"part": [0.5, 0.1]}}, r"fit\.part = .*smaller"),
+        ("payload", {"frame": "trunk", "mass": 1.0, "inertia": [-1.0, 0.0, 0.0]}, r"payload\.inertia\.0 = -1\.0"),
+        ("robot.gravity", 1e-300, r"robot\.gravity = 1e-300"),
+        ("joints.effort.torque_per_unit", {"*": 0.0}, "another number than 0 was expected"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said: str) -> None:
+    """Before a log is read."""
+    with pytest.raises(MapError, match=said):
+        parse_map(_changed(key, value), "map.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("use.free", [50.0, 60.0], r"use\.free = \[50\.0, 60\.0\]: a stretch within the record's 0\.3 s"),
+        ("use.free", [-2.0, -1.0], r"use\.free = .*a stretch within the record's 0\.3 s"),
+        ("payload", {"frame": "trunk", "fit": [5.0, 6.0]}, r"payload\.fit = .*within the record's"),
+        ("check.wrench", {**SENSOR, "part": [5.0, 6.0]}, r"check\.wrench\.part = .*within the record's"),
+        ("check.wrench", {**SENSOR, "filter": 1e-300}, r"check\.wrench\.filter = 1e-300 Hz: a period within"),
+        ("check.wrench", {**SENSOR, "filter": 100.0}, r"filter = 100 Hz: .*less than half its rate of 200 Hz"),
+        ("observer.names", ["momentum", "momentum"], "different ones were expected"),
+    ],
+)
+def test_a_value_outside_the_record_is_refused(key: str, value: Any, said: str, recording: Path) -> None:
+    """Its length and rate are known once it is read."""
+    chosen = parse_map(_changed(key, value), "map.toml")
+    with pytest.raises((MapError, LogError, ValueError), match=said):
+        estimate(open_record(recording / "log.csv", chosen, recording))
+
+
+def test_one_wrong_stamp_costs_nothing(recording: Path, tmp_path: Path) -> None:
+    """A clock that jumps by 1e7 s, as at boot, leaves a hole of 2e9 samples; none of them is looked at."""
+    lines = (recording / "log.csv").read_text().splitlines()
+    for first in (2, 13):
+        moved = [_later(line) if k >= first else line for k, line in enumerate(lines)]
+        (tmp_path / "log.csv").write_text("\n".join(moved) + "\n")
+        record = open_record(tmp_path / "log.csv", Map(**table_map(recording / "robot.urdf")))  # type: ignore[arg-type]
+        assert sum(last - first for first, last in record.parts) >= 40
+        assert record.log is not None
+        assert record.log.clocks["table"].off or any("no sample from" in note for note in record.notes)
+
+
+def _later(line: str) -> str:
+    time, _, rest = line.partition(",")
+    return f"{float(time) + 1e7:.6f},{rest}"
+
+
+def test_the_schema_reaches_every_table() -> None:
+    """From which `make reliability` draws: keys in tables of tables and of names, too."""
+    found = dict(keys())
+    assert {"robot.body.mass", "use.when.trim", "known.thrust.fit.part", "joints.friction.fit", "log.time.unit"} <= set(
+        found
+    )
+    assert len(found) > 100
