@@ -23,10 +23,10 @@ from .scenario import load_scenario as load_scenario
 from .scenario import parse_scenario as parse_scenario
 from .scenario import shipped_scenarios as shipped_scenarios
 from .tables import AirSection as AirSection
+from .tables import LoadSection as LoadSection
 from .tables import Number as Number
 from .tables import ObserverSection as ObserverSection
 from .tables import ObserverSettings as ObserverSettings
-from .tables import PayloadSection as PayloadSection
 from .tables import PlantSection as PlantSection
 from .tables import Positive as Positive
 from .tables import RawSection as RawSection
