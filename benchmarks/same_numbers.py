@@ -109,10 +109,9 @@ def works() -> dict[str, Work]:
         Work("free_fast", f"run paper {free} {dense} {fast}"),
         calibration("series", "{own}/free"),
         Work("with_series", f"run paper {short} {dense} --calibration {{own}}/series/calibration.nc"),
-        Work("old_calibration", f"run paper {short} {dense} --calibration {{before}}/series/calibration.nc"),
         calibration("density", "{own}/free --identify density --harmonics 2"),
         Work("with_density", f"run paper {short} {dense} --calibration {{own}}/density/calibration.nc"),
-        calibration("varied", "{own}/free {own}/free_fast --identify none --vary speed"),
+        calibration("varied", "{own}/free {own}/free_fast --identify none"),
         Work("with_varied", f"run paper {short} {dense} {fast} --calibration {{own}}/varied/calibration.nc"),
         calibration("table", f"{{files}}/hall_free.csv {guard} {dense_air}"),
         Work(

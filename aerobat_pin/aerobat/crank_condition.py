@@ -8,7 +8,7 @@ harmonics of this torque leave the smoother R2 0.96 of Fy, those of four joint t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -31,32 +31,31 @@ STATES = MappingProxyType(
         "frequency": "Hz",
     }
 )
-STATE_GROUPS = MappingProxyType(
-    {
-        "speed": ("speed",),
-        "frequency": ("frequency",),
-        "attitude": ("side", "climb", "roll_rate", "pitch_rate", "yaw_rate"),
-    }
-)
+WINGS = ((0, 1, 2), (3, 4, 5), (6, 8), (7, 9))  # rows whose errors are of one size: body, shoulders, elbows
 LOWEST_FREQUENCY = 0.2  # [Hz]: a crank that turns less often has no phase
-MARGIN = 0.1  # of airspeed and of frequency
-RATE_MARGIN = 1.0  # [rad/s]
+LEVER = 0.18  # [m]: airspeed over it is the body rate that changes the wings' flow as much as that speed
 
 
 @dataclass(frozen=True)
 class CrankCondition(Condition):
     """Phase and state of a flight; with the motor's torque alone, joint rows are reduced to one at the crank.
 
-    `values` are means over the flap before each interval's end, and over the first flap in the intervals of the first
-    flap: velocity of the body through the air in body axes (forward, left, up), body rates in body axes, and frequency.
+    `values` are velocity of the body through the air in body axes (forward, left, up), body rates in body axes, and
+    frequency.
 
     Attributes:
         robot: the believed robot.
         moved: its motion; None if every joint's torque is known, or none.
     """
 
-    robot: Aerobat
-    moved: Motion | None
+    robot: Aerobat = field(kw_only=True)
+    moved: Motion | None = field(kw_only=True)
+
+    def part(self, chosen: slice) -> CrankCondition:
+        """Return phase and state in some of the intervals."""
+        first, last, _ = chosen.indices(len(self.phase))
+        moved = None if self.moved is None else self.moved.between(first, last)
+        return replace(self, phase=self.phase[first:last], values=self.values[first:last], moved=moved)
 
     def reduced(self, force: Array) -> Array:
         """Return a generalised force (m, nv) whose joint rows are one torque at the crank, followed by zeros."""
@@ -99,18 +98,9 @@ def crank_condition(moved: Motion, robot: Aerobat, kind: str) -> CrankCondition:
     base = moved.v[:, :BASE_SIZE].copy()
     base[:, :3] -= np.einsum("nji,nj->ni", rotations(moved.q), moved.wind[:, 0])
     samples = np.column_stack([base, np.abs(rate) / (2.0 * np.pi)])
-    means = 0.5 * (samples[1:] + samples[:-1])
-    dt = np.diff(moved.time)
-    count = max(1, round(1.0 / (frequency * float(np.median(dt[dt > 0.0])))))
-    phase, values = 0.5 * (angle[1:] + angle[:-1]), _trailing_mean(means, min(count, len(means)))
-    speed = float(np.mean(np.linalg.norm(values[:, :3], axis=1)))
-    margin = np.array([MARGIN * speed] * 3 + [RATE_MARGIN] * 3 + [MARGIN * float(np.mean(values[:, -1]))])
+    values, phase = 0.5 * (samples[1:] + samples[:-1]), 0.5 * (angle[1:] + angle[:-1])
+    speed = float(np.linalg.norm(np.mean(values[:, :3], axis=0)))
+    scale = np.array([speed] * 3 + [speed / LEVER] * 3 + [float(np.mean(values[:, -1]))])
     at_the_crank = moved if kind == "motor_only" else None
-    return CrankCondition("the crank", phase, values, STATES, STATE_GROUPS, margin, robot, at_the_crank)
-
-
-def _trailing_mean(values: Array, count: int) -> Array:
-    """Return the mean of each row and the `count - 1` rows before it; the first of these means for the rows before."""
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    means = (total[count:] - total[:-count]) / count
-    return np.concatenate([np.repeat(means[:1], count - 1, axis=0), means])
+    alike = WINGS if at_the_crank is None else WINGS[:2]
+    return CrankCondition("the crank", phase, values, STATES, scale, alike, robot=robot, moved=at_the_crank)

@@ -52,6 +52,12 @@ class Motion:
         """Return the motion of a block that `completed` returned."""
         return cls(block.time, block.q, block.v, block.extra.get("crank"), block.extra["wind"])
 
+    def between(self, first: int, last: int) -> Motion:
+        """Return the motion from one sample to another, inclusive."""
+        at = slice(first, last + 1)
+        crank = None if self.crank is None else self.crank[:, at]
+        return Motion(self.time[at], self.q[at], self.v[at], crank, self.wind[at])
+
 
 def fault_of(channels: Mapping[str, LogChannel]) -> str | None:
     """Return why the motion cannot follow from the channels of a log, in words; None if it can.

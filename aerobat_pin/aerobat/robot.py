@@ -18,6 +18,7 @@ from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed, fault_of
 from aerobat_pin.aerobat.parameters import PARAMETERS, changed_belief, scaled_thrusters
+from aerobat_pin.aerobat.suspects import aerobat_suspects, suspected
 from aerobat_pin.aerobat.torque import (
     RECORDED,
     ROWS_OF_TORQUE,
@@ -39,6 +40,7 @@ from aerobat_pin.records import (
     Parameter,
     PlainRobot,
     SmoothedMotion,
+    Suspect,
 )
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
@@ -113,6 +115,14 @@ class AerobatRobot(PlainRobot):
     def condition(self, block: Block) -> CrankCondition:
         """Return phase and state of a completed block. Raises CalibrationError if the crank hardly turns."""
         return crank_condition(Motion.of(block), self.aerobat, self.kind)
+
+    def suspects(self) -> Mapping[str, tuple[Suspect, ...]]:
+        """Return what may have changed since a calibration."""
+        return aerobat_suspects(self.kind)
+
+    def suspected(self, cause: str, values: Array, block: Block) -> tuple[AerobatRobot, Block]:
+        """Return robot and completed block as they would be if a cause had these values."""
+        return suspected(self, cause, values, block)
 
     def learn_extras(
         self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]

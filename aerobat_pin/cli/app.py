@@ -10,15 +10,17 @@ import gc
 import os
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from aerobat_pin.cli.calibrate import calibrate_command
+from aerobat_pin.cli.check import check_command
 from aerobat_pin.cli.console import print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
-from aerobat_pin.cli.options import CalibrationFile, Force, NameOrFile, ObserverNames, Settings
+from aerobat_pin.cli.options import CalibrationFile, Correct, Force, NameOrFile, ObserverNames, Settings
 from aerobat_pin.cli.runs import compare_command, convert_command, play_command
 from aerobat_pin.cli.several_runs import run_seeds, sweep_command
 from aerobat_pin.cli.urdf import urdf_command
@@ -51,6 +53,7 @@ def run_command(
     settings: Settings = None,
     observers: ObserverNames = None,
     calibration: CalibrationFile = None,
+    correct: Correct = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Skip figures, report and replay.")] = False,
     seeds: Annotated[
         str | None, typer.Option(metavar="LIST", help="Run several seeds, such as 1-5 or 1,4,9: a folder for each.")
@@ -63,7 +66,9 @@ def run_command(
             seed,
             scenario,
             out,
-            lambda one, folder: run_command(scenario, folder, force, one, settings, observers, calibration, no_report),
+            lambda one, folder: run_command(
+                scenario, folder, force, one, settings, observers, calibration, correct, no_report
+            ),
         )
         return
     from aerobat_pin import experiments
@@ -78,7 +83,7 @@ def run_command(
         quoted = ", ".join(f'"{name}"' for name in observers)
         changes.append(f"observers.names=[{quoted}]")
     loaded = load_scenario(scenario, changes)
-    learnt = None if calibration is None else read_calibration(calibration)
+    learnt = None if calibration is None else replace(read_calibration(calibration), correct=correct)
     target = out or Path("runs") / loaded.name
     diverged: list[SimulationError] = []
 
@@ -99,6 +104,7 @@ def run_command(
 app.command("compare")(compare_command)
 app.command("estimate")(estimate_command)
 app.command("calibrate")(calibrate_command)
+app.command("check")(check_command)
 app.command("convert")(convert_command)
 app.command("sweep")(sweep_command)
 

@@ -33,10 +33,6 @@ def calibrate_command(
             min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing. Default: 6."
         ),
     ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(help="Let them vary with speed, frequency or attitude (needs flights that differ); repeatable."),
-    ] = None,
     identify: Annotated[
         list[str] | None,
         typer.Option(
@@ -49,6 +45,10 @@ def calibrate_command(
         Path | None,
         typer.Option("--map", help="Of any robot's recording: what its columns mean; its keys say what is fitted."),
     ] = None,
+    trust: Annotated[
+        bool,
+        typer.Option("--trust", help="Calibrate also from flights in which something pushes; results will say so."),
+    ] = False,
     force: Force = False,
 ) -> None:
     """Learn from flights without unknown forces what the belief gets wrong; print what was found and what was not.
@@ -59,18 +59,16 @@ def calibrate_command(
     --set takes keys of robot, air and observers, and flight.gravity. What is believed of a run is what its scenario
     says.
     """
-    from aerobat_pin.errors import MapError, check_file, write_files
+    from aerobat_pin.errors import check_file, write_files
     from aerobat_pin.estimation import calibrate, calibration_bytes
 
     check_file(out, force=force)
     names = None if identify is None else [name for name in identify if name != "none"]
-    if map_file is not None and (morphology is not None or settings is not None):
-        raise MapError(f"calibrate: {'--set' if morphology is None else '--morphology'} is for Aerobat's own flights")
     with progress_bar() as show:
         report = None if show is None else lambda share: show("identifying", share)
-        given = _recordings(flights, map_file) if map_file else _flights(flights, morphology, settings or [])
+        given = opened(flights, map_file, morphology, settings or [], free=True)
         order = 6 if harmonics is None else harmonics
-        found = calibrate(given, harmonics=order, vary=vary or [], parameters=names, progress=report)
+        found = calibrate(given, harmonics=order, parameters=names, trust=trust, progress=report)
     for line in found.notes:
         typer.echo(line)
     for line in found.warnings:
@@ -79,17 +77,29 @@ def calibrate_command(
     typer.echo(f"written to {out}")
 
 
-def _recordings(logs: list[Path], map_file: Path) -> list[Record]:
-    """Open recordings by their map."""
+def opened(
+    paths: list[Path], map_file: Path | None, morphology: str | None, settings: list[str], *, free: bool
+) -> list[Record]:
+    """Return the records of runs, logs or recordings by a map, with the belief about them.
+
+    Raises:
+        MapError: an option is for other records.
+        CalibrationError: a flight should be `free`, and its truth knows an unknown force.
+    """
+    from aerobat_pin.errors import MapError
+
+    if map_file is None:
+        return _flights(paths, morphology, settings, free=free)
+    if morphology is not None or settings:
+        raise MapError(f"calibrate: {'--set' if morphology is None else '--morphology'} is for Aerobat's own flights")
     from aerobat_pin.records import open_record
 
     chosen, folder = chosen_map(map_file, None, None, [])
-    return [open_record(log, chosen, folder) for log in logs]
+    return [open_record(log, chosen, folder) for log in paths]
 
 
-def _flights(paths: list[Path], morphology: str | None, settings: list[str]) -> list[Record]:
-    """Return the records of runs or logs with the belief about them."""
-    from aerobat_pin.aerobat import AerobatRobot, free_record
+def _flights(paths: list[Path], morphology: str | None, settings: list[str], *, free: bool) -> list[Record]:
+    from aerobat_pin.aerobat import AerobatRobot, flight_record, free_record
     from aerobat_pin.robot import believed_robot
     from aerobat_pin.scenario import RawSection
 
@@ -98,7 +108,7 @@ def _flights(paths: list[Path], morphology: str | None, settings: list[str]) -> 
         log, belief = _flight(path, morphology, settings)
         robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
         robot = replace(robot, raw=belief.observers.raw or RawSection())
-        found.append(free_record(log, robot, belief.observers, str(path)))
+        found.append((free_record if free else flight_record)(log, robot, belief.observers, str(path)))
     return found
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from aerobat_pin.cli.console import write_results
-from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Force, ObserverNames, Settings
+from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Correct, Force, ObserverNames, Settings
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def estimate_command(
     observers: ObserverNames = None,
     settings: Settings = None,
     calibration: CalibrationFile = None,
+    correct: Correct = False,
     out: Annotated[
         Path | None, typer.Option(help="Output folder, default runs/<log>-estimate; or, for --out-mcap, X.mcap.")
     ] = None,
@@ -92,7 +94,7 @@ def estimate_command(
         raise typer.Exit(1)
     if flight is None:
         return
-    learnt = None if calibration is None else read_calibration(calibration)
+    learnt = None if calibration is None else replace(read_calibration(calibration), correct=correct)
     target = out or Path("runs") / f"{name}-estimate"
     write_results(lambda show: run_recorded(flight, belief, show, learnt), target, force=force)
 

@@ -36,5 +36,7 @@ from .stored_estimate import StoredEstimate as StoredEstimate
 from .trust import ComponentSize as ComponentSize
 from .trust import InnovationScore as InnovationScore
 from .use import CalibrationUse as CalibrationUse
+from .use import Cause as Cause
 from .use import Contact as Contact
 from .use import FoundEvent as FoundEvent
+from .use import ModelCheck as ModelCheck

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
+from aerobat_pin.estimation.calibration.check_model import check_model
 from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.compared import sensor_references
@@ -63,8 +64,11 @@ def estimate(
     made += [one for one in observers if isinstance(one, Observer)]
     if len({one.name for one in made}) < len(made):
         raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
-    watch = None if calibration is None else CalibrationWatch(calibration)
-    times = record.times(*record.parts[0])
+    times, model = record.times(*record.parts[0]), None
+    if calibration is not None and not record.robot.smooths(record.channels):
+        model = check_model(calibration, forces, inputs)
+        inputs = model.inputs
+    watch = None if calibration is None else CalibrationWatch(calibration, None if model is None else model.check)
     smoothed = record.robot.motion_from(times, record.channels, made, progress)
     if smoothed is not None:
         stored = {one: StoredEstimate.of(estimate) for one, estimate in smoothed.estimates.items()}
@@ -72,7 +76,7 @@ def estimate(
     else:
         if record.robot.measures_effort:
             findings += effort_findings(record, inputs, findings)
-        stored = run_observers(record, inputs, made, progress, watch, expected)
+        stored = run_observers(record, inputs, made, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()

@@ -10,7 +10,7 @@ from aerobat_pin.estimation.known_forces import CALIBRATION, KnownForces
 from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-from aerobat_pin.records import Condition, Record
+from aerobat_pin.records import Block, Condition, Record
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,7 +72,11 @@ def inputs_of(record: Record, first: int, last: int, forces: KnownForces, rows: 
         LogError, LinkageError: the robot cannot complete this stretch, or its known forces cannot be computed there.
         CalibrationError: a calibration needs a phase that this stretch does not show.
     """
-    block = record.block(first, last)
+    return inputs_of_block(record, record.block(first, last), forces, rows)
+
+
+def inputs_of_block(record: Record, block: Block, forces: KnownForces, rows: Rows) -> KnownInputs:
+    """Return the inputs of an observer in a completed block of a record; errors as of `inputs_of`."""
     known = forces.known(block)
     tau = forces.torque(replace(block, tau=record.robot.torque(block, known)))
     condition = None
@@ -80,6 +84,6 @@ def inputs_of(record: Record, first: int, last: int, forces: KnownForces, rows: 
         condition = record.robot.condition(block)
         if condition is None:
             raise CalibrationError(f"{record.title}: the calibration follows a phase, and this robot has none")
-        known[CALIBRATION] = forces.series.faded(condition)
+        known[CALIBRATION] = forces.series.force(condition)
     source = {**block.source, **{name: block.source.get(name, "reconstructed") for name in known}, **forces.sources}
     return KnownInputs(block.time, block.q, block.v, tau, known, rows, source, condition=condition)

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation.calibration.harmonics import Harmonics
+from aerobat_pin.estimation.calibration.learnt_error import LearntError
 from aerobat_pin.estimation.inverse_dynamics import turned
 from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import JointFriction
@@ -101,7 +101,7 @@ class KnownForces:
     record: Record
     values: FittedValues = FittedValues()
     tare: dict[str, Array] = field(default_factory=dict)
-    series: Harmonics | None = None
+    series: LearntError | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
 
     @property

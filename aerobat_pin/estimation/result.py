@@ -17,7 +17,7 @@ from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.use import CalibrationUse
+from aerobat_pin.estimation.use import CalibrationUse, ModelCheck
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, Reference, SmoothedMotion, TrueEvent
 
@@ -115,6 +115,11 @@ class Result:
         return [(estimate.start[0], estimate.end) for estimate in list(self.stored.values())[:1]]
 
     @property
+    def model(self) -> ModelCheck | None:
+        """Whether the belief is still that of its calibration; None without one."""
+        return None if self.calibration is None else self.calibration.model
+
+    @property
     def verdicts(self) -> dict[str, list[str]]:
         """What no force explains says about the belief: line of text -> observers that say it."""
         lines: dict[str, list[str]] = {}
@@ -126,8 +131,10 @@ class Result:
     def warnings(self) -> list[str]:
         """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
         lines = [str(finding) for finding in self.findings if finding.warns]
-        if self.calibration is not None and self.calibration.verdict == "faded":
-            lines.append(self.calibration.words)
+        if self.calibration is not None:
+            lines += [f"calibration: {line}" for line in self.calibration.warnings]
+            if self.model is not None and self.model.verdict == "changed":
+                lines.append(str(self.model))
         lines += [
             f"{', '.join(names)}: {words}"
             for words, names in self.verdicts.items()
@@ -155,7 +162,8 @@ class Result:
             "inputs": dict(self.inputs),
             "notes": list(self.notes),
             "warnings": self.warnings,
-            "calibration": None if self.calibration is None else self.calibration.verdict,
+            "calibration": None if self.calibration is None else self.calibration.words,
+            "model": None if self.model is None else self.model.to_json(),
             "checks": [asdict(finding) for finding in self.findings],
             "fits": [
                 {**asdict(fit), "outside": _or_none(fit.outside), "before": _or_none(fit.before)} for fit in self.fits
@@ -223,6 +231,9 @@ class Result:
                 lines.append(f"{name}: {len(events) - MOST_EVENTS} more contacts, in metrics.json")
         if self.calibration is not None:
             lines.append(self.calibration.words)
+            lines += [f"warning: calibration: {line}" for line in self.calibration.warnings]
+        if self.model is not None:
+            lines.append(str(self.model))
         for words, names in self.verdicts.items():
             lines.append(words if len(self.verdicts) == 1 else f"{', '.join(names)}: {words}")
         return "\n".join([*lines, *self.hints])

@@ -15,6 +15,7 @@ from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, KalmanObserver, Observer, Rows
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
@@ -22,6 +23,13 @@ from aerobat_pin.records import Map, PlainRobot, Record, Spool
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
+
+
+class ErrorOfBelief(Protocol):
+    """What is known of the errors that a belief makes."""
+
+    def deviations(self, observer: Observer, inputs: KnownInputs) -> Array | None:
+        """Return by how much (m, c) errors of the belief may spoil each component; None if that is unknown."""
 
 
 class Watch(Protocol):
@@ -119,6 +127,7 @@ def run_observers(
     progress: Callable[[float], None] | None = None,
     watch: Watch | None = None,
     expected: Expected | None = None,
+    model: ErrorOfBelief | None = None,
 ) -> dict[str, StoredEstimate]:
     """Estimate the unknown forces on all parts of a record.
 
@@ -129,6 +138,7 @@ def run_observers(
         progress: called with the share that is done.
         watch: is given what the observers are given.
         expected: what is expected of the forces, by which a filter that states deviations is judged, too.
+        model: what a calibration knows of the belief's errors, which every observer then states.
 
     Returns:
         Name of the observer -> estimate.
@@ -152,11 +162,23 @@ def run_observers(
                     whole = rows_as_components(whole, observer, inputs.v, expected)
                 elif expected is not None:
                     whole = replace(whole, expected_force=expected.force)
+                elif model is not None:
+                    whole = with_belief_error(whole, model.deviations(observer, inputs))
                 found[observer.name].append(_some_intervals(whole, begin - early, end - early))
                 done += end - begin
     if progress is not None:
         progress(1.0)
     return found
+
+
+def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
+    """Return an estimate that states the errors of its belief (m, c), too; where it stated none, noise and these."""
+    if deviation is None:
+        return estimate
+    own = estimate.standard_deviation
+    own = local_noise(estimate.components) if own is None else own
+    unseen = np.isinf(estimate.identifiability.deviation)
+    return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(own, deviation)))
 
 
 def inputs_between(record: Record, forces: KnownForces) -> Callable[[int, int], KnownInputs]:

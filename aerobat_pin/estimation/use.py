@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+CHANGED = 1.3  # of what was expected: what no force explains is larger only if something has changed
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,96 @@ class FoundEvent:
 
 
 @dataclass(frozen=True)
+class Cause:
+    """What changed after a calibration, by name.
+
+    Attributes:
+        name: such as `air_density`.
+        estimate: how much, in words of `labels` and `units`.
+        deviation: standard deviation of each.
+        labels: what each of the numbers is.
+        units: unit of each.
+        share: of what no force explains, how much this explains.
+    """
+
+    name: str
+    estimate: tuple[float, ...]
+    deviation: tuple[float, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    share: float
+
+    def __str__(self) -> str:
+        """Return name, estimate and deviation in words."""
+        numbers = zip(self.labels, self.estimate, self.deviation, self.units, strict=True)
+        parts = [f"{label} {value:+.3g} +- {sure:.2g} {unit}" for label, value, sure, unit in numbers]
+        return f"{CAUSES.get(self.name, self.name)}: {', '.join(parts)}"
+
+
+CAUSES = {
+    "payload": "payload or steady force on the body",
+    "crank_zero": "zero of the crank",
+    "air_density": "density of the air",
+}
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """Whether the belief is still that of its calibration: what no force explains, over what was to be expected.
+
+    Attributes:
+        ratio: of both root mean squares; None where no row is to spare.
+        size: what no force explains, per redundant row [N].
+        expected: root mean square that the calibration predicted for it [N].
+        cause: what changed; None if nothing that has a name explains it.
+        corrected: whether the cause was corrected, and ratio and size are those of what is left.
+    """
+
+    ratio: float | None
+    size: float
+    expected: float
+    cause: Cause | None = None
+    corrected: bool = False
+
+    @property
+    def verdict(self) -> Literal["unchanged", "changed", "unverified"]:
+        """Whether the belief has changed since it was calibrated."""
+        if self.ratio is None:
+            return "unverified"
+        return "changed" if self.ratio > CHANGED or self.cause is not None else "unchanged"
+
+    @property
+    def factor(self) -> float:
+        """How many times as large as predicted the errors of the belief are, at least 1."""
+        return max(1.0, self.ratio or 1.0)
+
+    def __str__(self) -> str:
+        """Return the verdict in a line."""
+        if self.ratio is None:
+            return "model: unverified, as no row is to spare for the forces sought"
+        sizes = f"{1e3 * self.size:.2g} mN a row that no force explains, {self.ratio:.2g} times what was expected"
+        if self.verdict == "unchanged":
+            return f"model: unchanged since the calibration ({sizes})"
+        why = "cause unknown" if self.cause is None else str(self.cause)
+        return f"model: changed since the calibration, {why}{', corrected' if self.corrected else ''} ({sizes})"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry `model` of `metrics.json`."""
+        return {"verdict": self.verdict, **asdict(self), "words": str(self)}
+
+
+@dataclass(frozen=True)
 class CalibrationUse:
     """How a calibration was used.
 
     Attributes:
-        verdict: `inside` if it counted fully, `faded` if it faded out beyond the learnt range.
-        words: the same in words.
-        contacts: those that were found; None where they were not sought, as beyond the learnt range.
+        words: where it comes from, in words.
+        contacts: those that were found; None where they were not sought.
+        model: whether the belief is still that of the calibration; None where that was not asked.
+        warnings: what makes the calibration doubtful, in words.
     """
 
-    verdict: Literal["inside", "faded"]
     words: str
     contacts: tuple[Contact, ...] | None = None
+    model: ModelCheck | None = None
+    warnings: tuple[str, ...] = ()

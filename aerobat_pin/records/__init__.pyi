@@ -17,6 +17,7 @@ from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition
 from .learnable import Extras as Extras
 from .learnable import Parameter as Parameter
+from .learnable import Suspect as Suspect
 from .map_file import describe_map as describe_map
 from .map_file import load_map as load_map
 from .map_file import parse_map as parse_map

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,24 @@ class Parameter(NamedTuple):
     inertial: bool = False
 
 
+class Suspect(NamedTuple):
+    """A parameter of something that may have changed since a robot was calibrated.
+
+    Attributes:
+        label: what it is, such as `mass`.
+        step: difference for the derivative by it [SI].
+        factor: of the unit in which it is told.
+        unit: this unit.
+        inertial: whether it changes nothing but the model's inertias.
+    """
+
+    label: str
+    step: float
+    factor: float
+    unit: str
+    inertial: bool = False
+
+
 class Extras(NamedTuple):
     """What only the robot itself learns and reads, such as where a sensor sits: name -> values, and notes in words."""
 
@@ -41,18 +59,18 @@ class Condition:
     Attributes:
         cycle: what turns, such as `the crank`.
         phase: (m,) phase in the middle of the interval [rad].
-        values: (m, s) states, averaged over a cycle or so.
+        values: (m, s) states at that instant.
         states: state -> its unit, s of them.
-        groups: what coefficients can vary with -> the states that stand for it.
-        margin: (s,) how far from where something was learnt it still holds.
+        scale: (s,) change of each state by which an error of the belief may change as much as it is large.
+        alike: rows of the generalised force whose errors are of one size; every other row stands alone.
     """
 
     cycle: str
     phase: Array
     values: Array
     states: Mapping[str, str]
-    groups: Mapping[str, tuple[str, ...]]
-    margin: Array
+    scale: Array
+    alike: tuple[tuple[int, ...], ...] = ()
 
     @property
     def turns(self) -> float:
@@ -61,7 +79,15 @@ class Condition:
 
     def part(self, chosen: slice) -> Condition:
         """Return phase and state in some of the intervals."""
-        return Condition(self.cycle, self.phase[chosen], self.values[chosen], self.states, self.groups, self.margin)
+        return replace(self, phase=self.phase[chosen], values=self.values[chosen])
+
+    @property
+    def means(self) -> Array:
+        """States (m, s), means over the cycle before each interval's end; over the first cycle during that."""
+        count = min(len(self.values), max(1, round(len(self.values) / max(self.turns, 1e-9))))
+        total = np.concatenate([np.zeros((1, self.values.shape[1])), np.cumsum(self.values, axis=0)])
+        means = (total[count:] - total[:-count]) / count
+        return np.concatenate([np.repeat(means[:1], count - 1, axis=0), means])
 
     def reduced(self, force: Array) -> Array:
         """Return what is a smooth function of the phase in a generalised force (m, nv) of the whole stretch."""

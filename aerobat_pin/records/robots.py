@@ -20,7 +20,7 @@ from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
 from aerobat_pin.records.channel import LogChannel
-from aerobat_pin.records.learnable import Condition, Extras, Parameter
+from aerobat_pin.records.learnable import Condition, Extras, Parameter, Suspect
 from aerobat_pin.records.robot_tables import PayloadSection
 
 FREE_NQ, FREE_NV = 7, 6
@@ -68,6 +68,14 @@ class PlainRobot:
             CalibrationError: the robot has a phase, but this block does not show it.
         """
         return None
+
+    def suspects(self) -> Mapping[str, tuple[Suspect, ...]]:
+        """Return what may change from day to day: cause -> its parameters; nothing for a robot that knows of none."""
+        return {}
+
+    def suspected(self, cause: str, values: Array, block: Block) -> tuple[PlainRobot, Block]:
+        """Return robot and completed block as they would be if a cause of `suspects` had these values."""
+        raise NotImplementedError
 
     def learn_extras(
         self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]

@@ -23,7 +23,7 @@ def fly(monkeypatch: pytest.MonkeyPatch, out: str, *words: str) -> int:
 def test_a_free_run_calibrates_another_run_and_its_log(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`metrics.json` names the calibration and its range, the folder has a copy; far away it says faded."""
+    """`metrics.json` names the calibration and what changed since, the folder has a copy, and `check` asks it alone."""
     monkeypatch.chdir(tmp_path)
     free = ["--set", "unknown_force=[]", "--set", "simulation.duration=1"]
     assert fly(monkeypatch, "free", *free) == 0
@@ -34,25 +34,29 @@ def test_a_free_run_calibrates_another_run_and_its_log(
     assert read_calibration(tmp_path / "c.nc").changes["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
     assert fly(monkeypatch, "used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
     metrics = json.loads((tmp_path / "used" / "metrics.json").read_text())
-    assert metrics["calibration"] == "inside"
+    assert metrics["calibration"].startswith("calibration: learnt from")
+    assert metrics["model"]["verdict"] == "unchanged"
     assert set(metrics["observers"]["force_level"]["events"][0]) == {"point", "onset", "alarm", "end", "size"}
     assert metrics["observers"]["force_level"]["redundancy"]["verdict"] == "consistent"
     assert (tmp_path / "used" / "calibration.nc").is_file()
-    assert "calibration: inside" in capsys.readouterr().out
+    assert "model: unchanged since the calibration" in capsys.readouterr().out
     short = ["--set", "simulation.duration=0.1"]
-    assert call(monkeypatch, "calibrate", "free", "--out", "flat.nc", "--identify", "none", "--harmonics", "2") == 0
-    far = ["--set", "flight.velocity=[4.5, 0, 0]", *short]
-    assert fly(monkeypatch, "far", "--calibration", "flat.nc", *far) == 0
-    metrics = json.loads((tmp_path / "far" / "metrics.json").read_text())
-    assert metrics["calibration"] == "faded"
-    assert any("faded out" in warning for warning in metrics["warnings"])
-    assert metrics["observers"]["force_level"]["events"] is None
+    assert call(monkeypatch, "check", "used", "--calibration", "c.nc", "--out", "same.png") == 0
+    assert "model: unchanged since the calibration" in capsys.readouterr().out
+    thin = ["--set", "air.density=1.1025", "--set", "simulation.duration=0.5"]
+    assert fly(monkeypatch, "thin", "--calibration", "c.nc", "--correct", *thin) == 0
+    model = json.loads((tmp_path / "thin" / "metrics.json").read_text())["model"]
+    assert (model["verdict"], model["cause"]["name"], model["corrected"]) == ("changed", "air_density", True)
+    assert model["cause"]["estimate"][0] == pytest.approx(-10.0, abs=3.0)
+    assert call(monkeypatch, "check", "thin", "--calibration", "c.nc", "--out", "other.png") == 3
+    assert "density of the air: change -" in capsys.readouterr().out
+    assert (tmp_path / "other.png").stat().st_size > 1000
     log = FlightLog.load(tmp_path / "free" / "flight.nc")
     write_csv(log, tmp_path / "free.csv")
     robot = ["--morphology", "aerobat_guard", "--set", "robot.changes.wing.offset_x=-0.06", "--set", "air.strips=4"]
     assert call(monkeypatch, "calibrate", "free.csv", "--out", "hall.nc", "--identify", "none", *robot) == 0
     assert call(monkeypatch, "estimate", "free.csv", "--calibration", "hall.nc", "--out", "hall", *robot) == 0
-    assert json.loads((tmp_path / "hall" / "metrics.json").read_text())["calibration"] == "inside"
+    assert json.loads((tmp_path / "hall" / "metrics.json").read_text())["model"]["verdict"] == "unchanged"
     assert fly(monkeypatch, "plain", *short) == 0
     assert json.loads((tmp_path / "plain" / "metrics.json").read_text())["calibration"] is None
     capsys.readouterr()
@@ -62,7 +66,6 @@ def test_a_free_run_calibrates_another_run_and_its_log(
         (["calibrate", "hall", "--out", "new.nc"], "is not the folder of a run"),
         (["calibrate", "nowhere.nc", "--out", "new.nc"], "there is no such file"),
         (["calibrate", "free", "--out", "new.nc", "--identify", "luck"], "parameters has 'luck'"),
-        (["calibrate", "free", "--out", "new.nc", "--vary", "colour"], "vary has 'colour'"),
         (["calibrate", "free", "--out", "new.nc", "--morphology", "aerobat"], "a log was expected"),
         (
             ["run", "paper", "--out", "new", *short, "--calibration", "c.nc"],

@@ -19,6 +19,7 @@ from support.calibrated import (
     FREE,
     PUSHED,
     SIX_ERRORS,
+    FreeFlight,
     believed,
     free_flight,
     ideal_latencies,
@@ -29,10 +30,19 @@ from support.calibrated import (
 from support.detection_bound import TORQUE, VELOCITIES, detectability
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import FlightLog, flight_record
 from aerobat_pin.aerobat.flight_record import flight_map
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import Belief, belief_of, calibrate, calibration_bytes, read_calibration
+from aerobat_pin.estimation import (
+    Belief,
+    Calibration,
+    belief_of,
+    calibrate,
+    calibration_bytes,
+    estimate,
+    read_calibration,
+)
+from aerobat_pin.estimation.calibration.checked_part import checked_part
 from aerobat_pin.estimation.calibration.identify import Identified
 from aerobat_pin.estimation.known_forces import mean_motion
 from aerobat_pin.observers import JointFriction
@@ -47,7 +57,6 @@ def test_quasi_steady_air_is_as_good_as_exact_after_four_seconds_of_free_flight(
     """R2 of the signal -29/-0.1/0.97 before, at least 0.94/0.97/0.98 after; 41/109/13 mN made up, then 2/6/3."""
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
     signal = seen_with(found, free, "signal")
-    assert signal.inputs.calibration.verdict == "inside"
     assert signal.inputs.source["calibration"] == "learnt from free"
     assert np.all(scores(estimated("force_level", signal), signal) > [0.94, 0.97, 0.98])
     still = seen_with(found, free, "no force", 1, OTHER_START)
@@ -129,8 +138,7 @@ def test_six_errors_at_once_are_identified_and_hold_at_another_speed_and_frequen
     held_out = ("flight.velocity=[3.6,0,0]", "crank.frequency=5.5")
     other = seen_with(found, free, "signal", 1, held_out)
     assert np.all(scores(estimated("force_level", other), other) > 0.97)
-    if found.series is not None:  # nothing is left that repeats; what there is fades out at this speed
-        assert np.max(np.abs(other.inputs.known["calibration"][-100:])) < 0.01
+    assert np.max(np.abs(other.inputs.known["calibration"][-100:])) < 0.05  # nothing is left that repeats
 
 
 def test_friction_of_the_wings_joints_and_the_scale_of_thrusters_are_found() -> None:
@@ -167,25 +175,28 @@ def part_of(log: FlightLog, seconds: float, *, truth: bool = False) -> FlightLog
     return FlightLog(measured, log.truth.isel(time=slice(0, count + 1), interval=slice(0, count)) if truth else None)
 
 
-def test_beyond_the_learnt_range_a_calibration_fades_out_and_says_so() -> None:
-    """Full weight at 3 m/s, half faded at 15 % more speed, gone at half as much again; and where it is, in words."""
+def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
+    """At 3, 3.4 and 4 m/s: 4, 8 and 21 mN are made up of an axis of 120, and within 1.5 stated deviations rms."""
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
-    size = [
-        np.sqrt(
-            np.mean(
-                seen_with(found, free, "no force", 1, (f"flight.velocity=[{speed},0,0]",)).inputs.known["calibration"]
-                ** 2
-            )
-        )
-        for speed in (3.0, 3.7, 4.5)
-    ]
-    assert size[0] > 1.2 * size[1] > 0.0
-    assert size[2] == 0.0
-    far = seen_with(found, free, "no force", 1, ("flight.velocity=[4.5,0,0]",)).inputs.calibration
-    assert far.verdict == "faded"
-    assert far.contacts is None
-    assert "speed 4.4" in far.words
-    assert "learnt from 2.9" in far.words
+    sizes, widths = [], []
+    for speed in (3.0, 3.4, 4.0):
+        more = (f"flight.velocity=[{speed},0,0]", *OTHER_START)
+        checked = checked_flight(found, free, more)
+        wrong = checked.found.force
+        stated = checked.geometry.deviations(checked.factors).reshape(wrong.shape)
+        assert np.all(np.mean((wrong / stated) ** 2, axis=(0, 1)) < 1.5**2)
+        assert checked.check.verdict == "unchanged"
+        sizes.append(np.sqrt(np.mean(wrong**2, axis=(0, 1))).max())
+        widths.append(float(np.mean(found.series.widened(checked.inputs.condition))))
+    assert np.all(np.array(sizes) < [5e-3, 12e-3, 26e-3])
+    assert 1.0 <= widths[0] < 1.1
+    assert 2.0 < widths[1] < 0.5 * widths[2]
+
+
+def checked_flight(found: Calibration, free: FreeFlight, more: tuple[str, ...] = (), flight: str = "no force") -> Any:
+    """Return a flight beside a calibration: what no force explains, and what was predicted."""
+    record = found.applied(flight_record(flown(flight, 1, more)[0], free.plugged()))
+    return checked_part(found, record, seen_with(found, free, flight, 1, more).inputs)
 
 
 def test_the_motors_torque_alone_is_calibrated_at_the_crank() -> None:
@@ -195,8 +206,8 @@ def test_the_motors_torque_alone_is_calibrated_at_the_crank() -> None:
     assert np.all(scores(estimated("smoother", signal), signal) > [0.94, 0.9, 0.98])
 
 
-def test_coefficients_that_vary_hold_between_the_flights_they_were_learnt_from() -> None:
-    """Two speeds learnt, a third flown: constant coefficients make up 5 mN of Fx, linear ones 1 mN."""
+def test_flights_that_differ_show_how_the_error_depends_on_the_state() -> None:
+    """One speed or two learnt, a third flown: 5 mN of Fx are made up after one, 1 mN after both, and it is known."""
     flights = [
         believed(
             flown("no force", 101, ("simulation.duration=1.5", f"flight.velocity=[{speed},0,0]"))[0],
@@ -204,13 +215,14 @@ def test_coefficients_that_vary_hold_between_the_flights_they_were_learnt_from()
         )
         for speed in (2.7, 3.3)
     ]
-    made = []
-    for vary in ([], ["speed"]):
-        found = calibrate([one.record() for one in flights], parameters=[], vary=vary)
-        other = seen_with(found, flights[0], "no force", 1, ("flight.velocity=[3.15,0,0]",))
-        made.append(made_up(estimated("force_level", other)))
-        assert found.series.varied == tuple(vary)
-    assert made[0][0] > 3e-3 > 1.5e-3 > made[1][0]
+    made, stated = [], []
+    for learnt_from in (flights[:1], flights):
+        found = calibrate([one.record() for one in learnt_from], parameters=[])
+        other = checked_flight(found, flights[0], ("flight.velocity=[3.15,0,0]",))
+        made.append(np.sqrt(np.mean(other.found.force[..., 0] ** 2)))
+        stated.append(np.mean(other.geometry.deviations(other.factors)[:, 0]))
+    assert made[0] > 3e-3 > 2e-3 > made[1]
+    assert stated[0] > 2.0 * stated[1]
 
 
 def test_a_flight_that_was_not_free_is_refused_or_doubted() -> None:
@@ -220,24 +232,34 @@ def test_a_flight_that_was_not_free_is_refused_or_doubted() -> None:
     with pytest.raises(CalibrationError, match=r"free: an unknown force of \d+ mN rms acts at left_force_point"):
         replace(free, log=pushed).record()
     recorded = replace(free, log=FlightLog(pushed.measured)).record()
-    assert any("did something push" in note for note in calibrate([recorded], parameters=[]).warnings)
+    with pytest.raises(CalibrationError, match=r"something pushed, most from 0\.5.* to .*; --trust calibrates"):
+        calibrate([replace(recorded, label="flight")], parameters=[])
+    trusted = calibrate([recorded], parameters=[], trust=True)
+    assert any("something pushed, most from" in line for line in trusted.warnings)
     signal, _ = flown("signal", 1, ())
     exact = replace(free_flight("exact"), log=FlightLog(signal.measured)).record()
-    assert any("either something pushed" in note for note in calibrate([exact], parameters=[]).warnings)
+    with pytest.raises(CalibrationError, match="something pushed"):
+        calibrate([exact], parameters=[])
     assert learnt(QUASI_STEADY).warnings == learnt("exact").warnings == ()
+    result = estimate(flight_record(free.log, free.plugged()), ["force_level"], trusted)
+    assert any("something pushed, most from" in line for line in result.warnings)
+    own = estimate(flight_record(free.log, free.plugged()), ["force_level"], learnt(QUASI_STEADY))
+    doubt = [one.observers["force_level"].deviation["left"][1] for one in (result, own)]
+    assert doubt[0] > 2.0 * doubt[1]
 
 
 def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) -> None:
     """Read again it is the same; another air, robot or torque is refused by name, and so is another file."""
     free = free_flight(QUASI_STEADY)
-    found = calibrate([free.record()], parameters=["friction"], vary=["attitude"])
+    found = calibrate([free.record()], parameters=["friction"])
     file = tmp_path / "calibration.nc"
     file.write_bytes(calibration_bytes(found))
     again = read_calibration(file)
     assert again.notes == found.notes
     assert again.belief == found.belief
-    assert again.series.varied == found.series.varied == ("pitch_rate",)
-    np.testing.assert_array_equal(again.series.coefficients, found.series.coefficients)
+    assert dict(again.series.states) == dict(found.series.states)
+    for name in ("centre", "scale", "size", "mean", "covariance", "remainder"):
+        np.testing.assert_array_equal(getattr(again.series, name), getattr(found.series, name))
     np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
     np.testing.assert_array_equal(again.detection.threshold, found.detection.threshold)
     mine = found.belief
@@ -264,14 +286,15 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
     ("damage", "message"),
     [
         (lambda data: data.assign(change=data["change"] * 0.0 - 2.0), "change of -1 or less"),
-        (lambda data: data.assign(range=data["range"] * np.nan), "range holds a number that is not finite"),
-        (lambda data: data.isel(term=slice(0, 4)), r"coefficients has shape \(1, 4, 10\)"),
+        (lambda data: data.assign(weight=data["weight"] * np.nan), "weight holds a number that is not finite"),
+        (lambda data: data.isel(term=slice(0, 4)), r"weight has shape \(4, 10\)"),
+        (lambda data: data.assign(state_scale=data["state_scale"] * 0.0), "units above 0 were expected"),
         (lambda data: data.isel(point=[0]), r"normal has shape \(6, 3\)"),
-        (lambda data: data.drop_vars("range"), "a part is missing or damaged"),
+        (lambda data: data.drop_vars("error_size"), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(settings="{}}"), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(fits='[{"name": 1}]'), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(kind="other"), "a file that `aerobat calibrate` wrote was expected"),
-        (lambda data: data.assign_attrs(kind="aerobat calibration 1"), "a part is missing or damaged: 'air'"),
+        (lambda data: data.assign_attrs(kind="aerobat calibration 2"), "an older file, .*: calibrate again"),
     ],
 )
 def test_a_forged_file_is_refused(damage: Callable[[xr.Dataset], xr.Dataset], message: str, tmp_path: Path) -> None:
@@ -287,32 +310,10 @@ def test_a_forged_file_is_refused(damage: Callable[[xr.Dataset], xr.Dataset], me
         read_calibration(file)
 
 
-def test_a_file_of_the_first_form_is_read(tmp_path: Path) -> None:
-    """It had the air itself among its attributes, and neither units, an error bar nor what is left of each row."""
-    free, file = free_flight(QUASI_STEADY), tmp_path / "calibration.nc"
-    found = calibrate([free.record()], parameters=["friction", "mass"])
-    file.write_bytes(calibration_bytes(found))
-    newer = "row force state_unit parameter_unit expected effort_factor mass row_noise error_bar warning".split()
-    old = read_netcdf(file, "calibration")[""].drop_vars(newer).rename(record="flight")
-    old.attrs = {key: value for key, value in old.attrs.items() if key not in ("settings", "fits", "robot")}
-    old.attrs |= {"kind": "aerobat calibration 1", "morphology": found.belief.robot, "torque": "measured"}
-    old.attrs["air"] = free.air.model_dump_json()
-    file.write_bytes(netcdf_bytes(old))
-    again = read_calibration(file)
-    assert again.belief == found.belief
-    assert again.changes == found.changes
-    np.testing.assert_array_equal(again.series.coefficients, found.series.coefficients)
-    np.testing.assert_array_equal(again.fitted.friction.viscous, found.fitted.friction.viscous)
-    np.testing.assert_array_equal(again.detection.threshold, found.detection.threshold)
-    assert again.error_bar == {}
-
-
 def test_names_and_short_flights_are_refused() -> None:
     """Each message says what was expected."""
     free = free_flight(QUASI_STEADY)
     record = free.record()
-    with pytest.raises(CalibrationError, match="vary has 'colour': of speed, frequency, attitude"):
-        calibrate([record], vary=["colour"])
     with pytest.raises(CalibrationError, match="parameters has 'luck': of mass"):
         calibrate([record], parameters=["luck"])
     with pytest.raises(CalibrationError, match=r"free: 1\.4 turns of the crank: 3 or more"):

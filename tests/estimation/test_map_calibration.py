@@ -46,7 +46,6 @@ from aerobat_pin.records import (
     Map,
     PlainRobot,
     Record,
-    netcdf_bytes,
     open_record,
     parse_map,
     read_netcdf,
@@ -68,11 +67,11 @@ class GearedArm(PlainRobot):
     """The arm, whose first joint's gear has a phase: what a user writes for a robot that repeats itself."""
 
     def condition(self, block: Block) -> Condition:
-        """Return the gear's angle, and its rate, which holds within a tenth."""
+        """Return the gear's angle, and its mean rate."""
         row, rate = self.q_index("turn"), block.v[:, [self.v_index("turn")]]
         angle, rates = (0.5 * (values[1:] + values[:-1]) for values in (block.q[:, row], rate))
         mean = np.full_like(rates, np.mean(rates))
-        return Condition("the gear", angle, mean, {"rate": "rad/s"}, {"rate": ("rate",)}, 0.1 * np.abs(mean[0]))
+        return Condition("the gear", angle, mean, {"rate": "rad/s"}, np.abs(mean[0]))
 
 
 def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str) -> Calibration:
@@ -154,35 +153,6 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
             read_calibration(folder / "damaged.nc")
 
 
-@pytest.mark.parametrize("what", ["arm", "drone"])
-def test_a_file_of_the_first_form_by_a_map_is_read(what: str, arms: tuple[Path, np.ndarray], tmp_path: Path) -> None:
-    """It had laws and constants of its own, and the powers of a thrust in three columns."""
-    if what == "arm":
-        found = calibrated(arms[0], "free", arm_map(), "mass")
-    else:
-        flight(3.0).to_csv(tmp_path / "drone.csv", index=False)
-        found = calibrated(tmp_path, "drone", copy.deepcopy(DRONE))
-    file = tmp_path / "old.nc"
-    file.write_bytes(calibration_bytes(found))
-    old = read_netcdf(file, "calibration")[""]
-    laws = {key[6:]: value for key, value in found.belief.settings.items() if key.startswith("known.")}
-    old = old.drop_vars(["record", "row", "row_noise", "normal", "frame"]).rename(force="component")
-    old.attrs = {key: old.attrs[key] for key in ("robot", "fingerprint", "friction_rate")}
-    old.attrs |= {"kind": "aerobat calibration by a map 1", "log": found.records[0], "laws": json.dumps(laws)}
-    if what == "arm":
-        old = old.assign(torque_per_unit=(("joint",), [CONSTANT] * 3))
-    else:
-        old = old.assign(thrust=(old["thrust"].dims, np.nan_to_num(old["thrust"].values)))
-    file.write_bytes(netcdf_bytes(old))
-    again = read_calibration(file)
-    assert (again.belief, again.records, again.fitted.mass) == (found.belief, found.records, found.fitted.mass)
-    assert again.error_bar.keys() == found.error_bar.keys()
-    for name, values in found.fitted.coefficients.items():
-        np.testing.assert_array_equal(again.fitted.coefficients[name], values)
-    if what == "arm":
-        np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)  # type: ignore[union-attr]
-
-
 def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np.ndarray]) -> None:
     """The efforts' own behind the observer's filter; a push where nothing is known to be free does not count."""
     folder, _ = arms
@@ -255,7 +225,7 @@ def test_a_knock_is_found_by_what_a_free_swing_shows(
     assert call(monkeypatch, "estimate", "knocked.csv", *words, "knocked") == 0
     assert "force_level: contact at tool from 1.498 s to 1.700 s" in capsys.readouterr().out
     metrics = json.loads((folder / "knocked" / "metrics.json").read_text())
-    assert metrics["calibration"] == "inside"
+    assert metrics["model"]["verdict"] == "unchanged"
     [event] = metrics["observers"]["force_level"]["events"]
     assert event["point"] == "tool"
     assert [event[key] for key in ("onset", "alarm", "end")] == pytest.approx([1.5, 1.5, 1.7], abs=2.1e-3)
@@ -291,9 +261,7 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     for robot, bar in ((plain, 0.6), (geared, 0.04)):
         assert found[robot].error_bar["tool.Fx"][1] == pytest.approx(bar, rel=0.2)
     faster = estimate(opened("faster", geared), calibration=found[geared])
-    assert faster.calibration is not None
-    assert faster.calibration.verdict == "faded"
-    assert "rate 8.97 rad/s, learnt from 5.05" in faster.calibration.words
+    assert faster.model is not None
     with pytest.raises(CalibrationError, match="this robot has none"):
         estimate(opened("again", plain), calibration=found[geared])
 
@@ -356,7 +324,6 @@ def test_what_cannot_be_learnt_or_used_is_refused(
         estimate(open_record(Path("pushed.csv"), parse_map(arm_map(), "of the test"), folder))
     for words, reason in (
         (["calibrate", "free.csv", "pushed.csv", "--map", "map.toml", "--out", "x.nc"], "2 recordings"),
-        (["calibrate", "free.csv", "--map", "map.toml", "--vary", "speed", "--out", "x.nc"], "this robot has no phase"),
         (["calibrate", "free.csv", "--map", "map.toml", "--morphology", "aerobat", "--out", "x.nc"], "--morphology is"),
         (["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.urdf"], "cannot be read as NetCDF-4"),
     ):

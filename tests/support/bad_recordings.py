@@ -147,7 +147,7 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         (place / "table.csv").write_text("time,x\n0,0\n1,0\n")
         (place / "folder").mkdir()
         wrong = (["cut.nc"], ["free.nc", "cut.nc"], ["table.csv"], ["folder"], ["none"], ["free.nc", "--identify", "²"])
-        wrong += (["free.nc", "--vary", "height"], ["free.nc", "--harmonics", "41"], ["free.nc", "--set", "robot.x=1"])
+        wrong += (["free.nc", "--harmonics", "41"], ["free.nc", "--set", "robot.x=1"])
         wrong += (["free.nc", "--morphology", "robot"], [300 * "n"], ["free.nc", "--set", "air.density=nan"])
         return ["calibrate", *wrong[rng.integers(len(wrong))], "--out", "out.nc"]
 

@@ -214,8 +214,7 @@ def calls() -> dict[str, Call]:
         "free_record": (api.free_record, {"log": api.simulate(free_paper), "label": "free", **free}),
         "calibrate": (
             api.calibrate,
-            {"records": [free_flight], "harmonics": 1, "vary": ["speed"], "parameters": [], "trust": False}
-            | {"progress": None},
+            {"records": [free_flight], "harmonics": 1, "parameters": [], "trust": False} | {"progress": None},
         ),
         "calibration_bytes": (api.calibration_bytes, {"calibration": learnt}),
         "read_calibration": (api.read_calibration, {"path": folder / "calibration.nc"}),
@@ -330,7 +329,7 @@ PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemor
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact Finding Agreement Moments Check KnownForces"""  # made by other functions
+Contact Cause ModelCheck Suspect Finding Agreement Moments Check KnownForces"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
 SampledSection"""  # pydantic checks

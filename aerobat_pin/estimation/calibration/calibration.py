@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,13 +10,13 @@ import numpy as np
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.detection import SETTLING, Detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words
-from aerobat_pin.estimation.calibration.harmonics import LOST_UNNOTICED, Harmonics
 from aerobat_pin.estimation.calibration.identify import Identified
+from aerobat_pin.estimation.calibration.learnt_error import LearntError
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
-from aerobat_pin.estimation.use import CalibrationUse, Contact
+from aerobat_pin.estimation.use import CalibrationUse, Contact, ModelCheck
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, torque_per_unit
 
@@ -98,7 +98,7 @@ class Calibration:
         records: names of the records.
         identified: values of parameters, with their covariance; None if none were sought.
         fitted: friction, factors of efforts, coefficients of thrust, and the mass.
-        series: error that is left, over a phase; None if the robot has none, or if it was not fitted.
+        series: error that is left, over phase and state; None if the robot has none, or if it was not fitted.
         detection: what is normal where nothing pushes; None if that was not learnt.
         extras: what only the robot itself reads, such as an accelerometer's place.
         error_bar: component -> rms error without and with the calibration, where it was not fitted [N, N m].
@@ -106,19 +106,21 @@ class Calibration:
             [N, N m]; empty where that is not known.
         warnings: what makes the calibration doubtful, in words.
         notes: what was found, in words.
+        correct: whether a cause that is named of another record is corrected there; not kept in a file.
     """
 
     belief: Belief
     records: tuple[str, ...]
     identified: Identified | None = None
     fitted: FittedValues = field(default_factory=FittedValues)
-    series: Harmonics | None = None
+    series: LearntError | None = None
     detection: Detection | None = None
     extras: Mapping[str, Array] = field(default_factory=dict)
     error_bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     row_noise: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    correct: bool = False
 
     @property
     def changes(self) -> Mapping[str, float]:
@@ -170,25 +172,27 @@ class Calibration:
     @property
     def use_of_extras(self) -> CalibrationUse:
         """How it was used where the robot found motion and forces together."""
-        return CalibrationUse("inside", f"calibration: {'; '.join(self.notes[:1])}")
+        return CalibrationUse(f"calibration: {'; '.join(self.notes[:1])}", warnings=self.warnings)
 
     def finding(self) -> Finding:
         """Return what a report says about the calibration."""
         return Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
 
 
+TRAIN, REGULAR = 4, 0.1  # gaps between contacts that make a train, and by how many cycles most of them may differ
+
+
 class CalibrationWatch:
-    """Follows a record on its way to the observers: where a calibration holds, and what pushes."""
+    """Follows a record on its way to the observers: what pushes."""
 
     settling = SETTLING
 
-    def __init__(self, calibration: Calibration) -> None:
-        """Begin with nothing seen."""
-        self._series, self._detection = calibration.series, calibration.detection
+    def __init__(self, calibration: Calibration, model: ModelCheck | None = None) -> None:
+        """Begin with nothing seen; `model` is what was found of the belief before."""
+        self._calibration, self._model = calibration, model
         self._excess: list[tuple[Array, Array]] = []
         self._contacts: list[Contact] = []
-        self._count, self._lost, self._near = 0, 0.0, 0
-        self._farthest, self._where = 0.0, ""
+        self._turns: list[tuple[Array, Array]] = []  # times [s] and cycles
 
     def take(self, record: Record, inputs: KnownInputs, kept: slice, *, ends: bool) -> None:
         """Take the inputs of a block.
@@ -199,34 +203,37 @@ class CalibrationWatch:
             kept: the intervals that count.
             ends: whether a part of the record ends with them.
         """
-        near = np.ones(len(inputs.tau), bool)
-        if self._series is not None and inputs.condition is not None:
-            learnt, condition = self._series.learnt, inputs.condition
-            near = learnt.near(condition)
-            self._lost += float(np.sum(1.0 - learnt.weight(condition)[kept]))
-            if (farthest := float(np.max(learnt.excess(condition)))) >= self._farthest:
-                self._farthest, self._where = farthest, learnt.describe(condition)
-        self._count, self._near = self._count + len(near[kept]), self._near + int(np.sum(near[kept]))
-        if self._detection is None:
+        detection, series = self._calibration.detection, self._calibration.series
+        if detection is None:
             return
-        excess = self._detection.excess(record.robot.model, inputs, near)
+        widened = None if series is None or inputs.condition is None else series.widened(inputs.condition)
+        if inputs.condition is not None:
+            self._turns.append((inputs.time[kept], inputs.condition.phase[kept] / (2.0 * np.pi)))
+        excess = detection.excess(record.robot.model, inputs, widened)
         self._excess.append((inputs.time[kept.start : kept.stop + 1], excess[kept]))
         if ends:
             times, sizes = zip(*self._excess, strict=True)
             time = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
-            self._contacts += self._detection.contacts(time, np.concatenate(sizes))
+            self._contacts += detection.contacts(time, np.concatenate(sizes))
             self._excess = []
 
     def use(self) -> CalibrationUse:
         """Return how the calibration was used."""
-        lost, near = self._lost / self._count, self._near / self._count
-        use = CalibrationUse("inside", "calibration: holds for any motion, as it has no series over a phase")
-        if self._series is not None and lost <= LOST_UNNOTICED:
-            use = CalibrationUse("inside", "calibration: inside the range that was learnt")
-        elif self._series is not None:
-            words = f"{lost:.0%} faded out, as the motion leaves the range that was learnt: {self._where}"
-            use = CalibrationUse("faded", f"calibration: {words}")
-        if self._detection is None or near == 0.0:
-            return use
-        words = "" if near == 1.0 else f"; contacts are sought in the {near:.0%} that are near to it"
-        return replace(use, words=use.words + words, contacts=tuple(self._contacts))
+        learnt = self._calibration
+        contacts = None if learnt.detection is None else tuple(self._contacts)
+        warnings = (*learnt.warnings, *self._trains())
+        return CalibrationUse(f"calibration: {learnt.origin}", contacts, self._model, warnings)
+
+    def _trains(self) -> Iterator[str]:
+        """Yield a warning about contacts that come at one phase of the cycle, cycle for cycle."""
+        if not self._turns:
+            return
+        time, turns = (np.concatenate(values) for values in zip(*self._turns, strict=True))
+        for frame in dict.fromkeys(one.frame for one in self._contacts):
+            onsets = [one.onset for one in self._contacts if one.frame == frame]
+            gaps = np.abs(np.diff(np.interp(onsets, time, turns)))
+            if len(gaps) >= TRAIN and np.mean(np.abs(gaps - np.median(gaps)) < REGULAR) > 0.5:
+                yield (
+                    f"{len(onsets)} contacts at {frame}, one every {np.median(gaps):.2f} cycles: an error of the "
+                    "belief, or a force that swings with the cycle"
+                )

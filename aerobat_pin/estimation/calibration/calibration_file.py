@@ -14,15 +14,15 @@ import xarray as xr
 from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
 from aerobat_pin.estimation.calibration.detection import Detection
-from aerobat_pin.estimation.calibration.harmonics import Harmonics, LearntRange
 from aerobat_pin.estimation.calibration.identify import Identified
-from aerobat_pin.estimation.calibration.older_files import RENEWED
+from aerobat_pin.estimation.calibration.learnt_error import LearntError
 from aerobat_pin.estimation.known_forces import Fit, FittedValues
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 
-KIND = "aerobat calibration 2"  # with the number of the form
+FAMILY = "aerobat calibration"
+KIND = f"{FAMILY} 3"  # with the number of the form
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
 MOST_POWERS = 3  # of a thrust's polynomial
@@ -67,17 +67,12 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         coords |= {"known": list(fitted.coefficients)}
     if calibration.series is not None:
         series = calibration.series
-        parts["coefficients"] = (("factor", "term", "v_axis"), series.coefficients)
-        parts["scaling"] = (("factor", "moment"), np.column_stack([[0.0, *series.centre], [1.0, *series.spread]]))
-        parts["range"] = (
-            ("state", "bound"),
-            np.column_stack([series.learnt.low, series.learnt.high, series.learnt.margin]),
-        )
-        parts["state_unit"] = ("state", list(series.learnt.states.values()))
-        coords |= {"factor": ["one", *series.varied], "moment": ["centre", "spread"]}
-        coords |= {"state": list(series.learnt.states), "bound": ["low", "high", "margin"]}
-        terms = range(1, series.order + 1)
-        coords["term"] = ["mean", *(f"{kind}{k}" for kind in ("cos", "sin") for k in terms)]
+        parts["weight"] = (("term", "v_axis"), series.mean)
+        parts["weight_covariance"] = (("v_axis", "term", "term_too"), series.covariance)
+        parts["error_size"] = (("v_axis", "size"), np.column_stack([series.size, series.remainder]))
+        parts["state_scale"] = (("state", "scale"), np.column_stack([series.centre, series.scale]))
+        parts["state_unit"] = ("state", list(series.states.values()))
+        coords |= {"state": list(series.states), "size": ["error", "remainder"], "scale": ["centre", "unit"]}
     if calibration.detection is not None:
         normal = calibration.detection
         limits = {"bias": normal.bias, "threshold": normal.threshold, "deviation": normal.deviation}
@@ -104,17 +99,19 @@ def calibration_bytes(calibration: Calibration) -> bytes:
 
 @guarded()
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration's file, an older one, too. Raises CalibrationError if it is missing, damaged or another."""
+    """Read a calibration's file. Raises CalibrationError if it is missing, damaged, older or another."""
     name = f"calibration {path}"
     try:
         data = read_netcdf(path, "calibration")[""]
     except LogError as error:
         raise CalibrationError(str(error)) from error
-    renewed = {KIND: lambda data: data, **RENEWED}.get(str(data.attrs.get("kind", "")))
-    if renewed is None:
+    kind = str(data.attrs.get("kind", ""))
+    if kind != KIND and kind.startswith(FAMILY):
+        raise CalibrationError(f"{name}: an older file, which does not say what was left over: calibrate again")
+    if kind != KIND:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:
-        return _Parts(renewed(data)).calibration()
+        return _Parts(data).calibration()
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
@@ -148,7 +145,7 @@ class _Parts:
             records=self._texts("record"),
             identified=self._identified() if "change" in self._data else None,
             fitted=self._fitted(),
-            series=self._series() if "coefficients" in self._data else None,
+            series=self._series() if "weight" in self._data else None,
             detection=self._detection() if "normal" in self._data else None,
             extras=extras,
             error_bar={label: (before, after) for label, (before, after) in zip(bar, bars, strict=True)},
@@ -198,16 +195,20 @@ class _Parts:
         errors = self._numbers("link_change", links, 10)
         return replace(found, links=errors, gain_covariance=self._numbers("gain_covariance", size, size))
 
-    def _series(self) -> Harmonics:
-        states, varied = self._texts("state"), self._texts("factor")[1:]
-        if not set(varied) <= set(states):
-            raise ValueError(f"factors {', '.join(varied)}: some of {', '.join(states)} were expected")
-        terms = (int(self._data.sizes["term"]) - 1) | 1  # mean, and as many sines as cosines
-        centre, spread = self._numbers("scaling", 1 + len(varied), 2)[1:].T
-        coefficients = self._numbers("coefficients", 1 + len(varied), terms, int(self._data.sizes["v_axis"]))
+    def _series(self) -> LearntError:
+        states, count = self._texts("state"), int(self._data.sizes["v_axis"])
+        terms = (int(self._data.sizes["term"]) // (1 + len(states)) - 1) | 1  # mean, and as many sines as cosines
+        weights = (1 + len(states)) * terms
+        size, remainder = self._numbers("error_size", count, 2).T
+        centre, scale = self._numbers("state_scale", len(states), 2).T
+        if not np.all(scale > 0.0):
+            raise ValueError("state_scale: units above 0 were expected")
         units = dict(zip(states, self._texts("state_unit"), strict=True))
-        learnt = LearntRange(units, *self._numbers("range", len(states), 3).T)
-        return Harmonics((terms - 1) // 2, varied, centre, spread, coefficients, learnt)
+        mean, spread = (
+            self._numbers("weight", weights, count),
+            self._numbers("weight_covariance", count, weights, weights),
+        )
+        return LearntError((terms - 1) // 2, units, centre, scale, size, mean, spread, remainder)
 
     def _detection(self) -> Detection:
         frames = self._texts("frame")

@@ -48,18 +48,19 @@ class Detection:
     threshold: Array
     deviation: Array
 
-    def excess(self, model: pin.Model, inputs: KnownInputs, near: NDArray[np.bool_] | None = None) -> Array:
+    def excess(self, model: pin.Model, inputs: KnownInputs, widened: Array | None = None) -> Array:
         """Return the excess (m, n) of each point over its threshold; 0 where none is sought, 1 where one is found.
 
         Args:
             model: the believed robot.
             inputs: inputs of a stretch, with all that was learnt among the known forces.
-            near: (m,) the intervals in which contacts are sought; all of them when omitted.
+            widened: (m,) factor of the thresholds in each interval; 1 when omitted.
         """
-        sought = settled_intervals(inputs) if near is None else near & settled_intervals(inputs)
+        sought = settled_intervals(inputs)
         force, deviation = _detected(model, self.frames, inputs)
         least = LEAST_THRESHOLD * moving_weight(model)
         over = np.abs(force - self.bias) / np.maximum(self.threshold * deviation / self.deviation, least)
+        over = over if widened is None else over / widened[:, None]
         return np.where(sought[:, None], np.max(over.reshape(len(over), -1, 3), axis=2), 0.0)
 
     def contacts(self, time: Array, excess: Array) -> tuple[Contact, ...]:
@@ -89,15 +90,18 @@ def settled_intervals(inputs: KnownInputs) -> NDArray[np.bool_]:
     return np.asarray(inputs.time[:-1] - inputs.time[0] >= SETTLING)
 
 
-def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, KnownInputs]]) -> Detection:
-    """Return the thresholds that free runs show, given the model and the calibrated inputs of each."""
+def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, KnownInputs, Array | float]]) -> Detection:
+    """Return the thresholds that free runs show, given model, calibrated inputs and factor of thresholds of each."""
     parts, weights = [], []
-    for model, inputs in runs:
-        parts.append(_detected(model, frames, inputs)[:, settled_intervals(inputs)])
+    widths = []
+    for model, inputs, widened in runs:
+        settled = settled_intervals(inputs)
+        parts.append(_detected(model, frames, inputs)[:, settled])
+        widths.append(np.broadcast_to(widened, settled.shape)[settled])
         weights.append(moving_weight(model))
     forces, deviations = np.concatenate(parts, axis=1)
     seen, bias = np.isfinite(deviations), np.mean(forces, axis=0)
-    excursions = np.abs(forces - bias) / deviations
+    excursions = np.abs(forces - bias) / deviations / np.concatenate(widths)[:, None]
     size, largest = np.sqrt(np.mean(excursions**2, axis=0)), np.max(excursions, axis=0)
     allowed = np.minimum(ABOVE_USUAL * size, ABOVE_LARGEST * largest)
     mean = np.mean(np.square(deviations, where=seen, out=np.zeros_like(deviations)), axis=0)

@@ -33,8 +33,10 @@ AT_ONCE = 1.0e9  # [1/s]: with so large a gain the filter of an observer passes 
 HELD_OUT = 0.25  # share of each run, at its end, that checks the result
 LEFT_BEHIND = 8.0  # typical sizes of what the calibration leaves: a longer or larger one is a contact
 LEAST_LEFT_BEHIND = 0.02  # of the robot's weight
-FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
 STEADY = 3.0  # times the error of the belief: forces that are larger are hardly made up by it
+TOLD_BY = 2  # spare rows from which what is left can be told from forces
+PAUSE, MOST = 0.05, 6  # [s] between pushes that are told apart, and how many are told
+FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
 
 
 @dataclass(frozen=True)
@@ -162,41 +164,41 @@ def _residual(record: Record, inputs: KnownInputs) -> Array:
     return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
 
 
-def pushes(run: FreeRun) -> Iterator[str]:
-    """Yield a warning where something seems to push for a while, given what a calibration leaves.
-
-    A free run repeats itself with its phase, so little is left of it, and as much in one cycle as in another.
-    """
-    size = np.sqrt(np.mean(slow_part(run.inputs.time, run.rows()) ** 2, axis=1))
-    at, usual = int(np.argmax(size)), float(np.median(size))
-    small = size[at] <= max(LEFT_BEHIND * usual, LEAST_LEFT_BEHIND * run.weight)
-    if not small or run.judged().verdict == "inconsistent":
+def unexpected(run: FreeRun) -> Iterator[str]:
+    """Yield a warning where more is left than a belief may leave, given what a calibration learnt."""
+    told = run.judged()
+    if told.verdict == "inconsistent":
         yield (
-            f"{run.name}: {1e3 * size[at]:.0f} mN a row are left at t = {run.inputs.time[at]:.3f} s, and "
-            f"{1e3 * usual:.1f} mN usually: did something push, did the motion change, or are the torques so noisy? A "
-            "free, steady run was expected"
+            f"{run.name}: {1e3 * told.belief:.0f} mN a row are left unexplained: did the motion change, or are the "
+            "torques so noisy? A free run was expected"
         )
 
 
-def steady_forces(run: FreeRun) -> Iterator[str]:
-    """Yield a warning where forces are found that are too large for the error of the belief.
+def pushes(run: FreeRun) -> Iterator[str]:
+    """Yield in words what pushed, given what a calibration leaves.
 
-    A force that repeats with every cycle cannot be told from an error of the belief by its repetition. But what the
-    belief gets wrong is seldom explained by point forces alone: their redundancy shows it too. If it shows little, and
-    the forces found are large, they are real, or an error that looks like forces at these very points.
+    A free run repeats itself with its phase, so little is left of it, and as much in one cycle as in another: a contact
+    leaves far more. A force that lasts is no error of the belief if no redundancy shows it: what a belief gets wrong is
+    seldom explained by forces at the points alone.
     """
-    inputs = run.inputs
+    time = run.inputs.time
+    size = np.sqrt(np.mean(slow_part(time, run.rows()) ** 2, axis=1))
+    if size.max() > max(LEFT_BEHIND * float(np.median(size)), LEAST_LEFT_BEHIND * run.weight) or _lasts(run):
+        above = np.flatnonzero(size > 0.5 * size.max())
+        apart = np.flatnonzero(np.diff(time[above]) > PAUSE)
+        firsts, lasts = above[[0, *(apart + 1)]], above[[*apart, len(above) - 1]]
+        times = ", ".join(f"{time[a]:.2f} to {time[b + 1]:.2f} s" for a, b in zip(firsts[:MOST], lasts, strict=False))
+        more = f" and {len(firsts) - MOST} more times" if len(firsts) > MOST else ""
+        yield f"{run.name}: something pushed, most from {times}{more}, with up to {1e3 * size.max():.0f} mN a row"
+
+
+def _lasts(run: FreeRun) -> bool:
+    """Return whether forces at the points explain what is left, and are too large to be made up by the rest."""
     if not run.frames:
-        return
+        return False
+    inputs = run.inputs
     observer = ForceLevelObserver(run.record.robot.model, run.frames, AT_ONCE, inputs.rows)
     found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    check, count = found.redundancy, found.components.shape[1]
-    if check.verdict != "consistent":
-        return
+    told, count = found.redundancy, found.components.shape[1]
     force = redundancy_of(inputs.time, found.components, count + 1, 1, run.weight, ())
-    if force.belief > STEADY * max(check.belief, check.allowed):
-        yield (
-            f"{run.name}: forces of {1e3 * force.belief:.0f} mN are found while the belief is right within "
-            f"{1e3 * check.allowed:.1f} mN a row: either something pushed, or the masses at {' and '.join(run.frames)} "
-            "are wrong"
-        )
+    return told.redundant >= TOLD_BY and force.belief > STEADY * max(told.belief, told.allowed)

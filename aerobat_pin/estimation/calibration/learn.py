@@ -16,16 +16,17 @@ from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.calibration import EFFORT, ENCODER, TORQUE, Belief, Calibration, belief_of
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar
+from aerobat_pin.estimation.calibration.fit_learnt_error import fit_learnt_error
 from aerobat_pin.estimation.calibration.free_run import (
     FreeRun,
     free_runs,
     noise_where_known,
     pushes,
     row_noise,
-    steady_forces,
+    unexpected,
 )
-from aerobat_pin.estimation.calibration.harmonics import Harmonics, fit_harmonics
 from aerobat_pin.estimation.calibration.identify import Identified, identify
+from aerobat_pin.estimation.calibration.learnt_error import LearntError
 from aerobat_pin.estimation.calibration.map_fits import (
     fit_notes,
     fits_anything,
@@ -41,8 +42,8 @@ from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown
-from aerobat_pin.observers import JointFriction, fit_friction
-from aerobat_pin.records import Extras, Record
+from aerobat_pin.observers import JointFriction, fit_friction, typical_step
+from aerobat_pin.records import Condition, Extras, Record
 
 HARMONICS, MOST_HARMONICS = 6, 40
 FEWEST_TURNS = 3.0  # that a series over the phase can be learnt from
@@ -54,7 +55,6 @@ def calibrate(
     records: Sequence[Record],
     *,
     harmonics: int = HARMONICS,
-    vary: Sequence[str] = (),
     parameters: Sequence[str] | None = None,
     trust: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -64,17 +64,16 @@ def calibrate(
     Args:
         records: records without unknown forces, all with one belief. What their map asks for is fitted
             (`joints.friction`, `known.NAME.fit`), where it leaves the stretch out on the first three quarters.
-        harmonics: order of the Fourier series of what is left, of a robot that has a phase; 0 learns its mean alone,
-            and -1 nothing.
-        vary: groups of states on which the coefficients of the series depend linearly.
+        harmonics: highest harmonic of the error that is left, of a robot that has a phase; -1 learns nothing of it.
         parameters: parameters to identify, and `friction`; of a robot that knows no parameters `mass`. They are used
             even if they do not explain the records. When omitted, the usual parameters are sought where the belief is
             not consistent, and used only if they explain the records.
-        trust: calibrate also what the checks would refuse.
+        trust: calibrate also what the checks would refuse, and flights in which something pushes; the calibration
+            then says so.
         progress: called with the share that is done.
 
     Raises:
-        CalibrationError: there is no record, one is too short, beliefs differ, or a name is unknown.
+        CalibrationError: there is no record, one is too short, beliefs differ, a name is unknown, or something pushes.
         LogError, MapError: a check is certain that a map is wrong, or a fit lacks something.
     """
     if not records:
@@ -90,8 +89,8 @@ def calibrate(
     plain = [None if fits_thrust(one.map) else given_forces(one) for one in records]
     forces = [fitted_by_map(one, mass=mass) for one in records]
     runs = [] if fits_to_sensor(records[0].map) else [run for one in forces for run in free_runs(one.record, one)]
-    _check_runs(runs, vary)
-    warnings, notes = [line for run in runs for line in steady_forces(run)], list[str]()
+    _check_runs(runs)
+    warnings, notes = list[str](), list[str]()
     if runs:
         notes.append(f"as {'fitted' if fits_anything(records[0].map) else 'believed'}: {_sizes(runs)} unexplained")
     found = _identified(runs, parameters, progress)
@@ -112,11 +111,14 @@ def calibrate(
         forces = [_knowing(one, friction) for one in forces]
     series = trial = None
     if harmonics >= 0 and runs and all(run.condition is not None for run in runs):
-        series, trial, words = _learnt_series(runs, tested, harmonics, vary)
-        notes.append(words)
-        if series is not None and trial is not None:
-            runs, tested = _without(runs, series), _without(tested, trial)
-        warnings += [line for run in runs for line in pushes(run)]
+        series, trial = (_learnt_error(many, part, harmonics) for many, part in ((runs, False), (tested, True)))
+        before, runs, tested = runs, _without(runs, series), _without(tested, trial)
+        notes.append(_learnt_words(series, conditions_of(runs)[0].cycle, before, runs))
+        warnings += [line for run in runs for line in unexpected(run)]
+        pushed = [line for run in runs for line in pushes(run)]
+        if pushed and not trust:
+            raise CalibrationError("; ".join([*pushed, "--trust calibrates nevertheless"]))
+        warnings += pushed
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or found is not None
     bar = error_bar([(one, replace(two, series=trial)) for one, two in zip(plain, forces, strict=True)])
     for one in forces:
@@ -128,7 +130,7 @@ def calibrate(
         identified=found,
         fitted=values,
         series=series,
-        detection=_detection(runs),
+        detection=_detection(runs, series),
         error_bar=bar,
         row_noise=noise_where_known(forces[0]) if fits_to_sensor(records[0].map) else row_noise(tested, learnt=learnt),
         warnings=(*doubtful, *warnings),
@@ -194,12 +196,7 @@ def _check_names(records: Sequence[Record], belief: Belief, harmonics: int, para
     return mass
 
 
-def _check_runs(runs: Sequence[FreeRun], vary: Sequence[str]) -> None:
-    groups = list(runs[0].condition.groups) if runs and runs[0].condition is not None else []
-    for name in vary:
-        if name not in groups:
-            expected = f"of {', '.join(groups)} some were expected" if groups else "this robot has no phase"
-            raise CalibrationError(f"calibrate: vary has '{name}': {expected}")
+def _check_runs(runs: Sequence[FreeRun]) -> None:
     for run in runs:
         if run.condition is not None and run.condition.turns < FEWEST_TURNS:
             raise CalibrationError(
@@ -275,33 +272,43 @@ def _friction_lines(friction: JointFriction, joints: Sequence[str]) -> list[str]
     return lines + [f"  not seen: {', '.join(friction.unseen)}"] * bool(friction.unseen)
 
 
-def _learnt_series(
-    runs: Sequence[FreeRun], tested: Sequence[FreeRun], order: int, vary: Sequence[str]
-) -> tuple[Harmonics | None, Harmonics | None, str]:
-    """Return the series over the phase if it lowers the error where held out, the trial that shows it, and words."""
-    conditions = [one.condition for one in runs if one.condition is not None]
-    cycle, varied = conditions[0].cycle, [state for group in vary for state in conditions[0].groups[group]]
-    residuals, fitted = [one.residual for one in tested], [one.fitted for one in tested]
-    trial = fit_harmonics(conditions, residuals, fitted, order, varied)
-    before, after = (
-        _mean_of([one.size(slice(part.stop, None)) for one, part in zip(many, fitted, strict=True)])
-        for many in (tested, _without(tested, trial))
-    )
-    words = f"{order} harmonics of {cycle}: {_size_of(before)} becomes {_size_of(after)} in the part held out"
-    if after >= before:
-        return None, None, f"{words}; what does not repeat itself with {cycle} is not used"
-    whole = [one.residual for one in runs]
-    return fit_harmonics(conditions, whole, [slice(None)] * len(runs), order, varied), trial, words
+def conditions_of(runs: Sequence[FreeRun]) -> list[Condition]:
+    """Return phase and state of runs of a robot that has a phase."""
+    return [run.condition for run in runs if run.condition is not None]
 
 
-def _without(runs: Sequence[FreeRun], series: Harmonics) -> list[FreeRun]:
+def _learnt_error(runs: Sequence[FreeRun], tested: bool, order: int) -> LearntError:
+    """Return the error over phase and state, of what is `tested` without the part that tests it."""
+    parts = [run.fitted if tested else slice(0, len(run.residual)) for run in runs]
+    conditions = [one.part(part) for one, part in zip(conditions_of(runs), parts, strict=True)]
+    residuals = [run.residual[part] for run, part in zip(runs, parts, strict=True)]
+    return fit_learnt_error(conditions, residuals, [typical_step(run.inputs.time) for run in runs], order)
+
+
+def _learnt_words(series: LearntError, cycle: str, before: Sequence[FreeRun], after: Sequence[FreeRun]) -> str:
+    states = ", ".join(series.states)
+    sizes = f"{_sizes(before)} becomes {_sizes(after)}"
+    return f"{series.order} harmonics of {cycle}, each linear in {states}: {sizes}"
+
+
+def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
     return [one.explained(CALIBRATION, series.force(one.condition)) for one in runs if one.condition is not None]
 
 
-def _detection(runs: Sequence[FreeRun]) -> Detection | None:
+def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection | None:
     if not (runs and runs[0].frames):
         return None
-    return learn_detection(runs[0].frames, [(one.record.robot.model, one.inputs) for one in runs])
+    return learn_detection(
+        runs[0].frames,
+        [
+            (
+                one.record.robot.model,
+                one.inputs,
+                1.0 if series is None or one.condition is None else series.widened(one.condition),
+            )
+            for one in runs
+        ],
+    )
 
 
 def _mean_of(sizes: Sequence[float]) -> float:

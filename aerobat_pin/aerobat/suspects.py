@@ -1,0 +1,88 @@
+"""What may change from day to day about Aerobat, and what it would change in the belief about a flight.
+
+| cause | parameters |
+|---|---|
+| `crank_zero` | by how much the crank's angle is recorded too small [rad] |
+| `air_density` | relative change of the air's density |
+| `compliance` | flexibility of both shoulders, and of both elbows: angle of the link behind the linkage's, per torque |
+| `payload` | mass at the body, and mass times place in body axes; a steady force on the body looks the same |
+
+The joints are taken to follow from the crank, whether a log has their angles or not: encoders that sit at the crank see
+neither its zero nor a link that bends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import slow_part
+from aerobat_pin.records import Block, Suspect
+from aerobat_pin.robot import Aerobat
+
+if TYPE_CHECKING:
+    from aerobat_pin.aerobat.robot import AerobatRobot
+
+JOINT_RATES = slice(6, 10)
+SUSPECTS = {
+    "crank_zero": (Suspect("angle", 2e-3, 180.0 / np.pi, "deg"),),
+    "air_density": (Suspect("change", 0.02, 100.0, "%"),),
+    "compliance": (Suspect("shoulders", 0.2, 1.0, "rad/(N m)"), Suspect("elbows", 0.2, 1.0, "rad/(N m)")),
+    "payload": (
+        Suspect("mass", 1e-3, 1e3, "g", inertial=True),
+        *(Suspect(f"mass times {axis}", 1e-5, 1e6, "g mm", inertial=True) for axis in "xyz"),
+    ),
+}
+
+
+def aerobat_suspects(kind: str) -> Mapping[str, tuple[Suspect, ...]]:
+    """Return the causes that a flight can show, by the kind of known torque."""
+    return {name: group for name, group in SUSPECTS.items() if name != "compliance" or kind == "measured"}
+
+
+def suspected(robot: AerobatRobot, cause: str, values: Array, block: Block) -> tuple[AerobatRobot, Block]:
+    """Return robot and completed block as they would be if a cause had these values."""
+    if cause == "air_density":
+        return robot.changed({"density": float(values[0])}), block
+    if cause == "payload":
+        loaded = replace(robot.aerobat, model=carrying(robot.aerobat.model, values))
+        return replace(robot, model=loaded.model, aerobat=loaded), block
+    if cause == "crank_zero":
+        return robot, turned(block, robot.aerobat, float(values[0]))
+    return robot, flexed(block, robot.aerobat, np.tile(values, 2))
+
+
+def carrying(model: pin.Model, load: Array) -> pin.Model:
+    """Return a model whose body has a point mass more: mass [kg] and mass times place (4,) [kg m], body axes."""
+    loaded, own = model.copy(), model.inertias[1].toDynamicParameters()
+    loaded.inertias[1] = pin.Inertia.FromDynamicParameters(own + np.concatenate([load, np.zeros(6)]))
+    return loaded
+
+
+def turned(block: Block, robot: Aerobat, angle: float) -> Block:
+    """Return a block whose crank was an angle [rad] further, and with it the joints that it drives."""
+    crank = block.extra["crank"]
+    q, v = block.q.copy(), block.v.copy()
+    for sign, turn in ((-1.0, 0.0), (1.0, angle)):
+        closure = robot.linkage.solve(crank[0] + turn, crank[1])
+        angles = np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
+        rates = np.stack([closure.theta_s_dot, closure.theta_e_dot] * 2, axis=1)
+        q[:, list(robot.idx_q)] += sign * angles
+        v[:, list(robot.idx_v)] += sign * rates
+    return replace(block, q=q, v=v, extra={**block.extra, "crank": crank + np.array([[angle], [0.0], [0.0]])})
+
+
+def flexed(block: Block, robot: Aerobat, flexibility: Array) -> Block:
+    """Return a block whose links lag behind the linkage by the torque that they carry, low-passed, times (4,)."""
+    torque = slow_part(block.time, block.tau[:, JOINT_RATES])
+    at_samples = np.concatenate([torque[:1], 0.5 * (torque[1:] + torque[:-1]), torque[-1:]])
+    bend = -flexibility * at_samples
+    q, v = block.q.copy(), block.v.copy()
+    q[:, list(robot.idx_q)] += bend
+    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
+    return replace(block, q=q, v=v)

@@ -1,0 +1,92 @@
+"""Is the belief still that of its calibration? What no force explains, over what the calibration predicts for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerobat_pin.estimation.calibration.calibration import Calibration
+from aerobat_pin.estimation.calibration.checked_part import checked_part, error_factors
+from aerobat_pin.estimation.calibration.name_cause import corrected, named_cause
+from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import blocks_of
+from aerobat_pin.estimation.use import ModelCheck
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Observer
+
+InputsAt = Callable[[int, int], KnownInputs]
+MOST_CHECKED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
+
+
+@dataclass(frozen=True)
+class CheckedModel:
+    """The belief about a record beside its calibration.
+
+    Attributes:
+        check: the verdict.
+        inputs: gives the observers' inputs between two indices, with the named cause corrected if that was asked for.
+        factors: gives S (m, nv, r) of such inputs, S S^T the covariance of what is left; None if that is unknown.
+        growth: (m,) factor of its deviation in each interval of the whole record; that of `check` when None.
+    """
+
+    check: ModelCheck | None
+    inputs: InputsAt
+    factors: Callable[[KnownInputs], Array | None]
+    growth: Array | None = None
+
+    def deviations(self, observer: Observer, inputs: KnownInputs) -> Array | None:
+        """Return by how much (m, c) errors of the belief may spoil each component, one standard deviation."""
+        factors = self.factors(inputs) if observer.applications.components else None
+        if factors is None or self.check is None:
+            return None
+        growth = self.check.factor if self.growth is None else self.growth[: len(inputs.tau), None]
+        return growth * RowGeometry.of(observer, inputs).deviations(factors)
+
+
+def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt) -> CheckedModel:
+    """Compare what no force explains of a record with what its calibration predicts, and name what changed.
+
+    Args:
+        calibration: the calibration, which was applied to the record.
+        forces: the record's known forces.
+        inputs: as `inputs_between` gives them.
+    """
+    record, series = forces.record, calibration.series
+
+    def factors(one: KnownInputs) -> Array | None:
+        return error_factors(calibration, record, one)
+
+    if series is not None and len(record.parts) == 1 and record.robot.remembers:
+        whole = inputs(*record.parts[0])
+        part = checked_part(calibration, record, whole)
+        named = None if part is None or part.check.ratio is None else named_cause(part, series, forces)
+        if part is None or part.check.ratio is None:
+            return CheckedModel(None if part is None else part.check, inputs, factors)
+        if named is None or not calibration.correct:
+            cause = None if named is None else named.cause
+            own = part.factors
+            return CheckedModel(replace(part.check, cause=cause), inputs, lambda _: own, part.growth)
+        spread = np.concatenate([part.factors, named.factors], axis=2)
+        better = checked_part(calibration, record, corrected(whole, named), spread)
+        assert better is not None
+        check, changed = replace(better.check, cause=named.cause, corrected=True), better.inputs
+        begin = record.parts[0][0]
+
+        def between(first: int, last: int) -> KnownInputs:
+            return changed.between(first - begin, last - begin)
+
+        return CheckedModel(check, between, lambda _: spread, better.growth)
+    checks = []
+    for first, last in record.parts:
+        for begin, end in blocks_of(first, min(last, first + MOST_CHECKED)):
+            part = checked_part(calibration, record, inputs(begin, end))
+            if part is None or part.check.ratio is None:
+                return CheckedModel(None if part is None else part.check, inputs, factors)
+            checks.append((part.check.size, part.check.expected, end - begin))
+    sizes, expected, counts = np.array(checks).T
+    size, usual = (float(np.sqrt(np.average(values**2, weights=counts))) for values in (sizes, expected))
+    return CheckedModel(ModelCheck(size / max(usual, 1e-12), size, usual), inputs, factors)

@@ -1,0 +1,79 @@
+"""A stretch of a record beside its calibration: what no force explains of it, and what the calibration predicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.estimation.calibration.calibration import Calibration
+from aerobat_pin.estimation.calibration.free_run import AT_ONCE
+from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.run_observers import points_of
+from aerobat_pin.estimation.use import ModelCheck
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate, ForceLevelObserver, row_names, slow_part, typical_step
+from aerobat_pin.records import Record
+
+LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
+NEAR = 0.1  # [s] over which errors near an instant are averaged
+
+
+def error_factors(calibration: Calibration, record: Record, inputs: KnownInputs) -> Array | None:
+    """Return S (m, nv, r), S S^T the covariance of what the calibration leaves of the rows; None if that is unknown."""
+    if calibration.series is not None and inputs.condition is not None:
+        return calibration.series.factors(inputs.condition)
+    if not calibration.row_noise:
+        return None
+    left = [calibration.row_noise.get(row, 0.0) for row in row_names(record.robot.model)]
+    return np.broadcast_to(np.diag(left), (len(inputs.tau), len(left), len(left)))
+
+
+@dataclass(frozen=True)
+class CheckedPart:
+    """A stretch of a record, with what no force explains of it, and what was expected of that.
+
+    Attributes:
+        inputs: of an observer, with what was learnt among the known forces.
+        found: the forces at once, without a filter, and what they do not explain.
+        geometry: of rows and forces.
+        factors: (m, nv, r) of what the calibration leaves.
+    """
+
+    inputs: KnownInputs
+    found: Estimate
+    geometry: RowGeometry
+    factors: Array
+
+    @property
+    def growth(self) -> Array:
+        """How many times as large as predicted (m,) the errors are: over all of the stretch, or near each instant."""
+        told, time = self.found.redundancy, self.inputs.time
+        seen = np.sum(slow_part(time, self.found.unexplained) ** 2, axis=1) - told.redundant * told.sensors**2
+        count = max(1, round(NEAR / typical_step(time)))
+        window = np.ones(min(count, len(seen))) / count
+        near = np.convolve(seen, window, "same") / (told.redundant * self.check.expected**2)
+        return np.maximum(self.check.factor, np.sqrt(np.maximum(near, 0.0)))
+
+    @property
+    def check(self) -> ModelCheck:
+        """The verdict on this stretch."""
+        told = self.found.redundancy
+        if told.redundant < 1:
+            return ModelCheck(None, 0.0, 0.0)
+        predicted = np.mean(self.geometry.unexplained_square(self.factors)) / told.redundant
+        expected = max(float(np.sqrt(predicted)), LEAST_EXPECTED * self.found.weight)
+        return ModelCheck(told.belief / expected, told.belief, expected)
+
+
+def checked_part(
+    calibration: Calibration, record: Record, inputs: KnownInputs, factors: Array | None = None
+) -> CheckedPart | None:
+    """Return a stretch with what no force explains of it; None where the calibration does not say what it leaves."""
+    factors, points = error_factors(calibration, record, inputs) if factors is None else factors, points_of(record.map)
+    if factors is None or not points:
+        return None
+    observer = ForceLevelObserver(record.robot.model, points, AT_ONCE, inputs.rows)
+    found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    return CheckedPart(inputs, found, RowGeometry.of(observer, inputs), factors)

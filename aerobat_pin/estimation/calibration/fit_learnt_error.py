@@ -1,0 +1,148 @@
+"""Learn the error of a belief from free flights: Bayesian least squares below the highest harmonic.
+
+Every flight is turned by a discrete sine transform, in which the derivative of white noise of the velocity sensors has
+the independent variances a 4 sin^2(pi k / 2 (m + 1)), to which b is added: what follows neither phase nor state. a is
+read from frequencies in which no error of a belief is left, b from expectation and maximisation together with the
+weights. b is at least a twentieth of the error's size: no series is more exact, and evidence alone would believe that a
+few seconds of flight show everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.estimation.calibration.learnt_error import (
+    LINEAR,
+    LearntError,
+    daily_variance,
+    falling,
+    rho_squared,
+    series,
+    weight_regressors,
+)
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Condition
+
+FLOOR = 0.05  # of the error's size: least rms of what a series leaves
+HIGHEST = 0.5  # cycles above the highest harmonic, up to which the flights are fitted
+NOISE_ABOVE = 150.0  # [Hz]: where nothing but noise of the sensors is left; of slow records the upper half
+MEDIAN_OF_SQUARE = 0.455  # of a normal variable of deviation 1
+STEPS = 3  # of expectation and maximisation
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """A flight below the highest harmonic.
+
+    Attributes:
+        slope: (k,) 4 sin^2 of each frequency.
+        terms: (k, p) regressors.
+        target: (k, nv) error to be explained.
+        noise: (nv,) a.
+        distance: mean variance of what belongs to this flight, for an error of size 1.
+        share: of all frequencies, those that are fitted.
+    """
+
+    slope: Array
+    terms: Array
+    target: Array
+    noise: Array
+    distance: float
+    share: float
+
+
+def fit_learnt_error(
+    conditions: Sequence[Condition], residuals: Sequence[Array], steps: Sequence[float], order: int
+) -> LearntError:
+    """Learn from flights in which no unknown force acts.
+
+    Args:
+        conditions: phase and state of each flight.
+        residuals: (m, nv) generalised force that is left unexplained in each.
+        steps: length of an interval of each [s].
+        order: highest harmonic.
+    """
+    values = np.concatenate([one.values for one in conditions])
+    centre, scale = np.mean(values, axis=0), np.mean([one.scale for one in conditions], axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
+    size = _sizes(conditions, targets, order)
+    flights = [_flight(*one, order, centre, scale) for one in zip(conditions, targets, steps, strict=True)]
+    count, width = (1 + len(centre)) * (2 * order + 1), 2 * order + 1
+    prior = np.concatenate([_prior(order, len(centre)), *(_of_flight(one.distance, order) for one in flights)])
+    terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
+    at = 0
+    for j, one in enumerate(flights):
+        rows = slice(at, at + len(one.slope))
+        terms[rows, :count] = one.terms
+        terms[rows, count + width * j : count + width * (j + 1)] = one.terms[:, :width]
+        at += len(one.slope)
+    terms *= np.sqrt(prior)
+    target = np.concatenate([one.target for one in flights])
+    mean, covariance = np.zeros((count, len(size))), np.zeros((len(size), count, count))
+    left = np.zeros(len(size))
+    for i in np.flatnonzero(size > 0.0):
+        noise = np.concatenate([one.noise[i] * one.slope for one in flights]) / size[i] ** 2
+        found, spread, rest = _weights(terms, target[:, i] / size[i], noise)
+        root = size[i] * np.sqrt(prior[:count])
+        mean[:, i], covariance[i] = root * found[:count], np.outer(root, root) * spread[:count, :count]
+        left[i] = size[i] * np.sqrt(rest * np.mean([one.share for one in flights]))
+    return LearntError(order, conditions[0].states, centre, scale, size, mean, covariance, left)
+
+
+def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, float]:
+    """Return mean, covariance and b for unit prior variances, all over the size of the error."""
+    rest = FLOOR**2
+    for step in range(STEPS + 1):
+        variance = noise + rest
+        weighted = terms / variance[:, None]
+        covariance = np.linalg.inv(terms.T @ weighted + np.eye(terms.shape[1]))
+        mean = covariance @ (weighted.T @ target)
+        if step < STEPS:
+            square = (target - terms @ mean) ** 2 + np.sum((terms @ covariance) * terms, axis=1)
+            share = rest / variance
+            rest = max(float(np.mean(share**2 * square + rest * (1.0 - share))), FLOOR**2)
+    return mean, covariance, rest
+
+
+def _flight(condition: Condition, target: Array, step: float, order: int, centre: Array, scale: Array) -> _Flight:
+    from scipy.fft import dst
+
+    count = len(target)
+    hertz = np.arange(1, count + 1) / (2.0 * (count + 1) * step)
+    cut = (order + HIGHEST) * condition.turns / (count * step)
+    fitted = hertz < cut
+    noisy = hertz > min(NOISE_ABOVE, 0.5 * float(hertz[-1]))
+    slope = 4.0 * np.sin(0.5 * np.pi * np.arange(1, count + 1) / (count + 1)) ** 2
+    turned = dst(target, 1, axis=0, norm="ortho")
+    noise = np.median(turned[noisy] ** 2 / slope[noisy, None], axis=0) / MEDIAN_OF_SQUARE
+    regressors = weight_regressors(condition, order, centre, scale)
+    terms = np.concatenate(
+        [dst(part, 1, axis=0, norm="ortho")[fitted] for part in np.array_split(regressors, 8, axis=1)], axis=1
+    )
+    distance = float(np.mean(daily_variance(rho_squared(condition, centre, scale))))
+    return _Flight(slope[fitted], terms, turned[fitted], noise, distance, float(np.mean(fitted)))
+
+
+def _prior(order: int, states: int) -> Array:
+    """Return the variances (p,) of the weights for an error of size 1."""
+    fall = falling(order)
+    return np.concatenate([fall**-2.0, np.tile(LINEAR**2 / (max(order, 1) * fall), states)])
+
+
+def _of_flight(daily: float, order: int) -> Array:
+    """Return the variances of what belongs to one flight, for an error of size 1."""
+    return np.asarray(daily / (max(order, 1) * falling(order)))
+
+
+def _sizes(conditions: Sequence[Condition], targets: Sequence[Array], order: int) -> Array:
+    """Return the rms size (nv,) of what repeats itself with the phase, in rows like each."""
+    terms = np.concatenate([series(one.phase, order) for one in conditions])
+    target = np.concatenate(targets)
+    size = np.sqrt(np.mean((terms @ np.linalg.lstsq(terms, target, rcond=None)[0]) ** 2, axis=0))
+    for rows in conditions[0].alike:
+        size[list(rows)] = np.sqrt(np.mean(size[list(rows)] ** 2))
+    return np.asarray(size)

@@ -1,0 +1,139 @@
+"""Name what changed after a calibration, from what no force explains.
+
+    x = N L^T (R - e), low-passed     G = dx/dtheta     theta = -(G^T G)^-1 G^T x     C = H^T Cov(e) H + cycle sums
+
+R - e is the residual that the calibration leaves, theta the parameters of one cause, dx/dtheta a finite difference of
+the whole belief, H = G (G^T G)^-1. What the calibration does not know of e has its covariance there; what else is left
+enters by sums over whole cycles, in which it is hardly correlated. A cause can be told from what the calibration leaves
+if z = sqrt(theta^T C^-1 theta / p) is above 4; of several the one that explains most is named, as z favours causes that
+the calibration happens to know well. Forces at the points do not enter x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerobat_pin.estimation.calibration.checked_part import LEAST_EXPECTED, CheckedPart
+from aerobat_pin.estimation.calibration.free_run import AT_ONCE
+from aerobat_pin.estimation.calibration.learnt_error import (
+    LearntError,
+    alone,
+    daily_variance,
+    falling,
+    rho_squared,
+)
+from aerobat_pin.estimation.inputs import KnownInputs, inputs_of_block
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.use import Cause
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import MomentumObserver, slow_part
+from aerobat_pin.records import Condition, Suspect
+
+SURE = 4.0  # z from which a cause is named
+
+
+@dataclass(frozen=True)
+class Named:
+    """A cause, with what it does to the generalised force.
+
+    Attributes:
+        cause: name and size.
+        force: (m, nv) error of the generalised force that it explains, to be added to the known forces.
+        factors: (m, nv, p), whose squares are the covariance of `force`.
+    """
+
+    cause: Cause
+    force: Array
+    factors: Array
+
+
+def named_cause(part: CheckedPart, series: LearntError, forces: KnownForces) -> Named | None:
+    """Return what changed in a whole part of a record; None if nothing that the robot knows of explains it.
+
+    Args:
+        part: the part, without a cause.
+        series: what the calibration knows of the error.
+        forces: the known forces of the record.
+    """
+    condition, suspects = part.inputs.condition, forces.record.robot.suspects()
+    if condition is None or not suspects or part.found.redundancy.belief < LEAST_EXPECTED * part.found.weight:
+        return None
+    time, geometry = part.inputs.time, part.geometry
+    x = slow_part(time, part.found.unexplained[:, : geometry.rest.shape[1]])
+    found: list[tuple[float, Named]] = []
+    for name, group in suspects.items():
+        slopes = np.stack([_slope(part.inputs, forces, name, k, group) for k in range(len(group))], axis=2)
+        G = np.stack([slow_part(time, geometry.unexplained(one)) for one in np.moveaxis(slopes, 2, 0)], axis=2)
+        normal = np.einsum("nkp,nkq->pq", G, G)
+        if np.linalg.matrix_rank(normal) < len(group):
+            continue
+        H = G @ np.linalg.inv(normal)
+        theta = -np.einsum("nkp,nk->p", H, x)
+        rest = x + G @ theta
+        covariance = _covariance(part, series, H) + _cycle_sums(condition, H, rest)
+        z = np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group))
+        if z < SURE:
+            continue
+        share = 1.0 - float(np.sum(rest**2) / np.sum(x**2))
+        numbers = theta.tolist(), np.sqrt(np.diag(covariance)).tolist()
+        told = [tuple(one.factor * value for one, value in zip(group, many, strict=True)) for many in numbers]
+        labels, units = tuple(one.label for one in group), tuple(one.unit for one in group)
+        cause = Cause(name, told[0], told[1], labels, units, share)
+        named = Named(cause, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
+        found.append((share, named))
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def corrected(inputs: KnownInputs, named: Named) -> KnownInputs:
+    """Return the inputs of a whole part with what the cause explains among the known forces."""
+    known = {**inputs.known, "correction": named.force}
+    return replace(inputs, known=known, source={**inputs.source, "correction": named.cause.name})
+
+
+def _slope(inputs: KnownInputs, forces: KnownForces, name: str, k: int, group: Sequence[Suspect]) -> Array:
+    """Return the change (m, nv) of R - e with a parameter of a cause, per unit."""
+    record, values = forces.record, np.zeros(len(group))
+    values[k] = group[k].step
+    [stretch] = record.parts
+    robot, block = record.robot.suspected(name, values, record.block(*stretch))
+    changed = inputs
+    if not group[k].inertial:
+        record = replace(record, robot=robot)
+        changed = inputs_of_block(record, block, replace(forces, record=record), inputs.rows)
+    before, after = (
+        MomentumObserver(model, (), AT_ONCE).run(one.time, one.q, one.v, one.tau, one.known).residual
+        for model, one in ((forces.record.robot.model, inputs), (robot.model, changed))
+    )
+    return np.asarray((after - before) / group[k].step)
+
+
+def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
+    """Return the covariance (p, p) of theta that the calibration's own covariance gives."""
+    condition, geometry, time = part.inputs.condition, part.geometry, part.inputs.time
+    assert condition is not None
+    count, k, p = H.shape
+    back = slow_part(time, H[::-1].reshape(count, -1))[::-1].reshape(count, k, p)
+    at = np.maximum(np.searchsorted(geometry.at, np.arange(count), "right") - 1, 0)
+    onto = geometry.rows[at] @ (geometry.rest[at] @ back)
+    terms, width = series.regressors(condition), 2 * series.order + 1
+    daily = float(np.mean(daily_variance(rho_squared(condition, series.centre, series.scale))))
+    of_flight = daily / (max(series.order, 1) * falling(series.order))
+    found = np.zeros((p, p))
+    for i in series.learnt_rows:
+        row = condition.spread(alone(np.ones((count, onto.shape[1])), i))
+        along = terms.T @ np.einsum("nv,nvp->np", row, onto)
+        found += along.T @ series.covariance[i] @ along
+        found += series.size[i] ** 2 * (along[:width].T * of_flight) @ along[:width]
+    return found
+
+
+def _cycle_sums(condition: Condition, H: Array, rest: Array) -> Array:
+    """Return the covariance (p, p) of theta by what is left, summed over each cycle."""
+    cycle = np.floor((condition.phase - condition.phase[0]) / (2.0 * np.pi)).astype(int)
+    cycle -= cycle.min()
+    sums = np.zeros((cycle.max() + 1, H.shape[2]))
+    np.add.at(sums, cycle, np.einsum("nkp,nk->np", H, rest))
+    return sums.T @ sums
