@@ -59,6 +59,7 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/broken_runs.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/mismatch.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/calibrated.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/learnt_error.py
 
 # The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
 tools: $(VENV)/.installed-test

@@ -24,11 +24,11 @@ from .scenario import parse_scenario as parse_scenario
 from .scenario import scenario_of_run as scenario_of_run
 from .scenario import shipped_scenarios as shipped_scenarios
 from .tables import AirSection as AirSection
+from .tables import LoadSection as LoadSection
 from .tables import NonNegative as NonNegative
 from .tables import Number as Number
 from .tables import ObserverSection as ObserverSection
 from .tables import ObserverSettings as ObserverSettings
-from .tables import PayloadSection as PayloadSection
 from .tables import PlantSection as PlantSection
 from .tables import Positive as Positive
 from .tables import RawSection as RawSection

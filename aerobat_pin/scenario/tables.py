@@ -279,7 +279,7 @@ class ElasticSection(Section):
     damping: NonNegative = Field(0.0, description="torque per rate of the deflection [N m s/rad]")
 
 
-class PayloadSection(Section):
+class LoadSection(Section):
     """A point mass on the body."""
 
     mass: Positive = Field(description="of the payload [kg]")
@@ -296,7 +296,7 @@ class PlantSection(Section):
     crank_zero_deg: Number = Field(
         0.0, description="what the crank's encoder shows too much; the wings do not move [deg]"
     )
-    payload: PayloadSection | None = None
+    payload: LoadSection | None = None
     shoulder: ElasticSection | None = None
     elbow: ElasticSection | None = None
 

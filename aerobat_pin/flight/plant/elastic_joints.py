@@ -10,29 +10,26 @@ The torque that passes the joint is -k d - c d'. It is the one that a torque sen
 carries to the crank. At the start d is what the torque of the rigid joint asks of the spring, so that it rings little.
 
 The integrator is explicit. Its steps are cut into equal parts where the fastest mode of a joint, with the body free and
-without air, would otherwise turn or decay by more than `LARGEST_TURN` in a step; more than `MOST_PARTS` are refused.
+without air, would otherwise turn or decay by more than `MODE_TURN` in a step; more than `MOST_PARTS` are refused.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, joint_table, tree_of
-from aerobat_pin.scenario import PayloadSection, PlantSection, Scenario
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, tree_of
+from aerobat_pin.scenario import LoadSection, PlantSection, Scenario
 
-if TYPE_CHECKING:
-    from aerobat_pin.flight.plant.plant import Plant
-
-LARGEST_TURN = 0.5  # [rad] a step: the method adds 0.02 % of critical damping there, and is unstable from 2.8 on
+MODE_TURN = 0.5  # [rad] a step: the method adds 0.02 % of critical damping there, and is unstable from 2.8 on
 MOST_PARTS = 20  # of an interval
-ANGLES = 24  # crank angles in a turn at which the modes are computed
-BODY = 1  # Pinocchio's index of the floating base's joint
+MODE_ANGLES = 24  # crank angles in a turn at which the modes are computed
+FLOATING = 1  # Pinocchio's index of the floating base's joint
 
 
 class ElasticJoints:
@@ -45,6 +42,7 @@ class ElasticJoints:
     Attributes:
         count: number e of elastic joints.
         joints: (e,) their indices in `JOINTS`.
+        rows: (e,) their rows in v.
         stiffness, damping: (e,) of their springs [N m/rad, N m s/rad].
         fastest_mode: largest modulus of their eigenvalues [1/s].
     """
@@ -56,7 +54,7 @@ class ElasticJoints:
         self.plant, self.count, self.joints = plant, len(elastic), list(elastic)
         self.stiffness = np.array([section.stiffness for section in elastic.values()])
         self.damping = np.array([section.damping for section in elastic.values()])
-        self._rows = [robot.idx_v[i] for i in self.joints]
+        self.rows = [robot.idx_v[i] for i in self.joints]
         carried = [robot.model.names[int(i)] for i in tree_of(robot.model).joint]
         self._links = [carried.index(JOINTS[i]) for i in self.joints]
         self.fastest_mode = max(self._modes(robot), default=0.0)
@@ -73,52 +71,41 @@ class ElasticJoints:
 
     def substeps(self, dt: float) -> int:
         """Return the number of integration steps in an interval [s]. Raises ScenarioError where they are too many."""
-        parts = int(np.ceil(dt * self.fastest_mode / LARGEST_TURN - 1e-9))
+        parts = int(np.ceil(dt * self.fastest_mode / MODE_TURN - 1e-9))
         if parts > MOST_PARTS:
             names = ", ".join(sorted({f"plant.{JOINTS[i].split('_')[1]}" for i in self.joints}))
             raise ScenarioError(
                 f"{names}: the fastest mode, {self.fastest_mode:.3g} 1/s, needs steps of "
-                f"{LARGEST_TURN / self.fastest_mode:.2g} s, {parts} in simulation.dt = {dt:g} s; at most {MOST_PARTS} "
+                f"{MODE_TURN / self.fastest_mode:.2g} s, {parts} in simulation.dt = {dt:g} s; at most {MOST_PARTS} "
                 "were expected: take a softer spring, less damping or a shorter dt, or a rigid joint (no table)"
             )
         return parts
-
-    def settled(self, plant: Plant) -> Array:
-        """Return deflections and their rates (2 e,) that the torques of rigid joints ask for at the plant's start."""
-        start, dt, held = plant.initial, plant.scenario.simulation.dt, np.zeros((2, len(plant.forces)))
-        deflections = []
-        for joints in joint_table(plant.closure(np.array([-dt, 0.0, dt]))):
-            q, v = plant.robot.configuration(start.placement, *joints[0]), plant.robot.velocity(start.twist, *joints[1])
-            torque = plant.rates(q, v, joints, start.air, held)[2].motor[0, self._rows]
-            deflections.append(-torque / self.stiffness)
-        before, now, after = deflections
-        return np.concatenate([now, (after - before) / (2.0 * dt)])
 
     def _modes(self, robot: Aerobat) -> list[float]:
         """Return the largest modulus of the eigenvalues [1/s] at crank angles all around, the body free, no air."""
         if not self.count:
             return []
         data, found, e = robot.model.createData(), [], self.count
-        for angle in np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False):
+        for angle in np.linspace(0.0, 2.0 * np.pi, MODE_ANGLES, endpoint=False):
             closed = robot.linkage.solve(angle)
             q = robot.configuration(robot.q0[:7], closed.theta_s, closed.theta_e)
             M = np.triu(pin.crba(robot.model, data, q))
             M += np.triu(M, 1).T
-            across = M[:BASE_SIZE, self._rows]
-            free = M[np.ix_(self._rows, self._rows)] - across.T @ np.linalg.solve(M[:BASE_SIZE, :BASE_SIZE], across)
+            across = M[:BASE_SIZE, self.rows]
+            free = M[np.ix_(self.rows, self.rows)] - across.T @ np.linalg.solve(M[:BASE_SIZE, :BASE_SIZE], across)
             rates = -np.linalg.solve(free, np.hstack([np.diag(self.stiffness), np.diag(self.damping)]))
             modes = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((e, e)), np.eye(e)]), rates]))
             found.append(float(np.max(np.abs(modes))))
         return found
 
 
-def loaded(robot: Aerobat, payload: PayloadSection | None) -> Aerobat:
+def loaded(robot: Aerobat, payload: LoadSection | None) -> Aerobat:
     """Return a robot that carries a payload; configurations stay those of the COM of its body without it."""
     if payload is None:
         return robot
     model = robot.model.copy()
-    place = model.inertias[BODY].lever + np.array(payload.position)
-    model.inertias[BODY] += pin.Inertia(payload.mass, place, np.zeros((3, 3)))
+    place = model.inertias[FLOATING].lever + np.array(payload.position)
+    model.inertias[FLOATING] += pin.Inertia(payload.mass, place, np.zeros((3, 3)))
     return replace(robot, model=model)
 
 

@@ -93,7 +93,7 @@ class Plant:
         self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
         self.initial = self._warmed_up(rotation)
         if self.elastic.count:
-            self.initial = replace(self.initial, bent=self.elastic.settled(self))
+            self.initial = replace(self.initial, bent=self._settled())
         self.flight: SteppedFlight | None = None
 
     def __repr__(self) -> str:
@@ -294,3 +294,14 @@ class Plant:
         dt = air.warm_up_cycles * period / count
         motion = joint_table(self.closure((np.arange(2 * count + 1) * 0.5 - count) * dt))
         return State(placement, twist, self.in_air.warmed_up(placement, against, motion, dt), self.crank_start)
+
+    def _settled(self) -> Array:
+        """Return deflections and their rates (2 e,) that the torques of rigid joints ask for at the start."""
+        start, dt, held = self.initial, self.scenario.simulation.dt, np.zeros((2, len(self.forces)))
+        deflections = []
+        for joints in joint_table(self.closure(np.array([-dt, 0.0, dt]))):
+            q, v = self.robot.configuration(start.placement, *joints[0]), self.robot.velocity(start.twist, *joints[1])
+            torque = self.rates(q, v, joints, start.air, held)[2].motor[0, self.elastic.rows]
+            deflections.append(-torque / self.elastic.stiffness)
+        before, now, after = deflections
+        return np.concatenate([now, (after - before) / (2.0 * dt)])

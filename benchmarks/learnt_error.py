@@ -1,0 +1,334 @@
+"""Write docs/learnt_error.md: what a calibration gives on later flights, and what it says when the robot has changed.
+
+    PYTHONPATH=tests python benchmarks/learnt_error.py [--flights 20] [--sensors exact] [--begun FILE]
+
+Flies and estimates, each flight once: after one and after two free flights a push, `paper`, a manoeuvre and a flight
+outside the range; then 40 unchanged flights, 20 with each change of `support.changed_flights.CHANGES`, and an elbow
+that is elastic in calibration and flight alike. Each result is a line of FILE, so that a run that was ended goes on
+where it was; the page is written after every case, and says how many flights it is made of. Run by `make evidence`.
+
+Exits with 1 if a figure that is asked for is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from support.changed_flights import (
+    AT,
+    AWAY,
+    CHANGES,
+    CONTACTS,
+    ELBOW,
+    FLIGHTS,
+    HIGH,
+    LOW,
+    MANOEUVRE,
+    OUTSIDE,
+    SENSORS,
+    corrected,
+    estimated,
+    flown,
+    learnt,
+    seeds,
+    somewhere,
+)
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE, BEGUN = ROOT / "docs" / "learnt_error.md", ROOT / "build" / "learnt_error.jsonl"
+UNCHANGED, FILTERS = 40, ("kalman", "smoother")
+R2 = {"push": (0.99, 0.95, 0.99), "paper": (0.985, 0.995, 0.999)}  # at least, of force_level, exact sensors
+ADDED = 1.0e-3  # [N]: by which a second flight may raise an error
+FOUND, NAMED = 0.95, 0.9
+FOUND_ENCODER = 0.8  # of 2 degrees; one degree is told and not asked for
+CORRECTED = 8.0e-3  # [N]
+NEES_UNCHANGED, NEES_CHANGED, NEES_NAMED = (0.2, 1.5), 2.5, 1.8
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flight to be judged.
+
+    Attributes:
+        case: what it belongs to.
+        seed: of what differs between flights of a case.
+        settings: of the flight.
+        free: settings of the free flights that the calibration is made of.
+        correct: whether a cause that is named is corrected.
+    """
+
+    case: str
+    seed: int
+    settings: tuple[str, ...]
+    free: tuple[tuple[str, ...], ...]
+    correct: bool = False
+
+
+def flights(sensors: str, count: int) -> Iterator[Flight]:
+    """Yield all flights in the order in which they are flown: of each case a few first, so that a part is of all."""
+    noise = SENSORS[sensors]
+    near, two = ((*AT, *noise),), ((*AT, *noise), (*AWAY, *noise))
+    within = ((*LOW, *noise), (*HIGH, *noise))
+    kinds = {**FLIGHTS, "a manoeuvre": (*FLIGHTS["no force"], *MANOEUVRE), "outside": (*FLIGHTS["no force"], *OUTSIDE)}
+    for words, free in (("one", near), ("two", two)):
+        for kind, settings in kinds.items():
+            yield Flight(f"after {words}: {kind}", 1, (*settings, *noise, "simulation.seed=1"), free)
+    every = seeds(max(count, UNCHANGED))
+    for n in range(max(count, UNCHANGED)):
+        moving = somewhere(every[n])
+        if n < UNCHANGED * count // 20:
+            kind = ("push", "paper", "no force", "no force")[n % 4]
+            more = MANOEUVRE[1:] if n % 4 == 3 else ()
+            yield Flight("none", every[n], (*FLIGHTS[kind], *moving, *more, *noise), within)
+        if n >= count:
+            continue
+        for name, change in CHANGES.items():
+            if name != "none":
+                settings = (*FLIGHTS["push"], *moving, *change.settings, *noise)
+                yield Flight(name, every[n], settings, within)
+                if change.cause is not None:
+                    yield Flight(f"{name}, corrected", every[n], settings, within, correct=True)
+        if n < 5:
+            bent = tuple((*one, *ELBOW) for one in within)
+            yield Flight("elbow in both", every[n], (*FLIGHTS["push"], *moving, *ELBOW, *noise), bent)
+
+
+def known(path: Path) -> dict[tuple[str, str, int], Row]:
+    """Return the results of a run that was ended, by sensors, case and seed."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    rows: list[Row] = [json.loads(line) for line in lines if line.endswith("}")]
+    return {(row["sensors"], row["case"], row["seed"]): row for row in rows}
+
+
+def judged(sensors: str, flight: Flight) -> Row:
+    """Fly, estimate and judge one flight."""
+    calibration = learnt(*flight.free)
+    verdict = estimated(flight.settings, corrected(calibration) if flight.correct else calibration)
+    return {"sensors": sensors, "case": flight.case, "seed": flight.seed, **asdict(verdict)}
+
+
+# ------------------------------------------------------------------------------------------------------------ the page
+
+
+class Figures:
+    """The figures of the flights so far.
+
+    Args:
+        rows: results of one kind of sensors.
+
+    Attributes:
+        missed: what was asked for and is not so, in words.
+    """
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        """Sort the results by case."""
+        self.by_case: dict[str, list[Row]] = {}
+        self.missed: list[str] = []
+        for row in rows:
+            self.by_case.setdefault(row["case"], []).append(row)
+
+    def ask(self, good: bool, what: str) -> str:
+        """Note what is missed; return how a cell is marked."""
+        if not good:
+            self.missed.append(what)
+        return "" if good else " **missed**"
+
+    def errors(self, *, exact: bool) -> Iterator[str]:
+        """Yield the rows of the first table."""
+        for kind in (*FLIGHTS, "a manoeuvre", "outside"):
+            pair = [self.by_case.get(f"after {words}: {kind}", []) for words in ("one", "two")]
+            if not all(pair):
+                continue
+            one, two = (rows[0] for rows in pair)
+            name = "force_level" if exact else "smoother"
+            cells, marks = [], []
+            for row in (one, two):
+                r2, error = row["r2"][name], row["error"][name]
+                told = _three(r2, "{:.3f}") if all(np.isfinite(r2)) else "-"
+                cells += [told, _three(1e3 * np.array(error), "{:.1f}")]
+                if exact and kind in R2:
+                    marks.append(bool(np.all(np.array(r2) >= R2[kind])))
+            worse = np.array(two["error"][name]) - one["error"][name]
+            mark = self.ask(all(marks), f"R2 of {kind}") + self.ask(
+                bool(worse.max() <= ADDED), f"a second flight adds {1e3 * worse.max():.1f} mN to {kind}"
+            )
+            yield f"| {kind} | {' | '.join(cells)}{mark} |"
+
+    def deviations(self) -> Iterator[str]:
+        """Yield the rows of the table of stated deviations."""
+        for case, rows in self.by_case.items():
+            if case.startswith("after") or not rows[0]["nees"]:
+                continue
+            cells = []
+            for name in FILTERS:
+                mean = np.mean([row["nees"][name] for row in rows], axis=0)
+                limit = NEES_NAMED if case.endswith("corrected") else NEES_CHANGED
+                low, high = NEES_UNCHANGED if case == "none" else (0.0, limit)
+                asked = not case.startswith("elbow")
+                good = not asked or bool(np.all((mean >= low) & (mean <= high)))
+                cells.append(_three(mean, "{:.2f}") + self.ask(good, f"NEES of {name}, {case}"))
+            yield f"| {case} | {len(rows)} | {' | '.join(cells)} |"
+
+    def verdicts(self) -> Iterator[str]:
+        """Yield the rows of the table of verdicts."""
+        for case, change in CHANGES.items():
+            rows = self.by_case.get(case, [])
+            if not rows:
+                continue
+            found = [row["verdict"] == "changed" for row in rows]
+            if case == "none":
+                mark = self.ask(not any(found), f"{sum(found)} false alarms in {len(rows)} unchanged flights")
+            else:
+                asked = {"encoder 1 deg": 0.0, "encoder 2 deg": FOUND_ENCODER}.get(case, FOUND)
+                mark = self.ask(np.mean(found) >= asked, f"{case}: found in {sum(found)} of {len(rows)}")
+            named = [row for row in rows if row["cause"] is not None]
+            right = [row for row in named if row["cause"]["name"] == change.cause]
+            words = "-"
+            if change.cause is not None:
+                words = f"{len(right)} of {sum(found)}"
+                mark += self.ask(len(right) >= NAMED * sum(found), f"{case}: named rightly in {words}")
+            elif case == "none":
+                words = f"{len(named)} named"
+            ratios = [row["ratio"] for row in rows if row["ratio"] is not None]
+            span = f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
+            before = self._error(case)
+            after = self._error(f"{case}, corrected")
+            if after is not None and before is not None:
+                most = 0.5 * before.max() if case.startswith("elbow") else CORRECTED
+                mark += self.ask(bool(after.max() <= most), f"{case}: {1e3 * after.max():.1f} mN when corrected")
+            cells = [_three(1e3 * one, "{:.1f}") if one is not None else "-" for one in (before, after)]
+            estimate = _estimate(right)
+            yield f"| {case} | {len(rows)} | {sum(found)}{mark} | {span} | {words} | {estimate} | {' | '.join(cells)} |"
+
+    def contacts(self) -> Iterator[str]:
+        """Yield the rows of the table of contacts."""
+        for case, rows in self.by_case.items():
+            pushes = [row for row in rows if row["contacts"] != [0, 0] or not case.startswith("after")]
+            if case.startswith("after") or not pushes:
+                continue
+            true, false = np.sum([row["contacts"] for row in pushes], axis=0)
+            spaces = [row["spacing"] for row in pushes if row["spacing"] is not None]
+            every = f"{np.median(spaces):.2f}" if spaces else "-"
+            yield f"| {case} | {len(pushes)} | {true} | {false} | {every} |"
+
+    def _error(self, case: str) -> np.ndarray | None:
+        """Return the root mean square error (3,) [N] of `force_level` over the flights of a case."""
+        rows = self.by_case.get(case, [])
+        return np.sqrt(np.mean([np.square(row["error"]["force_level"]) for row in rows], axis=0)) if rows else None
+
+
+def _three(values: Any, form: str) -> str:
+    return " / ".join(form.format(value) for value in values)
+
+
+def _estimate(rows: Sequence[Row]) -> str:
+    """Return mean and spread of a cause's estimates, and the deviation that was stated."""
+    if not rows:
+        return "-"
+    values = np.array([row["cause"]["estimate"] for row in rows])
+    stated = np.mean([row["cause"]["deviation"] for row in rows], axis=0)
+    parts = zip(values.mean(axis=0), values.std(axis=0), stated, strict=True)
+    return ", ".join(f"{mean:.3g} (spread {spread:.2g}, stated {sure:.2g})" for mean, spread, sure in parts)
+
+
+def page(rows: Sequence[Row]) -> tuple[str, list[str]]:
+    """Return the page and what is missed."""
+    text, missed = TEXT.format(date=time.strftime("%Y-%m-%d", time.gmtime()), flights=len(rows)), []
+    for sensors in SENSORS:
+        figures = Figures([row for row in rows if row["sensors"] == sensors])
+        if not figures.by_case:
+            continue
+        text += f"\n## {sensors.capitalize()} sensors\n"
+        tables = (
+            (ERRORS, figures.errors(exact=sensors == "exact")),
+            (DEVIATIONS, figures.deviations()),
+            (VERDICTS, figures.verdicts()),
+            (CONTACTS_FOUND.format(count=CONTACTS), figures.contacts()),
+        )
+        for words, table in tables:
+            lines = list(table)
+            if lines:
+                text += f"\n{words}\n" + "\n".join(lines) + "\n"
+        missed += [f"{what}, {sensors} sensors" for what in figures.missed]
+    told = "\n".join(f"* {what}" for what in missed) or "Every figure is as it should be."
+    return f"{text}\n## What is missed\n\n{told}\n", missed
+
+
+def main() -> int:
+    """Fly what is missing, and write the page; return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--flights", type=int, default=20, help="with each change")
+    parser.add_argument("--sensors", choices=[*SENSORS], action="append")
+    parser.add_argument("--begun", type=Path, default=BEGUN)
+    chosen = parser.parse_args()
+    done = known(chosen.begun)
+    chosen.begun.parent.mkdir(parents=True, exist_ok=True)
+    with chosen.begun.open("a", encoding="utf-8") as file:
+        for sensors in chosen.sensors or SENSORS:
+            for flight in flights(sensors, chosen.flights):
+                key = sensors, flight.case, flight.seed
+                if key in done:
+                    continue
+                begun = time.monotonic()
+                done[key] = judged(sensors, flight)
+                file.write(json.dumps(done[key]) + "\n")
+                file.flush()
+                flown.cache_clear()
+                told = done[key]["verdict"], (done[key]["cause"] or {}).get("name"), done[key]["contacts"]
+                print(*key, *told, f"{time.monotonic() - begun:.1f} s", flush=True)
+    text, missed = page(list(done.values()))
+    PAGE.write_text(text, encoding="utf-8")
+    print("\n".join(missed) or "every figure is as it should be")
+    return 1 if missed else 0
+
+
+TEXT = """# What a calibration gives, and what it says of a changed robot
+
+Written on {date} by `make evidence` (`benchmarks/learnt_error.py`) from {flights} flights, which ends with an error if
+a figure is not as it should be. All flights are `paper` with quasi-steady air believed, a structural error of 0.1 N of
+Fy; forces are those of `force_level` at K = 2000 1/s where no other observer is named, and three numbers are Fx / Fy /
+Fz of the worse wing. What changes after a calibration is a [key of the plant](changed_robot.md), which no observer
+knows of. `tests/support/changed_flights.py` has all flights; no setting of the package was chosen with them.
+"""
+ERRORS = """### Errors, after one free flight and after two
+
+One: 4 s at 3.0 m/s. Two: another at 4.0 m/s. *Push* is a push along each axis and a step, *paper* its signal, a
+*manoeuvre* begins with 2 rad/s of roll, 1 of pitch, 1.5 of yaw and 0.5 m/s sideways, *outside* is 3.6 m/s and 5.5 Hz.
+With noisy sensors the figures are the smoother's.
+
+| flight | R2, one | error [mN], one | R2, two | error [mN], two |
+|---|---|---|---|---|"""
+DEVIATIONS = """### Deviations
+
+Error squared over the stated variance (NEES): 1 where deviations are true, less where they are cautious.
+
+| after the calibration | flights | `kalman` | `smoother` |
+|---|---|---|---|"""
+VERDICTS = """### Verdicts
+
+The calibration is made of free flights at 2.7 m/s, 4.5 Hz and 3.4 m/s, 5.0 Hz. Every flight has a speed, frequency,
+pitch and crank angle of its own in between; every fourth of the unchanged ones is a manoeuvre, and half of them are
+pushed. The ratio is that of what no force explains to what was expected.
+
+| after the calibration | flights | called changed | ratio | named rightly | estimate | error [mN] | corrected |
+|---|---|---|---|---|---|---|---|"""
+CONTACTS_FOUND = """### Contacts
+
+A pushed flight has {count}; `paper`'s force never rests. False ones come in trains: the last column is the median time
+between neighbours of one wing, in flaps.
+
+| after the calibration | flights | true | false | flaps between false ones |
+|---|---|---|---|---|"""
+
+if __name__ == "__main__":
+    sys.exit(main())
