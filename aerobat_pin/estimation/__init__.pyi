@@ -17,7 +17,8 @@ from .inputs import inputs_of as inputs_of
 from .known_forces import KnownForces as KnownForces
 from .observer_scores import ObserverScores as ObserverScores
 from .online import OnlineEstimator as OnlineEstimator
-from .online import OnlineSample as OnlineSample
+from .online_sample import OnlineSample as OnlineSample
+from .online_sample import StreamHealth as StreamHealth
 from .result import Result as Result
 from .result import versions as versions
 from .run_observers import blocks_of as blocks_of

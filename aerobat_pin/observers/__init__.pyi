@@ -25,6 +25,7 @@ from .expected import SHARE_OF_WEIGHT as SHARE_OF_WEIGHT
 from .expected import SHOWN as SHOWN
 from .expected import Expected as Expected
 from .expected import robot_length as robot_length
+from .expected import seen_share as seen_share
 from .expected import with_record as with_record
 from .friction import FRICTION_COEFFICIENTS as FRICTION_COEFFICIENTS
 from .friction import SMOOTH_RATE as SMOOTH_RATE
@@ -53,3 +54,4 @@ from .rows import has_free_base as has_free_base
 from .rows import moving_weight as moving_weight
 from .rows import row_names as row_names
 from .rows import tie_joints as tie_joints
+from .shared_data import ObserversTogether as ObserversTogether

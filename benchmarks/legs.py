@@ -1,0 +1,157 @@
+"""Forces on the feet of a trotting Go2 without motion capture: `docs/legs.md`. Some minutes.
+
+PYTHONPATH=tests python benchmarks/legs.py [--duration 20] [--write docs/legs.md]
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+from trot import Noise, Walked, feet_of
+
+from aerobat_pin import estimate, load_robot, open_record
+from aerobat_pin.estimation.contacts import touching
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import parse_map
+
+GAINS = (100.0, 200.0, 500.0, 1000.0)
+BASES = {"measured": "motion capture", "imu": "IMU", "joints": "joint rows alone"}
+SETTLED = 1.0  # [s] after the start, in which the robot stands
+LONGEST_LATE = 0.06  # [s] between a touchdown and the one that is found for it
+TRUE_CONTACT = 0.02  # of the weight: a foot that carries more touches the ground; before that it scrapes
+
+
+def sensed(walk: Walked, noise: Noise, seed: int = 1) -> pd.DataFrame:
+    """Return what the sensors show, one row each 2 ms; the accelerometer's samples are means of the interval before."""
+    rng, count = np.random.default_rng(seed), len(walk.time)
+
+    def white(size: float, columns: int = 3) -> Array:
+        return np.asarray(size * rng.standard_normal((count, columns)))
+
+    R = np.array([pin.Quaternion(q[3:7]).matrix() for q in walk.q])
+    tilt = pin.exp3(noise.attitude[0] * np.array([*rng.choice([-1.0, 1.0], 2), 0.0]))
+    seen = {"i": np.array([tilt @ one @ pin.exp3(turn) for one, turn in zip(R, white(noise.attitude[1]), strict=True)])}
+    seen["m"] = np.array([one @ pin.exp3(turn) for one, turn in zip(R, white(noise.attitude[1]), strict=True)])
+    columns: dict[str, Array] = {"t": walk.time}
+    for name, attitude in seen.items():
+        turns = np.array([pin.Quaternion(one).coeffs() for one in attitude])
+        columns |= {f"{name}q{axis}": turns[:, k] for k, axis in enumerate("xyzw")}
+    speed = np.einsum("nij,nj->ni", R, walk.v[:, :3]) + white(noise.mocap[1])
+    place = walk.q[:, :3] + white(noise.mocap[0])
+    gyro = walk.v[:, 3:6] + white(noise.gyro[0]) + noise.gyro[1] * rng.standard_normal(3)
+    felt = walk.felt + white(noise.accelerometer[0]) + noise.accelerometer[1] * rng.standard_normal(3)
+    for name, values in (("p", place), ("v", speed), ("w", gyro), ("a", felt)):
+        columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate("xyz")}
+    angle, rate = walk.q[:, 7:] + white(noise.joint[0], 12), walk.v[:, 6:] + white(noise.joint[1], 12)
+    effort = walk.tau * (1.0 + noise.torque[2] * rng.standard_normal(12)) + white(noise.torque[0], 12)
+    for name, values in (("q", angle), ("dq", rate), ("tau", effort)):
+        columns |= {f"{name}{k}": values[:, k] for k in range(12)}
+    return pd.DataFrame(columns)
+
+
+def mapped(
+    base: str, gain: float, feet: tuple[str, ...], joints: tuple[str, ...], robot: str = "go2"
+) -> dict[str, Any]:
+    """Return the map of the table, for a source of the base's motion."""
+
+    def axes(name: str, letters: str = "xyz") -> dict[str, Any]:
+        return {"columns": [f"{name}{letter}" for letter in letters]}
+
+    parts = {
+        "measured": {"position": axes("p"), "quaternion": axes("mq", "xyzw"), "velocity": axes("v"), "rate": axes("w")},
+        "imu": {"quaternion": axes("iq", "xyzw"), "rate": axes("w"), "acceleration": axes("a") | {"delay": 0.001}},
+        "joints": {"quaternion": axes("iq", "xyzw"), "rate": axes("w")},
+    }
+    numbered = {part: {"columns": [f"{name}{k}" for k in range(12)]} for part, name in JOINT_COLUMNS.items()}
+    return {
+        "robot": {"name": robot, "points": list(feet)},
+        "log": {"time": {"column": "t"}},
+        "base": {"from": base, "imu": {"tilt": 0.3}} | parts[base],
+        "joints": {"names": list(joints)} | numbered,
+        "observer": {"gain": gain},
+    }
+
+
+JOINT_COLUMNS = {"position": "q", "velocity": "dq", "effort": "tau"}
+
+
+def estimated(table: pd.DataFrame, base: str, gain: float, robot: str = "go2") -> tuple[Array, Array, Array]:
+    """Return times (m + 1,), forces (m, 4, 3) and their deviations of a table."""
+    model = load_robot(robot).model
+    values = mapped(base, gain, feet_of(model), tuple(model.names.tolist()[2:]), robot)
+    with tempfile.TemporaryDirectory() as name:
+        table.to_csv(Path(name) / "log.csv", index=False)
+        record = open_record(Path(name) / "log.csv", parse_map(values, "of the trot"), Path(name))
+        found = estimate(record, trust=True).estimates["force_level"]
+    deviation = found.standard_deviation
+    assert deviation is not None
+    return found.time, found.force, deviation.reshape(found.force.shape)
+
+
+def quasi_static(table: pd.DataFrame, walk: Walked, gain: float, robot: str = "go2") -> Array:
+    """Return F = (J^T)^-1 (g - tau) of each leg, low-passed like an observer: forces (m, 4, 3) of a robot at rest."""
+    model = load_robot(robot).model
+    data, frames = model.createData(), [model.getFrameId(foot) for foot in feet_of(model)]
+    q = np.column_stack([walk.q[:, :3], table[["iqx", "iqy", "iqz", "iqw"]], table[[f"q{k}" for k in range(12)]]])
+    tau = table[[f"tau{k}" for k in range(12)]].to_numpy()
+    found, decay = np.zeros((len(q) - 1, 4, 3)), np.exp(-gain * float(walk.time[1] - walk.time[0]))
+    state = np.zeros((4, 3))
+    for k in range(len(found)):
+        pin.computeJointJacobians(model, data, q[k + 1])
+        pin.updateFramePlacements(model, data)
+        gravity = pin.computeGeneralizedGravity(model, data, q[k + 1])
+        for foot, frame in enumerate(frames):
+            rows = slice(6 + 3 * foot, 9 + 3 * foot)
+            J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3, rows]
+            raw = np.linalg.solve(J.T, gravity[rows] - tau[k + 1, 3 * foot : 3 * foot + 3])
+            state[foot] = raw + decay * (state[foot] - raw)
+        found[k] = state
+    return found
+
+
+def r_squared(true: Array, found: Array) -> Array:
+    """Return R2 of each column of (m, ...) series."""
+    return np.asarray(1.0 - np.sum((found - true) ** 2, axis=0) / np.sum((true - true.mean(axis=0)) ** 2, axis=0))
+
+
+def touchdowns(on: Array) -> Array:
+    """Return the indices at which a contact begins."""
+    return np.flatnonzero(np.diff(on.astype(int)) > 0) + 1
+
+
+def contact_figures(walk: Walked, force: Array, weight: float) -> dict[str, float]:
+    """Return how contacts that are found agree with the true ones, over all feet."""
+    delays: list[float] = []
+    ends: list[float] = []
+    false = lost = events = 0
+    agree = []
+    for foot in range(4):
+        true = walk.force[:, foot, 2] > TRUE_CONTACT * weight
+        on = touching(force[:, foot, 2], weight)
+        inside = walk.time[:-1] > SETTLED
+        agree.append(np.mean((true == on)[inside]))
+        for sign, kept in ((1, delays), (0, ends)):
+            real, seen = (walk.time[touchdowns(one == bool(sign))] for one in (true, on))
+            real, seen = real[real > SETTLED], seen[seen > SETTLED - LONGEST_LATE]
+            near = [seen[np.argmin(np.abs(seen - t))] - t if len(seen) else np.inf for t in real]
+            good = [late for late in near if abs(late) < LONGEST_LATE]
+            kept += good
+            if sign:
+                events += len(real)
+                lost += len(real) - len(good)
+                false += sum(np.min(np.abs(real - t), initial=np.inf) >= LONGEST_LATE for t in seen[seen > SETTLED])
+    down, up = 1e3 * np.array(delays), 1e3 * np.array(ends)
+    return {
+        "events": events,
+        "touchdown": float(np.median(down)),
+        "within": float(np.percentile(np.abs(down), 90.0)),
+        "lift": float(np.median(up)) if len(up) else np.nan,
+        "false": false,
+        "lost": lost,
+        "agree": float(np.mean(agree)),
+    }
