@@ -67,7 +67,7 @@ class Noise:
     gyro: tuple[float, float] = (3e-3, 2e-3)
     accelerometer: tuple[float, float] = (0.06, 0.05)
     attitude: tuple[float, float] = (np.radians(0.3), 3e-4)
-    mocap: tuple[float, float] = (2e-4, 3e-3)
+    mocap: tuple[float, float] = (1e-4, 3e-4)
 
 
 @dataclass(frozen=True)

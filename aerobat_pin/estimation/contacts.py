@@ -1,7 +1,7 @@
 """Which foot stands when: contacts with the ground from estimated vertical forces.
 
-A contact begins where the vertical force at a point exceeds `ONSET` of the robot's weight, and ends where it falls
-below `END` of it. How likely a contact is follows from the force's deviation: P = Phi((Fz - LIKELY W) / sigma).
+A contact begins where the vertical force at a point exceeds `ONSET_SHARE` of the robot's weight W, and ends where it
+falls below `END_SHARE` of it. Its probability follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
 
-ONSET, END, LIKELY = 0.08, 0.04, 0.03  # of the weight
+ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def touching(force: Array, weight: float, before: bool = False) -> Array:
         weight: of the robot [N].
         before: whether it was in contact before.
     """
-    change = np.where(force > ONSET * weight, 1, np.where(force < END * weight, 0, -1))
+    change = np.where(force > ONSET_SHARE * weight, 1, np.where(force < END_SHARE * weight, 0, -1))
     change = np.concatenate([[int(before)], change])
     latest = np.maximum.accumulate(np.where(change >= 0, np.arange(len(change)), 0))
     return np.asarray(change[latest][1:] == 1)
@@ -63,7 +63,7 @@ def contact_probability(force: Array, deviation: Array, weight: float) -> Array:
     """Return how likely a contact is, for vertical forces of any shape and their deviations [N]."""
     from scipy.special import ndtr  # takes a while to import
 
-    return np.asarray(ndtr((force - LIKELY * weight) / np.maximum(deviation, 1e-12)))
+    return np.asarray(ndtr((force - LIKELY_SHARE * weight) / np.maximum(deviation, 1e-12)))
 
 
 def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:

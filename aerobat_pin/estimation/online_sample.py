@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Observer, seen_share
+from aerobat_pin.observers import Observer
 
 
 class OnlineSample:
@@ -47,7 +47,7 @@ class OnlineSample:
         deviation = self._sample[1]
         if deviation is None or self._expected is None:
             return {}
-        return self._named(seen_share(deviation, self._expected.force))
+        return self._named(self._expected.seen(deviation))
 
     def __repr__(self) -> str:
         values = ", ".join(f"{label} {value:.4g}" for label, value in self.components.items())

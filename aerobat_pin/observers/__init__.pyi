@@ -25,7 +25,6 @@ from .expected import SHARE_OF_WEIGHT as SHARE_OF_WEIGHT
 from .expected import SHOWN as SHOWN
 from .expected import Expected as Expected
 from .expected import robot_length as robot_length
-from .expected import seen_share as seen_share
 from .expected import with_record as with_record
 from .friction import FRICTION_COEFFICIENTS as FRICTION_COEFFICIENTS
 from .friction import SMOOTH_RATE as SMOOTH_RATE

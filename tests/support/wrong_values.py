@@ -330,7 +330,7 @@ PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemor
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact Finding Agreement Moments Check KnownForces StreamHealth"""  # made by other functions
+Contact Finding Agreement Moments Check KnownForces StreamHealth Stance ObserversTogether"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
 SampledSection"""  # pydantic checks
