@@ -35,12 +35,15 @@ import pinocchio as pin
 from against import against
 from measure import Call, Figure, Part, figure, interleaved
 from raw_figures import raw_figures
+from support.walking_log import table, table_map, urdf, walk
 from sweeping import sweep_figures
 
 from aerobat_pin.aerobat import known_inputs
 from aerobat_pin.errors import MorphologyFileError
+from aerobat_pin.estimation import OnlineEstimator
 from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.observers import Expected, ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
+from aerobat_pin.records import parse_map
 from aerobat_pin.robot import Aerobat, joint_table, load_aerobat
 from aerobat_pin.scenario import Scenario, load_scenario
 
@@ -222,6 +225,30 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
             yield figure(f"batch per sample, {kind}", times[kind] / times["bare"], "x", limit)
 
 
+def stream_figures(rounds: int) -> Iterator[Figure]:
+    """An estimate of a stream: a quadruped's seven channels pushed by name, processor time."""
+    rows = [(float(row["t"]), row) for row in table(walk()).to_dict("records")]
+    names = ("force_level", "momentum", "second_order", "super_twisting")
+    with tempfile.TemporaryDirectory() as name:
+        (folder := Path(name)).joinpath("quadruped.urdf").write_text(urdf(), encoding="utf-8")
+        values = {key: part for key, part in table_map(folder / "quadruped.urdf").items() if key != "check"}
+        streams = [
+            OnlineEstimator(parse_map(values | {"observer": {"names": names[:count], "gain": 500.0}}, "-"), folder)
+            for count in (1, len(names))
+        ]
+    taken = np.empty((3 * rounds, len(streams)))
+    for turn in range(len(taken)):
+        for k, stream in enumerate(streams):
+            stream.reset()
+            begin = time.process_time()
+            for stamp, row in rows:
+                stream.push(stamp, row)
+            taken[turn, k] = 1e6 * (time.process_time() - begin) / len(rows)
+    yield figure("stream, an estimate of twelve joints, one observer", taken[:, 0], "us", 60.0)
+    further = (taken[:, 1] - taken[:, 0]) / (len(names) - 1)
+    yield figure("stream, each further observer", further, "us", 30.0)
+
+
 def absolute_figures(rounds: int) -> Iterator[Figure]:
     """What a caller waits for, in this process, with everything compiled and imported."""
     scenario = load_scenario("paper")
@@ -323,6 +350,7 @@ def main() -> None:
     figures = [
         *flight_figures(rounds),
         *observer_figures(rounds),
+        *stream_figures(rounds),
         *raw_figures(rounds),
         *absolute_figures(rounds),
         *sweep_figures(rounds),

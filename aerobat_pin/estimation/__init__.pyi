@@ -9,6 +9,9 @@ from .calibration.learn import calibrate as calibrate
 from .checks.efforts import effort_findings as effort_findings
 from .checks.motion import record_findings as record_findings
 from .compared import Compared as Compared
+from .contacts import END_SHARE as END_SHARE
+from .contacts import ONSET_SHARE as ONSET_SHARE
+from .contacts import Stance as Stance
 from .estimate_record import estimate as estimate
 from .findings import Finding as Finding
 from .findings import FindingVerdict as FindingVerdict
@@ -17,7 +20,8 @@ from .inputs import inputs_of as inputs_of
 from .known_forces import KnownForces as KnownForces
 from .observer_scores import ObserverScores as ObserverScores
 from .online import OnlineEstimator as OnlineEstimator
-from .online import OnlineSample as OnlineSample
+from .online_sample import OnlineSample as OnlineSample
+from .online_sample import StreamHealth as StreamHealth
 from .result import Result as Result
 from .result import versions as versions
 from .run_observers import blocks_of as blocks_of

@@ -1,82 +1,62 @@
-"""Estimate while messages arrive: an object that takes samples of all channels in time order, as a ROS 2 node does.
+"""Estimate while messages arrive: an object that takes samples of all channels, as a ROS 2 node does.
 
-The rule is that of records: estimates come at the times of one leading channel, the other channels are interpolated
-linearly, and joint torques are means over the interval. So an estimate waits until every channel has a sample at or
-after its time; that is its latency, beside the observer's 1/K.
+The rule is that of records: estimates come at the times of one leading channel, or evenly spaced at `log.rate`, the
+other channels are interpolated linearly, and joint torques are means over the interval. So an estimate waits until
+every channel has a sample at or after its time; that is its latency, beside the observer's 1/K. What goes wrong with
+samples is counted (`OnlineEstimator.health`) and ends nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation import stream_kernels as kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.expected import expected_from, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
-from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers import Expected, Observer
+from aerobat_pin.estimation.moving_axes import change_of_axes
+from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
+from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, built_observers, points_of, rows_of
+from aerobat_pin.estimation.stream_memory import new_rings
+from aerobat_pin.estimation.tilt import tilt_of, with_tilt
+from aerobat_pin.numerics import Array, fields_of, guarded
+from aerobat_pin.observers import Expected, KalmanObserver, ObserversTogether, SmootherObserver
 from aerobat_pin.records import (
-    FREE_NQ,
-    FREE_NV,
     Map,
     PlainRobot,
-    as_attitude,
     base_requests,
-    body_turn,
     entries,
     joint_requests,
-    line_means,
     listed_joints,
     robot_of_map,
-    rotation_matrices,
-    sampled,
-    sampled_turns,
     stamp,
-    world_turn,
 )
 
-KEPT = 2.0  # [s] of samples; a channel that is later than the others by more is missing
 LEADING = ("joints.position", "base.position")
 
 
-class OnlineSample:
-    """The estimate of one interval.
-
-    Attributes:
-        start: start of the interval [s].
-        end: its end [s].
-        components: label -> estimate [N or N m], such as `FL_FOOT.Fz`; world axes.
-        deviation: label -> its standard deviation; that of an expected force where the pose does not show it.
-    """
-
-    __slots__ = ("components", "deviation", "end", "start")
-
-    def __init__(self, start: float, end: float, components: dict[str, float], deviation: dict[str, float]) -> None:
-        self.start, self.end, self.components, self.deviation = start, end, components, deviation
-
-    def __repr__(self) -> str:
-        values = ", ".join(f"{label} {value:.4g}" for label, value in self.components.items())
-        return f"OnlineSample({self.start:.4f} to {self.end:.4f} s: {values})"
-
-
 class OnlineEstimator:
-    """Estimates unknown forces from samples in time order, by a map.
+    """Estimates unknown forces from samples as they arrive, by a map.
 
     Args:
         chosen: the map; its check tables, fits, parts and known forces of commands are not used online.
         folder: where relative paths of the map begin.
         heard: called with each estimate, in place of collecting what `push` and `message` return.
         calibration: friction, factors of efforts and mass from a recording (`calibrate`).
+        wait: by how much samples may arrive late [s]; every estimate waits for it.
+        expected: what is expected of forces and rows; learnt from the efforts as they come when omitted.
 
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         MapError, LogError: the map does not fit the robot, or asks for what only a whole record has: a velocity that is
-            differentiated, a fit.
+            differentiated, a fit, a smoother.
     """
 
     @guarded()
@@ -86,6 +66,9 @@ class OnlineEstimator:
         folder: Path,
         heard: Callable[[OnlineSample], None] | None = None,
         calibration: Calibration | None = None,
+        *,
+        wait: float = 0.0,
+        expected: Expected | None = None,
     ) -> None:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map, self._heard = chosen, heard
@@ -104,17 +87,55 @@ class OnlineEstimator:
         asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
         self._requests = {request.key: request for request in asked}
         self._check()
-        self._columns: dict[str, list[tuple[str, int]]] = {}
-        for key, request in self._requests.items():
-            for k, name in enumerate(request.names):
-                self._columns.setdefault(name, []).append((key, k))
-        self._samples: dict[str, list[tuple[float, Array]]] = {key: [] for key in self._requests}
+        columns = [request.names for request in self._requests.values()]
+        self._readers: list[tuple[int, Any, Array]] = [
+            (c, itemgetter(*names), np.zeros(len(names))) for c, names in enumerate(columns)
+        ]
         lead = [key for key in LEADING if key in self._requests]
-        self._leading = lead[0] if lead else next(iter(self._requests))
-        self._last: float | None = None
-        self._v = np.zeros(self.robot.model.nv)
-        self._squares, self._count = np.zeros(self.robot.model.nv), 0
-        self._observer: Observer | None = None
+        self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
+        self._memory = new_rings(chosen, self.robot, names, tuple(self._requests.values()), self._values, wait)
+        self._rings = fields_of(kernels.rings_in, self._memory)
+        self._epoch: float | None = None
+        self._estimates = self._starts = self._failed = 0
+        self._rows, _ = rows_of(chosen, self.robot, names, self._requests)
+        sizes = self._expected(np.zeros(self.robot.model.nv)) if expected is None else expected
+        self._learns = expected is None and sizes is not None
+        self._observers = built_observers(chosen, self.robot, self._rows, (), sizes)
+        self._wait = TIME_CONSTANTS_TO_SETTLE / float(chosen.observer.gain)
+        self._tilt = 0.0 if chosen.robot.wrenches else tilt_of(chosen)
+        self._share_data()
+
+    @property
+    def health(self) -> StreamHealth:
+        """What became of the samples so far."""
+        rings, keys = self._rings, list(self._requests)
+        newest = {
+            key: float(rings.time[c, (rings.head[c] + rings.held[c] - 1) % kernels.LENGTH])
+            for c, key in enumerate(keys)
+            if rings.held[c]
+        }
+        latest = max(newest.values(), default=0.0)
+        stalled = [key for key in keys if key not in newest or latest - newest[key] > kernels.STALL]
+        samples = {key: dict(zip(kernels.FATES, rings.tally[c].tolist(), strict=True)) for c, key in enumerate(keys)}
+        now = rings.now
+        settled = bool(now[kernels.LAST] - now[kernels.BEGAN] >= self._wait)  # False while they are NaN
+        return StreamHealth(
+            self._estimates,
+            self._starts,
+            int(rings.skipped[0]),
+            self._failed,
+            samples,
+            tuple(stalled) if newest else (),
+            settled,
+        )
+
+    def reset(self) -> None:
+        """Forget all samples and start again with the next ones; what is counted stays."""
+        rings = self._rings
+        rings.head[:], rings.held[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
+        rings.now[: kernels.COUNT] = np.nan
+        rings.now[kernels.BROKEN] = 0.0
+        self._epoch = None
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
         """Take a ROS message of any client library; return the estimates that it completes."""
@@ -124,22 +145,29 @@ class OnlineEstimator:
             return []
         return self.push(time, {f"{topic}.{name}": value for name, value in found.items()})
 
-    def push(self, time: float, values: dict[str, float]) -> list[OnlineSample]:
+    def push(self, time: float, values: Mapping[str, float]) -> list[OnlineSample]:
         """Take samples of some columns, named as in the map, at one time [s]; return the estimates they complete.
 
-        Raises:
-            LogError: the time of a channel decreased.
+        Nothing of a sample raises: `health` counts those that cannot be used, and why.
         """
-        for key, request in self._requests.items():
-            if not all(name in values for name in request.names):
+        if self._epoch is None:
+            self._begin_epoch(time)
+        since, put, memory = time - (self._epoch or 0.0), kernels.put, self._memory
+        for c, reader, buffer in self._readers:
+            try:
+                buffer[:] = reader(values)
+            except KeyError:
                 continue
-            at, kept = time - request.delay, self._samples[key]
-            if kept and at <= kept[-1][0]:
-                if at == kept[-1][0]:
-                    continue
-                raise LogError(f"{key}: time went from {kept[-1][0]} s to {at} s: messages in time order were expected")
-            kept.append((at, request.converted(np.array([values[name] for name in request.names]))))
+            except (TypeError, ValueError):  # not a number
+                buffer[:] = np.nan
+            put(memory, c, since, buffer)
         return self._advance()
+
+    def _begin_epoch(self, time: float) -> None:
+        """Subtract whole seconds from all stamps from now on: Unix time has only 2.4e-7 s in a double."""
+        if np.isfinite(time):
+            self._epoch = float(np.floor(time))
+            self._rings.setting[3] = self._epoch
 
     def _check(self) -> None:
         """Raise MapError for a map that needs a whole record."""
@@ -152,42 +180,64 @@ class OnlineEstimator:
             )
         if self.joints and "joints.velocity" not in self._requests:
             raise MapError("online: joints.velocity must be measured: a window that differentiates needs the future")
-        if self.robot.free and not base.held and not {"base.velocity", "base.rate"} <= set(self._requests):
-            raise MapError("online: base.velocity and base.rate must be measured")
+        needed = {"base.rate"} if base.from_ != "measured" else {"base.velocity", "base.rate"}
+        if self.robot.free and not base.held and not needed <= set(self._requests):
+            raise MapError(f"online: {' and '.join(sorted(needed, reverse=True))} must be measured")
+
+    def _share_data(self) -> None:
+        """Let all observers read one `pin.Data`, in groups by what they need computed, and compile what they run."""
+        for observer in self._observers:
+            if isinstance(observer, SmootherObserver):
+                raise MapError(
+                    "online: observer smoother corrects every estimate by what comes later, so it needs a whole "
+                    "record; observer.names = ['kalman'] is its half that runs forward"
+                )
+            if isinstance(observer, KalmanObserver) and observer.doubted_forces:
+                raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
+        self._together = ObserversTogether(self._observers)
+        kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
+        kernels.build(self._memory, self._leading)
+        self._rings.tally[:] = 0
 
     def _advance(self) -> list[OnlineSample]:
-        """Estimate at all leading samples for which every channel has a sample at or after."""
+        """Estimate at all times for which every channel has a sample at or after."""
         found: list[OnlineSample] = []
-        if not all(len(kept) > 1 for kept in self._samples.values()):
-            return found
-        ready = min(kept[-1][0] for kept in self._samples.values())
-        begin = max(kept[0][0] for kept in self._samples.values())
-        for time, _ in list(self._samples[self._leading]):
-            if time > ready or time < begin or (self._last is not None and time <= self._last):
+        memory, leading, build, rings, together = (
+            self._memory,
+            self._leading,
+            kernels.build,
+            self._rings,
+            self._together,
+        )
+        while code := build(memory, leading):
+            q, v, tau, now = rings.q, rings.v, rings.tau, rings.now
+            if code == kernels.START:
+                self._starts += 1
+                together.start(q, v)
                 continue
-            q, v = self._state(time)
-            if self._observer is None or self._last is None:
-                self._observer = self._new_observer()
-                self._observer.reset(q, v, time)
+            dt, end = float(now[kernels.DT]), float(now[kernels.LAST])
+            if self._learns:
+                self._learn_size()
+            if code == kernels.REZEROED:
+                tau = tau + change_of_axes(together.model, together.data, q, rings.before, v, dt)
+            samples = together.take(q, v, tau, dt)
+            if None in samples:
+                self._failed += 1
+                now[kernels.LAST] = np.nan
             else:
-                effort = self._torque(self._last, time)
-                self._learn_size(self._observer, effort)
-                tau = effort + self._friction(v, time - self._last)
-                sample = self._observer.update(time, q, v, tau)
-                labels = self._observer.applications.components
-                values = (sample.components, sample.standard_deviation)
-                named = [{} if one is None else dict(zip(labels, one.tolist(), strict=True)) for one in values]
-                one = OnlineSample(self._last, time, *named)
-                found.append(one)
+                self._estimates += 1
+            settled, epoch = bool(end - now[kernels.BEGAN] >= self._wait), self._epoch or 0.0
+            for observer, sample in zip(self._observers, samples, strict=True):
+                if sample is None:
+                    continue
+                deviation = sample.standard_deviation
+                if deviation is not None and self._tilt > 0.0:
+                    deviation = with_tilt(sample.components, deviation, self._tilt)
+                one = OnlineSample(observer, epoch + end - dt, epoch + end, settled, sample.components, deviation)
                 if self._heard is not None:
                     self._heard(one)
-            self._last, self._v = time, v
-        self._forget(ready)
+                found.append(one)
         return found
-
-    def _new_observer(self) -> Observer:
-        rows, _ = rows_of(self._map, self.robot, self.joints, self._requests)
-        return built_observers(self._map, self.robot, rows, (), self._expected(np.zeros_like(self._v)))[0]
 
     def _expected(self, effort: Array) -> Expected | None:
         """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight."""
@@ -196,72 +246,11 @@ class OnlineEstimator:
         carried = self.robot.weight * row_scale(self.robot.model)
         return expected_from(self.robot, self._values, points_of(self._map), effort, carried)
 
-    def _learn_size(self, observer: Observer, effort: Array) -> None:
+    def _learn_size(self) -> None:
         """Expect errors in proportion to the efforts: anew whenever twice as many intervals have shown their size."""
-        self._squares, self._count = self._squares + effort**2, self._count + 1
-        if observer.expected is not None and self._count & (self._count - 1) == 0:
-            expected = self._expected(np.sqrt(self._squares / self._count))
-            assert expected is not None
-            observer.expect(expected)
-
-    def _forget(self, ready: float) -> None:
-        """Drop samples that no further estimate needs."""
-        oldest = ready - KEPT if self._last is None else self._last
-        for kept in self._samples.values():
-            while len(kept) > 2 and kept[1][0] < oldest:
-                kept.pop(0)
-
-    def _series(self, key: str) -> tuple[Array, Array]:
-        kept = self._samples[key]
-        return np.array([time for time, _ in kept]), np.stack([values for _, values in kept])
-
-    def _torque(self, first: float, last: float) -> Array:
-        tau = np.zeros(self.robot.model.nv)
-        if "joints.effort" in self._requests:
-            means = line_means(*self._series("joints.effort"), np.array([first, last]))[0]
-            for joint, value in zip(self._requests["joints.effort"].joints, means, strict=True):
-                tau[self.robot.v_index(joint)] = value
-            for joint, factor in zip(self._values.joints, self._values.scale, strict=True):
-                tau[self.robot.v_index(joint)] *= factor
-        return tau
-
-    def _friction(self, v: Array, dt: float) -> Array:
-        """Return the torque (nv,) of the joints' friction in the interval that ends with velocity `v`."""
-        found = np.zeros_like(v)
-        if self._values.friction is not None:
-            rows = [self.robot.v_index(joint) for joint in self._values.joints]
-            found[rows] = self._values.friction.torque((0.5 * (v + self._v))[rows], ((v - self._v) / dt)[rows])
-        return found
-
-    def _state(self, time: float) -> tuple[Array, Array]:
-        """Return configuration and velocity at a time."""
-        robot, at = self.robot, np.array([time])
-        q, v = robot.neutral(), np.zeros(robot.model.nv)
-        for joint, place in self._map.joints.held.items():
-            q[robot.q_index(joint)] = place
-        for key, vector, index in (("position", q, robot.q_index), ("velocity", v, robot.v_index)):
-            if f"joints.{key}" in self._requests:
-                values = sampled(*self._series(f"joints.{key}"), at)[0]
-                vector[[index(joint) for joint in self.joints]] = values
-        if robot.free and not self._map.base.held:
-            q[:FREE_NQ], v[:FREE_NV] = self._base(at)
-        return q, v
-
-    def _base(self, at: Array) -> tuple[Array, Array]:
-        chosen, base = self._map, self._map.base
-        stamps, turns = self._series("base.quaternion")
-        attitude = as_attitude(chosen, sampled_turns(stamps, turns / np.linalg.norm(turns, axis=1)[:, None], at))
-        R = rotation_matrices(attitude)[0]
-        place = world_turn(chosen) @ sampled(*self._series("base.position"), at)[0]
-        velocity = sampled(*self._series("base.velocity"), at)[0]
-        of_topic = self._requests["base.velocity"].names[0].startswith(f"{base.topic}.linear")
-        if base.velocity is not None and base.velocity.axes == "world" and not of_topic:
-            linear = R.T @ world_turn(chosen) @ velocity
-        else:
-            linear = body_turn(chosen) @ velocity
-        rate = sampled(*self._series("base.rate"), at)[0]
-        if base.rate is not None and base.rate.columns and base.rate.axes == "world":
-            angular = R.T @ world_turn(chosen) @ rate
-        else:
-            angular = body_turn(chosen) @ rate
-        return np.concatenate([place, attitude[0]]), np.concatenate([linear, angular])
+        count = int(self._rings.now[kernels.COUNT])
+        if count & (count - 1) == 0:
+            expected = self._expected(np.sqrt(self._rings.squares / count))
+            for observer in self._observers:
+                if expected is not None and observer.expected is not None:
+                    observer.expect(expected)

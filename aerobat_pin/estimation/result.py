@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.contacts import Stance, stances_of
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores
@@ -114,6 +115,17 @@ class Result:
             return [(first * self.record.dt, last * self.record.dt) for first, last in self.record.parts]
         return [(estimate.start[0], estimate.end) for estimate in list(self.stored.values())[:1]]
 
+    @cached_property
+    def stances(self) -> dict[str, tuple[Stance, ...]]:
+        """Observer -> when each point is in contact with the ground; empty unless a robot with joints walks on it."""
+        if self.record is None or self.record.map.base.held:
+            return {}
+        robot = self.record.robot
+        if not (robot.free and robot.joints and robot.limits_forces):
+            return {}
+        found = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in self.stored.items()}
+        return {name: stances for name, stances in found.items() if stances}
+
     @property
     def model(self) -> ModelCheck | None:
         """Whether the belief is still that of its calibration; None without one."""
@@ -169,6 +181,9 @@ class Result:
                 {**asdict(fit), "outside": _or_none(fit.outside), "before": _or_none(fit.before)} for fit in self.fits
             ],
             "observers": {name: found.to_json() for name, found in self.observers.items()},
+            "contacts": {
+                name: {point_label(one.point): one.numbers() for one in found} for name, found in self.stances.items()
+            },
             **self.more,
         }
 

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.moving_axes import with_zeroed_velocity
 from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, KalmanObserver, Observer, Rows
@@ -110,6 +112,9 @@ def rows_of(
     if "joints.effort" not in channels and unsensed:
         ignored += unsensed
         notes.append(f"no effort is recorded: rows of {', '.join(unsensed)} are not believed")
+    if robot.free and not chosen.base.held and chosen.base.from_ == "joints" and "base" not in ignored:
+        ignored.append("base")
+        notes.append("the base's motion is not measured, its velocity counts as 0: its six rows are not believed")
     if robot.free and chosen.base.held and not any(row.startswith("base") for row in ignored):
         plate = any(not known.powers for known in chosen.known.values())
         frames = (*chosen.robot.points, *chosen.robot.wrenches)
@@ -154,6 +159,7 @@ def run_observers(
             inputs = inputs_at(early, late)
             if watch is not None:
                 watch.take(record, inputs, slice(begin - early, end - early), ends=end == last)
+            inputs = with_zeroed_velocity(record, inputs, early)
             for observer in observers:
                 if progress is not None:
                     progress(done / total)
@@ -164,6 +170,9 @@ def run_observers(
                     whole = replace(whole, expected_force=expected.force)
                 elif model is not None:
                     whole = with_belief_error(whole, model.deviations(observer, inputs))
+                tilt, deviation = tilt_of(record.map), whole.standard_deviation
+                if tilt > 0.0 and deviation is not None and whole.are_world_forces:
+                    whole = replace(whole, standard_deviation=with_tilt(whole.components, deviation, tilt))
                 found[observer.name].append(_some_intervals(whole, begin - early, end - early))
                 done += end - begin
     if progress is not None:

@@ -38,6 +38,7 @@ KERNEL_SOURCES = (
     "control/allocation.py",
     "control/disturbance.py",
     "control/law.py",
+    "estimation/stream_kernels.py",
     "flight/attitude_hold.py",
     "flight/crank.py",
     "flight/plant/kernels.py",

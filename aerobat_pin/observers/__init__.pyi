@@ -53,3 +53,4 @@ from .rows import has_free_base as has_free_base
 from .rows import moving_weight as moving_weight
 from .rows import row_names as row_names
 from .rows import tie_joints as tie_joints
+from .shared_data import ObserversTogether as ObserversTogether

@@ -57,6 +57,10 @@ class Expected:
         if not 1.0 <= self.doubt < np.inf:
             raise ObserverError(f"expected.doubt = {self.doubt}: a finite number of at least 1 was expected")
 
+    def seen(self, deviation: Array) -> Array:
+        """Return `seen_share` of components (..., c) whose standard deviations with the rows known are given."""
+        return seen_share(deviation, self.force)
+
     def row_deviation(self, v: Array) -> Array:
         """Return the standard deviation (..., nv) of each row at velocities (..., nv), at k = 1."""
         at_rest = 1.0 - np.tanh(v / self.stiction_rate) ** 2

@@ -145,17 +145,18 @@ class Observer:
 
     def _fill(self, memory: ObserverMemory) -> None:
         """Write the constants into a new memory."""
-        data = self.data
-        oMi = placements(data.oMi)
-        check_views(self.model, data, oMi, placements(data.liMi), motions(data.v))
-        memory.robot[:] = addresses(data.M, data.C, data.g, data.J, oMi)
-        memory.directions[:] = np.reshape(self._directions, (-1, 2))
-        memory.slope[:] = self.slope
+        self._look_at(self.data, memory)
+        memory.directions[:], memory.slope[:] = np.reshape(self._directions, (-1, 2)), self.slope
         memory.gain[:], memory.basis[:] = self._gains, self._basis
         memory.weight[:], memory.tied[:] = self.believed.weight, self.believed.tied
         if self.expected is not None:
             self.expected.write(memory.posterior)
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
+
+    def _look_at(self, data: pin.Data, memory: ObserverMemory) -> None:
+        """Let the kernels read Pinocchio's results in some data."""
+        check_views(self.model, data, oMi := placements(data.oMi), placements(data.liMi), motions(data.v))
+        memory.robot[:] = addresses(data.M, data.C, data.g, data.J, oMi)
 
     @guarded()
     def expect(self, expected: Expected) -> None:
@@ -208,8 +209,7 @@ class Observer:
         except (TypeError, ValueError, OverflowError):
             number(time, "time", "any")
             raise
-        model, data = self.model, self.data
-        out = empty(self._width)
+        model, data, out = self.model, self.data, empty(self._width)
         u: Any = tau
         try:
             if known:

@@ -1,5 +1,11 @@
 from .agreement import LARGEST_DELAY as LARGEST_DELAY
 from .agreement import Agreement as Agreement
+from .axes import as_attitude as as_attitude
+from .axes import axes_of as axes_of
+from .axes import body_turn as body_turn
+from .axes import imu_arm as imu_arm
+from .axes import sensor_turn as sensor_turn
+from .axes import world_turn as world_turn
 from .block import Block as Block
 from .block import SmoothedMotion as SmoothedMotion
 from .channel import LogChannel as LogChannel
@@ -33,10 +39,8 @@ from .messages import stamp as stamp
 from .netcdf import read_netcdf as read_netcdf
 from .read import BAGS as BAGS
 from .read import NETCDF as NETCDF
+from .record import ZEROED as ZEROED
 from .record import Record as Record
-from .record import as_attitude as as_attitude
-from .record import body_turn as body_turn
-from .record import world_turn as world_turn
 from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
 from .resample import line_means as line_means

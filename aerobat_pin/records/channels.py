@@ -34,6 +34,7 @@ COLUMN_PARTS = {
     "base.quaternion": ("orientation", TURN_AXES),
     "base.velocity": ("linear", VECTOR),
     "base.rate": ("angular_velocity", VECTOR),
+    "base.acceleration": ("linear_acceleration", VECTOR),
     "check.specific_force": ("linear_acceleration", VECTOR),
     "check.wrench": ("force", VECTOR),
 }
@@ -78,6 +79,13 @@ def base_requests(chosen: Map) -> Iterator[Request]:
     """Yield what a map asks of the log about a free base. Raises LogError for a number of columns or a unit."""
     base = chosen.base
     if base.held:
+        return
+    if base.from_ != "measured":
+        yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
+        if base.rate is None or base.rate.from_ is None:
+            yield from _asked("base.rate", base.rate, "rate", 3, base.topic, imu=True)
+        if base.from_ == "imu":
+            yield from _asked("base.acceleration", base.acceleration, "acceleration", 3, base.topic, imu=True)
         return
     yield from _asked("base.position", base.position, "length", 3, base.topic)
     yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
@@ -209,16 +217,22 @@ def units_of(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
 
 
 def _asked(
-    key: str, section: ChannelSection | None, kind: str, count: int | tuple[int, ...], topic: str | None
+    key: str,
+    section: ChannelSection | None,
+    kind: str,
+    count: int | tuple[int, ...],
+    topic: str | None,
+    imu: bool = False,
 ) -> Iterator[Request]:
-    """Yield the request of a section with columns or a topic, or of a topic that several sections share."""
+    """Yield the request of a section with columns or a topic, or of a topic (an Imu's?) that several sections share."""
     optional, (part, axes) = False, COLUMN_PARTS.get(key, ("", ()))
     if section is not None and section.columns:
         names = section.columns
     elif section is not None and section.topic:
         names = tuple(f"{section.topic}.{part}.{axis}" for axis in axes)
     elif topic is not None:
-        optional, part = key in ("base.velocity", "base.rate"), SHARED.get(key, part)
+        if not imu:
+            optional, part = key in ("base.velocity", "base.rate"), SHARED.get(key, part)
         names = tuple(f"{topic}.{part}.{axis}" for axis in axes)
     else:
         return

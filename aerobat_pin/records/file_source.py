@@ -133,8 +133,27 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
 
 
 def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, LogChannel]) -> None:
-    """Raise MapError if a free base has no pose."""
-    if robot.free and not chosen.base.held:
+    """Raise MapError if a free base lacks what its motion is found from, or that does not tell what the robot needs."""
+    source = chosen.base.from_
+    if robot.free and not chosen.base.held and source != "measured":
+        if robot.knows_forces:
+            raise MapError(
+                f'map: base.from = "{source}" tells the base\'s velocity but for a constant, and not its place; the '
+                f"forces that {robot.title} knows itself, such as its air, depend on them: base.position and "
+                "base.velocity must be measured"
+            )
+        if source == "joints" and not robot.joints:
+            raise MapError(
+                'map: base.from = "joints" believes the rows of joints alone, and the robot has none: "imu" or '
+                '"measured" was expected'
+            )
+        for part in ("quaternion", "acceleration") if source == "imu" else ("quaternion",):
+            if f"base.{part}" not in channels:
+                why = "gravity is known in its axes alone" if part == "quaternion" else "it gives the velocity"
+                raise MapError(f'map: base.from = "{source}", but base.{part} has no columns and no topic: {why}')
+        if source == "imu" and chosen.log.times == "own":
+            raise MapError('map: base.from = "imu" needs even times: log.times = "even" was expected')
+    elif robot.free and not chosen.base.held:
         for part in ("position", "quaternion"):
             if f"base.{part}" not in channels:
                 raise MapError(

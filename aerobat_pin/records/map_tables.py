@@ -77,16 +77,39 @@ class RateSection(ChannelSection):
     window: Positive = Field(0.05, description="of the parabolas that differentiate (from) [s]")
 
 
+class AccelerationSection(ChannelSection):
+    """What the base's accelerometer shows: +g upward at rest; its axes are those of the base but for base.imu.turn."""
+
+
+class ImuSection(Section):
+    """The IMU of a base that has nothing else."""
+
+    place: Three = Field((0.0, 0.0, 0.0), description="of the accelerometer from the base's origin, base axes [m]")
+    turn: Three = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw of the IMU in the base [deg]")
+    tilt: Number = Field(0.5, ge=0.0, description="standard deviation of roll and of pitch that the IMU states [deg]")
+
+
 class BaseTable(Section):
     """Motion of a free base."""
 
-    topic: str | None = Field(None, description="PoseStamped, TransformStamped or Odometry: pose and, if there, twist")
+    from_: Literal["measured", "imu", "joints"] = Field(
+        "measured",
+        alias="from",
+        description="imu: accelerometer, gyro and attitude give the velocity, no position is read; joints: gyro "
+        "and attitude alone, the velocity counts as 0, and the base's six rows are not believed",
+    )
+    topic: str | None = Field(
+        None,
+        description="PoseStamped, TransformStamped or Odometry: pose and, if there, twist; with from an Imu",
+    )
     held: bool = Field(False, description="true: the base stands still at the world's origin, as on a load cell")
     axes: Literal["flu", "frd"] = Field("flu", description="body axes of the log; frd is turned to x ahead, z up")
     position: PositionSection | None = None
     quaternion: QuaternionSection | None = None
     velocity: VelocitySection | None = None
     rate: RateSection | None = None
+    acceleration: AccelerationSection | None = None
+    imu: ImuSection = ImuSection()
 
 
 class JointPositionSection(ChannelSection):

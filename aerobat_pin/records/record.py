@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.records.axes import as_attitude, body_turn, imu_arm, sensor_turn, world_turn
 from aerobat_pin.records.block import Block
 from aerobat_pin.records.channel import LogChannel
 from aerobat_pin.records.channels import EXTRA
@@ -28,8 +29,8 @@ from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
 
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
+ZEROED = 0.4999  # [s] after which a velocity that an IMU gives begins at zero again
 ROUNDED = 1e-3  # of a step, by which a sample is beside a common time at most where they coincide
-HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: z down to z up, for world and body axes alike
 
 
 @dataclass(frozen=True)
@@ -204,14 +205,16 @@ class Record:
         rate, section = self.at("base.rate", time), self.map.base.rate
         if section is not None and section.columns and section.axes == "world":
             return np.asarray(np.einsum("nji,nj->ni", rotation_matrices(attitude), rate @ world_turn(self.map).T))
-        return np.asarray(rate @ body_turn(self.map).T)
+        return np.asarray(rate @ sensor_turn(self.map).T)
 
     def _base(self, first: int, last: int) -> tuple[Array, Array]:
         """Return placement (m, 7) and twist in body axes (m, 6) of the base."""
         chosen, base = self.map, self.map.base
         time, inside = (self.times(first, last), slice(None)) if self.knots is not None else self._wide(first, last)
-        place = self.at("base.position", time) @ world_turn(chosen).T
         attitude = self.turns(time)
+        place = np.zeros((len(time), 3))
+        if "base.position" in self.channels:
+            place = self.at("base.position", time) @ world_turn(chosen).T
         R = rotation_matrices(attitude)
         linear: Array = np.zeros_like(place)
         angular: Array = np.zeros_like(place)
@@ -223,47 +226,45 @@ class Record:
             turn = world_turn(chosen) if in_world else body_turn(chosen)
             velocity = velocity @ turn.T
             linear = np.einsum("nji,nj->ni", R, velocity) if in_world else velocity
-        elif self.knots is None:
+        elif self.knots is None and base.from_ == "measured":
             linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, speed_window))
         if "base.rate" in self.channels:
             angular = self.gyro(time, attitude)
         elif self.knots is None:
             angular = turn_rates(attitude, self.dt, rate_window)
+        if base.from_ == "imu":
+            linear = np.zeros_like(angular)
+            linear[inside] = self._integrated(first, last, R[inside]) - np.cross(angular[inside], imu_arm(chosen))
         return np.concatenate([place, attitude], axis=1)[inside], np.concatenate([linear, angular], axis=1)[inside]
+
+    def zeroed_at(self, index: int) -> int:
+        """Return the common time at or before an index at which the velocity found by an IMU last began at zero."""
+        count = math.ceil(ZEROED * self.rate)
+        first = max((first for first, _ in self.parts if first <= index), default=0)
+        return first + (index - first) // count * count
+
+    def _integrated(self, first: int, last: int, R: Array) -> Array:
+        """Return the accelerometer's velocity (m, 3) in body axes but for a constant in world axes: u' = R f + g.
+
+        It is zero at `zeroed_at(first)`.
+
+        Args:
+            first: index of the first common time.
+            last: index of the last one.
+            R: (m, 3, 3) attitudes there.
+        """
+        begin = self.zeroed_at(first)
+        time = self.times(begin, last)
+        stamps = self.cut("base.acceleration", time)[0]
+        nodes = np.union1d(time, stamps[(stamps > time[0]) & (stamps < time[-1])])
+        felt = self.at("base.acceleration", nodes) @ sensor_turn(self.map).T
+        a = np.einsum("nij,nj->ni", rotation_matrices(self.turns(nodes)), felt) + self.robot.model.gravity.linear
+        steps = 0.5 * np.diff(nodes)[:, None] * (a[1:] + a[:-1])
+        u = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])[np.searchsorted(nodes, time)][first - begin :]
+        return np.asarray(np.einsum("nji,nj->ni", R, u))
 
     @property
     def twist_of_topic(self) -> bool:
         """Whether the velocity is the twist of an Odometry topic, which is in body axes by its definition."""
         topic = self.map.base.topic
         return topic is not None and self.channels["base.velocity"].names[0].startswith(f"{topic}.linear")
-
-
-def world_turn(chosen: Map) -> Array:
-    """Return the matrix (3, 3) from the log's world axes to a world with z up."""
-    return HALF_TURN if chosen.log.world == "ned" else np.eye(3)
-
-
-def body_turn(chosen: Map) -> Array:
-    """Return the matrix (3, 3) from the log's body axes to body axes x ahead, y left, z up."""
-    return HALF_TURN if chosen.base.axes == "frd" else np.eye(3)
-
-
-def as_attitude(chosen: Map, turns: Array) -> Array:
-    """Return quaternions (n, 4) of the log as body to world with z up, x, y, z, w.
-
-    Args:
-        chosen: the map, which gives order, sense and axes.
-        turns: (n, 4) unit quaternions in the order of the columns.
-    """
-    section = chosen.base.quaternion
-    if section is not None and section.order == "wxyz":
-        turns = np.roll(turns, -1, axis=1)
-    if section is not None and section.sense == "world_to_body":
-        turns = turns * np.array([-1.0, -1.0, -1.0, 1.0])
-    if chosen.log.world == "ned":
-        x, y, z, w = turns.T
-        turns = np.stack([w, -z, y, -x], axis=1)  # half a turn about x, then the attitude
-    if chosen.base.axes == "frd":
-        x, y, z, w = turns.T
-        turns = np.stack([w, z, -y, -x], axis=1)  # the attitude after half a turn about the body's x
-    return turns

@@ -24,7 +24,7 @@ from aerobat_pin.visualization.figures.control import draw_control
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.linkage import draw_linkage, linkage_animation
 from aerobat_pin.visualization.figures.paper import draw_position, draw_states, draw_stick_diagram
-from aerobat_pin.visualization.figures.record import draw_motion, draw_unexplained
+from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained
 from aerobat_pin.visualization.replay.result_replay import replay_result
 from aerobat_pin.visualization.template import fill_template
 
@@ -61,6 +61,8 @@ def draw_all(made: Experiment | Result) -> dict[str, Figure]:
             figures = {"estimation": draw_estimation(made)}
             if made.record is not None:
                 figures["motion"] = draw_motion(made.record)
+            if any(len(one.onset) for found in made.stances.values() for one in found):
+                figures["contacts"] = draw_contacts(made)
             return {**figures, **_unexplained(made)}
         robot, log = made.robot, made.drawn
         figures = {

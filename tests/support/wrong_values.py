@@ -299,7 +299,7 @@ def _recordings(
         "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
         "OnlineEstimator": (
             api.OnlineEstimator,
-            {"chosen": read, "folder": folder, "heard": None, "calibration": None},
+            {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
         ),
         "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
@@ -329,7 +329,8 @@ PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemor
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact Cause ModelCheck Suspect Finding Agreement Moments Check KnownForces"""  # made by other functions
+Contact Cause ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
+ObserversTogether"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
 SampledSection"""  # pydantic checks

@@ -25,6 +25,7 @@ from aerobat_pin.records import (
     body_turn,
     rotation_matrices,
     sampled_turns,
+    sensor_turn,
     world_turn,
 )
 
@@ -96,19 +97,22 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
     chosen, world, body = record.map, world_turn(record.map), body_turn(record.map)
     rate, speed = chosen.base.rate, chosen.base.velocity
     position, gyro, velocity, felt = map(measured, BASE_CHANNELS)
-    assert position is not None
-    position = position @ world.T
+    sensor, own = sensor_turn(chosen), measured("base.acceleration")
     evidence, steps, turns = [], None, None
     if gyro is not None:
         in_world = rate is not None and bool(rate.columns) and rate.axes == "world"
-        gyro = gyro @ (world if in_world else body @ _sensor_turn(record, "base.rate")).T
+        gyro = gyro @ (world if in_world else sensor @ _sensor_turn(record, "base.rate")).T
         turns = partial(_turns, time, gyro, in_world, latest)
         evidence.append(turns)
-    if velocity is not None:
+    if position is not None:
+        position = position @ world.T
+    if velocity is not None and position is not None:
         in_world = speed is not None and speed.axes == "world" and not record.twist_of_topic
         steps = partial(_steps, time, position, velocity @ (world if in_world else body).T, in_world, latest)
         evidence += [] if in_world else [steps]
-    if felt is not None:
+    if own is not None:
+        felt = own @ sensor.T
+    elif felt is not None:
         felt = felt @ (body @ _sensor_turn(record, "check.specific_force")).T
     attitudes = _attitudes(record, time, measured)
     misread = list(reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt))
@@ -122,6 +126,11 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
         early = sum(one.value or 0.0 for one in found if one.check == "late channel")
         if early < 0.0:  # the attitude is late; a channel is never early
             attitude = sampled_turns(time, attitude, time - early)
+    if position is None:
+        if felt is not None:
+            still = np.zeros((len(time), 3))  # an IMU's record has no place, and over it hardly another mean speed
+            yield from accelerometer_findings(felt, attitude, still, time, chosen.robot.gravity, record.robot.weight)
+        return
     yield from _accelerations(position, time) if steps is None else agreement_findings(steps(attitude))
     if felt is not None:
         yield from accelerometer_findings(felt, attitude, position, time, chosen.robot.gravity, record.robot.weight)

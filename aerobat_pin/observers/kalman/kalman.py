@@ -179,6 +179,11 @@ class KalmanObserver(Observer):
             row[:] = checked(self._of(known, name), self._nv, name)
         return super().update(time, q, v, tau, known)
 
+    @property
+    def doubted_forces(self) -> tuple[str, ...]:
+        """Names of the known forces whose factors can be wrong."""
+        return self._errors
+
     def _of(self, known: Mapping[str, ArrayLike] | None, name: str) -> ArrayLike:
         """Return the known force of a given name. Raises ObserverError if it is missing."""
         known = {} if known is None else known

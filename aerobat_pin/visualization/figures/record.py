@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Result
+from aerobat_pin.estimation import END_SHARE, ONSET_SHARE, Result
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy, slow_part
 from aerobat_pin.records import LogChannel, Record
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
 
+CONTACTS_SHOWN = 5.0  # [s]
 DRAWN = {"base.position": "m", "base.velocity": "m/s", "joints.position": "rad, m", "joints.effort": "N m, N"}
 
 
@@ -38,6 +39,23 @@ def draw_motion(record: Record) -> Figure:
         for first, last in record.parts:
             axis.axvspan(first * record.dt, last * record.dt, color=style.FAINT, alpha=0.25, zorder=0)
     figure.get_axes()[-1].set_xlabel("time [s]; grey: used")
+    return figure
+
+
+def draw_contacts(result: Result) -> Figure:
+    """Draw which point touches the ground when, of the last `CONTACTS_SHOWN` seconds: a gait diagram."""
+    name, stances = next(iter(result.stances.items()))
+    last = result.stored[name].end - result.start
+    figure = Figure(figsize=(8.0, 0.4 * len(stances) + 1.4), layout="constrained")
+    axis = figure.add_subplot()
+    for row, one in enumerate(stances):
+        ends = np.where(np.isnan(one.end), last + result.start, one.end)
+        spans = np.column_stack([one.onset - result.start, ends - one.onset])
+        axis.broken_barh([tuple(span) for span in spans], (row - 0.35, 0.7), color=style.ESTIMATES[0])
+    axis.set_yticks(range(len(stances)), [f"{one.point} ({one.share:.0%})" for one in stances])
+    axis.invert_yaxis()
+    axis.set(xlim=(max(0.0, last - CONTACTS_SHOWN), last), xlabel="time [s]")
+    style.title_of(figure, f"Contacts by {name}: on above {ONSET_SHARE:.0%} of the weight, off below {END_SHARE:.0%}")
     return figure
 
 

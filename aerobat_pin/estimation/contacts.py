@@ -1,0 +1,108 @@
+"""Which foot stands when: contacts with the ground from estimated vertical forces.
+
+A contact begins where the vertical force at a point exceeds `ONSET_SHARE` of the robot's weight W, and ends where it
+falls below `END_SHARE` of it. Its probability follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate
+
+ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
+
+
+@dataclass(frozen=True)
+class Stance:
+    """The contacts of one point with the ground.
+
+    Attributes:
+        point: the frame.
+        onset: (n,) start of each contact [s]; the first one may have begun before the record.
+        end: (n,) its end [s]; NaN for one that lasts beyond the last estimate.
+        share: of the time in contact [-].
+        sure: share of the time at which contact or its absence is at least 95 % likely [-]; NaN without deviations.
+    """
+
+    point: str
+    onset: Array
+    end: Array
+    share: float
+    sure: float
+
+    def numbers(self) -> dict[str, object]:
+        """Return it as `metrics.json` holds it."""
+        last = [None if np.isnan(end) else float(end) for end in self.end]
+        return {
+            "contacts": [list(pair) for pair in zip(self.onset.tolist(), last, strict=True)],
+            "share": self.share,
+            "sure": None if np.isnan(self.sure) else self.sure,
+        }
+
+
+def touching(force: Array, weight: float, before: bool = False) -> Array:
+    """Return whether a point with vertical forces (m,) [N] is in contact, by hysteresis in shares of the weight [N].
+
+    Args:
+        force: (m,) force of the ground on the robot, up [N].
+        weight: of the robot [N].
+        before: whether it was in contact before.
+    """
+    change = np.where(force > ONSET_SHARE * weight, 1, np.where(force < END_SHARE * weight, 0, -1))
+    change = np.concatenate([[int(before)], change])
+    latest = np.maximum.accumulate(np.where(change >= 0, np.arange(len(change)), 0))
+    return np.asarray(change[latest][1:] == 1)
+
+
+def contact_probability(force: Array, deviation: Array, weight: float) -> Array:
+    """Return how likely a contact is, for vertical forces of any shape and their deviations [N]."""
+    from scipy.special import ndtr  # takes a while to import
+
+    return np.asarray(ndtr((force - LIKELY_SHARE * weight) / np.maximum(deviation, 1e-12)))
+
+
+def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
+    """Return the contacts of every point, in blocks of an estimate one after the other; none for other components.
+
+    Args:
+        blocks: the estimate, of forces in world axes.
+        weight: of the robot [N].
+    """
+    edges: dict[str, tuple[list[float], list[float]]] = {}
+    state: dict[str, bool] = {}
+    sums: dict[str, tuple[float, float]] = {}
+    count = 0
+    for block in blocks:
+        if not block.are_world_forces:
+            return ()
+        count += len(block.components)
+        force, deviation = block.force, block.standard_deviation
+        for k, point in enumerate(block.frames):
+            up = force[:, k, 2]
+            on = touching(up, weight, state.get(point, False))
+            onset, end = edges.setdefault(point, ([], []))
+            change = np.diff(np.concatenate([[int(state.get(point, False))], on.astype(int)]))
+            onset += block.time[:-1][change > 0].tolist()
+            end += block.time[:-1][change < 0].tolist()
+            sure = np.nan
+            if deviation is not None:
+                likely = contact_probability(up, deviation[:, 3 * k + 2], weight)
+                sure = float(np.sum(np.abs(likely - 0.5) >= 0.45))
+            before = sums.get(point, (0.0, 0.0))
+            sums[point] = (before[0] + float(on.sum()), before[1] + sure)
+            state[point] = bool(on[-1]) if len(on) else state.get(point, False)
+    return tuple(
+        Stance(
+            point,
+            np.array(onset),
+            np.array(end + [np.nan] * (len(onset) - len(end))),
+            sums[point][0] / max(count, 1),
+            sums[point][1] / max(count, 1),
+        )
+        for point, (onset, end) in edges.items()
+    )

@@ -1,0 +1,83 @@
+"""What a stream gives: the estimate of an interval, and what became of the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Observer
+
+
+class OnlineSample:
+    """The estimate of one interval by one observer.
+
+    Attributes:
+        observer: name of the observer.
+        start: start of the interval [s].
+        end: its end [s].
+        settled: whether the observer has run for `TIME_CONSTANTS_TO_SETTLE` / K since it started.
+    """
+
+    __slots__ = ("_expected", "_labels", "_sample", "end", "observer", "settled", "start")
+
+    def __init__(
+        self, observer: Observer, start: float, end: float, settled: bool, components: Array, deviation: Array | None
+    ) -> None:
+        self.observer, self.start, self.end, self.settled = observer.name, start, end, settled
+        self._labels, self._sample = observer.applications.components, (components, deviation)
+        self._expected = observer.expected
+
+    def _named(self, values: Array | None) -> dict[str, float]:
+        return {} if values is None else dict(zip(self._labels, values.tolist(), strict=True))
+
+    @property
+    def components(self) -> dict[str, float]:
+        """Label -> estimate [N or N m], such as `FL_FOOT.Fz`; world axes."""
+        return self._named(self._sample[0])
+
+    @property
+    def deviation(self) -> dict[str, float]:
+        """Label -> its standard deviation; that of an expected force where the pose does not show it."""
+        return self._named(self._sample[1])
+
+    @property
+    def seen(self) -> dict[str, float]:
+        """Label -> share of its expected square that the rows settle [-]; empty where no force was expected."""
+        deviation = self._sample[1]
+        if deviation is None or self._expected is None:
+            return {}
+        return self._named(self._expected.seen(deviation))
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{label} {value:.4g}" for label, value in self.components.items())
+        return f"OnlineSample({self.start:.4f} to {self.end:.4f} s: {values})"
+
+
+@dataclass(frozen=True)
+class StreamHealth:
+    """What became of the samples of a stream.
+
+    Attributes:
+        estimates: number of intervals that were estimated.
+        starts: how often the observers started: once, and again behind each hole and each step of a clock.
+        skipped: number of times without an estimate, inside holes of a channel.
+        failed: number of intervals whose residual was not finite, behind which the observers started again.
+        samples: channel -> what became of its samples -> their number: `taken`, `inserted` (late, but in time),
+            `refused` (NaN, infinite, huge, a quaternion without length one), `duplicate` (the first was kept), `late`
+            (an estimate had passed), `outlier` (a stamp more than 1 s off), `clock_step` (the third that agrees).
+        stalled: channels without a sample for `STALL` [s].
+        settled: whether the observers have run for long enough since they started.
+    """
+
+    estimates: int
+    starts: int
+    skipped: int
+    failed: int
+    samples: Mapping[str, Mapping[str, int]]
+    stalled: tuple[str, ...]
+    settled: bool
+
+    def count(self, fate: str) -> int:
+        """Return the number of samples of all channels of which something became, such as `refused`."""
+        return sum(found[fate] for found in self.samples.values())

@@ -1,0 +1,34 @@
+"""What an attitude that is off by a tilt does to forces in world axes: it turns them, and nothing else.
+
+A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
+turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Map
+
+
+def tilt_of(chosen: Map) -> float:
+    """Return the standard deviation of roll and of pitch [rad] of a map's attitude: an IMU's, else 0."""
+    base = chosen.base
+    return 0.0 if base.from_ == "measured" or base.held else float(np.radians(base.imu.tilt))
+
+
+def with_tilt(components: Array, deviation: Array, tilt: float) -> Array:
+    """Return standard deviations (..., 3 n) [N] of forces in world axes, seen in axes with a random tilt.
+
+    A tilt (a, b, 0) changes F by (a, b, 0) x F, so by tilt Fz along x and y, and by tilt |(Fx, Fy)| along z.
+
+    Args:
+        components: (..., 3 n) the forces [N].
+        deviation: (..., 3 n) their deviations in the axes of the attitude [N].
+        tilt: standard deviation of a and of b [rad].
+    """
+    force = components.reshape(*components.shape[:-1], -1, 3)
+    x, y, z = (force[..., k] ** 2 for k in range(3))
+    moved = tilt**2 * np.stack([z, z, x + y], axis=-1)
+    return np.asarray(np.sqrt(deviation**2 + moved.reshape(components.shape)))

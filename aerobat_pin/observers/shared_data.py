@@ -1,0 +1,79 @@
+"""Several observers of one model on one `pin.Data`: Pinocchio computes each sample once for all that need the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import ObserverError
+from aerobat_pin.numerics import Array, fields_of
+from aerobat_pin.observers.estimate import Sample
+from aerobat_pin.observers.kalman.kalman import KalmanObserver
+from aerobat_pin.observers.kalman.noisy_sample import inertias_at
+from aerobat_pin.observers.kernels.memory import observer_in
+from aerobat_pin.observers.observer import Observer
+
+
+class ObserversTogether:
+    """Observers that take the same samples.
+
+    Args:
+        observers: of one model, one or more; from now on they read Pinocchio's results in shared data.
+
+    Raises:
+        ObserverError: there is none, or their models differ in size.
+    """
+
+    def __init__(self, observers: Sequence[Observer]) -> None:
+        if len({(int(one.model.nq), int(one.model.nv)) for one in observers}) != 1:
+            raise ObserverError(f"{len(observers)} observers together: one or more of the same model were expected")
+        self.observers = tuple(observers)
+        self.model = observers[0].model
+        self.data = self.model.createData()
+        groups: dict[Callable[..., Any], list[tuple[int, Observer]]] = {}
+        for k, observer in enumerate(observers):
+            observer.reset(pin.neutral(self.model), np.zeros(self.model.nv))  # compiles
+            _read_from(observer, self.data)
+            groups.setdefault(observer._compute, []).append((k, observer))
+        self._groups = tuple(groups.items())
+
+    def start(self, q: Array, v: Array) -> None:
+        """Start all observers again, as `Observer.reset` does, at a sample that has been checked."""
+        for compute, observers in self._groups:
+            compute(self.model, self.data, q, v)
+            for _, observer in observers:
+                observer._start(v)
+
+    def take(self, q: Array, v: Array, u: Array, dt: float) -> list[Sample | None]:
+        """Take the next sample as `Observer.update` does.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) velocity.
+            u: (nv,) sum of all known generalised forces, mean over the interval.
+            dt: its length [s].
+
+        Returns:
+            The estimate of each observer; None if the sample is no configuration or the residual is not finite.
+        """
+        found: list[Sample | None] = [None] * len(self.observers)
+        for compute, observers in self._groups:
+            compute(self.model, self.data, q, v)
+            for k, one in observers:
+                out = np.empty(one._width)
+                if one._update(one._memory, q, v, u, dt, out):
+                    found[k] = one._result(out, one._nv, one._count)
+        return found
+
+
+def _read_from(observer: Observer, data: pin.Data) -> None:
+    """Let the kernels of an observer read Pinocchio's results in data that are not its own."""
+    observer.data = data
+    if isinstance(observer, KalmanObserver):
+        observer._look_at(data, observer._kalman.observer)
+        observer._kalman.filter.inertias[:] = inertias_at(observer.model, data)
+    else:
+        observer._look_at(data, fields_of(observer_in, observer._memory))

@@ -1,0 +1,313 @@
+"""Forces on the feet of a trotting Go2 without motion capture: `docs/legs.md`. Some minutes.
+
+PYTHONPATH=tests python benchmarks/legs.py [--duration 20] [--write docs/legs.md]
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from datetime import UTC, datetime
+from itertools import repeat
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+from trot import FAST_TROT, PUSHED, TROT, WALK, Gait, Noise, Walked, feet_of, walked
+
+from aerobat_pin import estimate, load_robot, open_record
+from aerobat_pin.estimation.contacts import contact_probability, touching
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import parse_map
+
+GAINS = (100.0, 200.0, 500.0, 1000.0)
+BASES = {"measured": "motion capture", "imu": "IMU", "joints": "joint rows alone"}
+SETTLED = 1.0  # [s] after the start, in which the robot stands
+LONGEST_LATE = 0.06  # [s] between a touchdown and the one that is found for it
+TRUE_CONTACT = 0.02  # of the weight: a foot that carries more touches the ground; before that it scrapes
+
+
+def sensed(walk: Walked, noise: Noise, seed: int = 1) -> pd.DataFrame:
+    """Return what the sensors show, one row each 2 ms; the accelerometer's samples are means of the interval before."""
+    rng, count = np.random.default_rng(seed), len(walk.time)
+
+    def white(size: float, columns: int = 3) -> Array:
+        return np.asarray(size * rng.standard_normal((count, columns)))
+
+    R = np.array([pin.Quaternion(q[3:7]).matrix() for q in walk.q])
+    tilt = pin.exp3(noise.attitude[0] * np.array([*rng.choice([-1.0, 1.0], 2), 0.0]))
+    seen = {"i": np.array([tilt @ one @ pin.exp3(turn) for one, turn in zip(R, white(noise.attitude[1]), strict=True)])}
+    seen["m"] = np.array([one @ pin.exp3(turn) for one, turn in zip(R, white(noise.attitude[1]), strict=True)])
+    columns: dict[str, Array] = {"t": walk.time}
+    for name, attitude in seen.items():
+        turns = np.array([pin.Quaternion(one).coeffs() for one in attitude])
+        columns |= {f"{name}q{axis}": turns[:, k] for k, axis in enumerate("xyzw")}
+    speed = np.einsum("nij,nj->ni", R, walk.v[:, :3]) + white(noise.mocap[1])
+    place = walk.q[:, :3] + white(noise.mocap[0])
+    gyro = walk.v[:, 3:6] + white(noise.gyro[0]) + noise.gyro[1] * rng.standard_normal(3)
+    felt = walk.felt + white(noise.accelerometer[0]) + noise.accelerometer[1] * rng.standard_normal(3)
+    for name, values in (("p", place), ("v", speed), ("w", gyro), ("a", felt)):
+        columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate("xyz")}
+    angle, rate = walk.q[:, 7:] + white(noise.joint[0], 12), walk.v[:, 6:] + white(noise.joint[1], 12)
+    effort = walk.tau * (1.0 + noise.torque[2] * rng.standard_normal(12)) + white(noise.torque[0], 12)
+    for name, values in (("q", angle), ("dq", rate), ("tau", effort)):
+        columns |= {f"{name}{k}": values[:, k] for k in range(12)}
+    return pd.DataFrame(columns)
+
+
+def mapped(
+    base: str, gain: float, feet: tuple[str, ...], joints: tuple[str, ...], robot: str = "go2"
+) -> dict[str, Any]:
+    """Return the map of the table, for a source of the base's motion."""
+
+    def axes(name: str, letters: str = "xyz") -> dict[str, Any]:
+        return {"columns": [f"{name}{letter}" for letter in letters]}
+
+    parts = {
+        "measured": {"position": axes("p"), "quaternion": axes("mq", "xyzw"), "velocity": axes("v"), "rate": axes("w")},
+        "imu": {"quaternion": axes("iq", "xyzw"), "rate": axes("w"), "acceleration": axes("a") | {"delay": 0.001}},
+        "joints": {"quaternion": axes("iq", "xyzw"), "rate": axes("w")},
+    }
+    numbered = {part: {"columns": [f"{name}{k}" for k in range(12)]} for part, name in JOINT_COLUMNS.items()}
+    return {
+        "robot": {"name": robot, "points": list(feet)},
+        "log": {"time": {"column": "t"}},
+        "base": {"from": base, "imu": {"tilt": 0.3}} | parts[base],
+        "joints": {"names": list(joints)} | numbered,
+        "observer": {"gain": gain},
+    }
+
+
+Estimated = tuple[Array, Array, Array]
+JOINT_COLUMNS = {"position": "q", "velocity": "dq", "effort": "tau"}
+
+
+def estimated(table: pd.DataFrame, base: str, gain: float, robot: str = "go2") -> Estimated:
+    """Return times (m + 1,), forces (m, 4, 3) and their deviations, of a table."""
+    model = load_robot(robot).model
+    values = mapped(base, gain, feet_of(model), tuple(model.names.tolist()[2:]), robot)
+    with tempfile.TemporaryDirectory() as name:
+        table.to_csv(Path(name) / "log.csv", index=False)
+        record = open_record(Path(name) / "log.csv", parse_map(values, "of the trot"), Path(name))
+        found = estimate(record, trust=True).estimates["force_level"]
+    deviation = found.standard_deviation
+    assert deviation is not None
+    return found.time, found.force, deviation.reshape(found.force.shape)
+
+
+def quasi_static(table: pd.DataFrame, walk: Walked, gain: float, robot: str = "go2") -> Array:
+    """Return F = (J^T)^-1 (g - tau) of each leg, low-passed like an observer: forces (m, 4, 3) of a robot at rest."""
+    model = load_robot(robot).model
+    data, frames = model.createData(), [model.getFrameId(foot) for foot in feet_of(model)]
+    q = np.column_stack([walk.q[:, :3], table[["iqx", "iqy", "iqz", "iqw"]], table[[f"q{k}" for k in range(12)]]])
+    tau = table[[f"tau{k}" for k in range(12)]].to_numpy()
+    found, decay = np.zeros((len(q) - 1, 4, 3)), np.exp(-gain * float(walk.time[1] - walk.time[0]))
+    state = np.zeros((4, 3))
+    for k in range(len(found)):
+        pin.computeJointJacobians(model, data, q[k + 1])
+        pin.updateFramePlacements(model, data)
+        gravity = pin.computeGeneralizedGravity(model, data, q[k + 1])
+        for foot, frame in enumerate(frames):
+            rows = slice(6 + 3 * foot, 9 + 3 * foot)
+            J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3, rows]
+            raw = np.linalg.solve(J.T, gravity[rows] - tau[k + 1, 3 * foot : 3 * foot + 3])
+            state[foot] = raw + decay * (state[foot] - raw)
+        found[k] = state
+    return found
+
+
+def r_squared(true: Array, found: Array) -> Array:
+    """Return R2 of each column of (m, ...) series."""
+    return np.asarray(1.0 - np.sum((found - true) ** 2, axis=0) / np.sum((true - true.mean(axis=0)) ** 2, axis=0))
+
+
+def touchdowns(on: Array) -> Array:
+    """Return the indices at which a contact begins."""
+    return np.flatnonzero(np.diff(on.astype(int)) > 0) + 1
+
+
+def contact_figures(walk: Walked, force: Array, weight: float) -> dict[str, float]:
+    """Return how contacts that are found agree with the true ones, over all feet."""
+    delays: list[float] = []
+    ends: list[float] = []
+    false = lost = events = 0
+    agree = []
+    for foot in range(4):
+        true = walk.force[:, foot, 2] > TRUE_CONTACT * weight
+        on = touching(force[:, foot, 2], weight)
+        inside = walk.time[:-1] > SETTLED
+        agree.append(np.mean((true == on)[inside]))
+        for sign, kept in ((1, delays), (0, ends)):
+            real, seen = (walk.time[touchdowns(one == bool(sign))] for one in (true, on))
+            real, seen = real[real > SETTLED], seen[seen > SETTLED - LONGEST_LATE]
+            near = [seen[np.argmin(np.abs(seen - t))] - t if len(seen) else np.inf for t in real]
+            good = [late for late in near if abs(late) < LONGEST_LATE]
+            kept += good
+            if sign:
+                events += len(real)
+                lost += len(real) - len(good)
+                false += sum(np.min(np.abs(real - t), initial=np.inf) >= LONGEST_LATE for t in seen[seen > SETTLED])
+    down, up = 1e3 * np.array(delays), 1e3 * np.array(ends)
+    return {
+        "events": events,
+        "touchdown": float(np.median(down)),
+        "within": float(np.percentile(np.abs(down), 90.0)),
+        "lift": float(np.median(up)) if len(up) else np.nan,
+        "false": false,
+        "lost": lost,
+        "agree": float(np.mean(agree)),
+    }
+
+
+def cut(walk: Walked, time: Array) -> Walked:
+    """Return a walk at the intervals of an estimate, by its times (m + 1,) [s]."""
+    first = int(np.argmin(np.abs(walk.time - time[0])))
+    rows = slice(first, first + len(time) - 1)
+    parts = {name: getattr(walk, name)[rows] for name in ("force", "touching", "push")}
+    return replace(walk, time=time, **parts)
+
+
+def force_rows(walk: Walked, table: pd.DataFrame, found: dict[tuple[str, float], Estimated]) -> Iterator[str]:
+    """Yield the rows of the table of R2."""
+    for (base, gain), (time, force, _) in found.items():
+        yield force_row(f"{BASES[base]}, K {gain:g}", cut(walk, time), force)
+    for gain in (500.0, 100.0):
+        yield force_row(f"quasi-static, low-pass {gain:g} 1/s", walk, quasi_static(table, walk, gain))
+
+
+def force_row(words: str, walk: Walked, force: Array) -> str:
+    """Return a row: R2 of each foot's Fz and of horizontal forces, rms error."""
+    inside = walk.time[:-1] > SETTLED
+    r2 = r_squared(walk.force[inside], force[inside])
+    rms = np.sqrt(np.mean((force[inside] - walk.force[inside]) ** 2, axis=(0, 1)))
+    feet = " | ".join(f"{value:.4f}" for value in r2[:, 2])
+    return f"| {words} | {feet} | {r2[:, 0].mean():.2f} | {r2[:, 1].mean():.2f} | {rms[2]:.2f} |"
+
+
+def contact_row(words: str, walk: Walked, force: Array, weight: float) -> str:
+    """Return a row of contact figures."""
+    found = contact_figures(walk, force, weight)
+    return (
+        f"| {words} | {found['events']:.0f} | {found['touchdown']:+.0f} | {found['within']:.0f} | "
+        f"{found['lift']:+.0f} | {found['false']:.0f} | {found['lost']:.0f} | {found['agree']:.3f} |"
+    )
+
+
+def deviation_row(words: str, walk: Walked, force: Array, deviation: Array, weight: float) -> str:
+    """Return a row: share within two deviations, and how right the probability of contact is."""
+    inside = walk.time[:-1] > SETTLED
+    within = np.mean(np.abs(force - walk.force)[inside] < 2.0 * deviation[inside], axis=(0, 1))
+    likely = contact_probability(force[inside, :, 2], deviation[inside, :, 2], weight)
+    true = walk.force[inside, :, 2] > TRUE_CONTACT * weight
+    brier, sure = np.mean((likely - true) ** 2), likely > 0.95
+    shares = " | ".join(f"{share:.0%}" for share in within)
+    return f"| {words} | {shares} | {brier:.3f} | {np.mean(true[sure]):.3f} |"
+
+
+def page(duration: float) -> str:
+    """Return the page."""
+    noise = Noise()
+    robot = load_robot("go2")
+    gaits, cases = (TROT, FAST_TROT, WALK, PUSHED), [("measured", 500.0), ("joints", 500.0)]
+    cases += [("imu", gain) for gain in GAINS]
+    with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as pool:
+        walks = list(pool.map(walked, gaits, [duration, *[0.3 * duration] * 3]))
+        walk, table = walks[0], sensed(walks[0], noise)
+        found = dict(zip(cases, pool.map(estimated, repeat(table), *zip(*cases, strict=True)), strict=True))
+        others = list(pool.map(gait_row, gaits[1:], walks[1:]))
+    lines = [PROSE.format(date=f"{datetime.now(UTC):%Y-%m-%d}", duration=duration, mass=robot.mass)]
+    lines += [FORCE_HEADER, *force_rows(walk, table, found), "", CONTACT_PROSE, CONTACT_HEADER]
+    deviations = []
+    for base, words in BASES.items():
+        time, force, deviation = found[base, 500.0]
+        lines.append(contact_row(words, cut(walk, time), force, robot.weight))
+        deviations.append(deviation_row(words, cut(walk, time), force, deviation, robot.weight))
+    lines.append(contact_row("quasi-static", walk, quasi_static(table, walk, 500.0), robot.weight))
+    lines += ["", DEVIATION_PROSE, DEVIATION_HEADER, *deviations, "", GAIT_PROSE, GAIT_HEADER, *others]
+    return "\n".join(lines) + "\n"
+
+
+def gait_row(gait: Gait, walk: Walked) -> str:
+    """Return the row of another gait, by the IMU."""
+    noise = Noise()
+    time, force, _ = estimated(sensed(walk, noise), "imu", 500.0)
+    walk, robot = cut(walk, time), load_robot("go2")
+    inside = walk.time[:-1] > SETTLED
+    r2 = r_squared(walk.force[inside], force[inside])[:, 2]
+    found = contact_figures(walk, force, robot.weight)
+    return (
+        f"| {gait.name} | {', '.join(f'{speed:g}' for speed in gait.speeds)} | {r2.min():.3f} to {r2.max():.3f} | "
+        f"{found['touchdown']:+.0f} | {found['false']:.0f} | {found['lost']:.0f} of {found['events']:.0f} |"
+    )
+
+
+PROSE = """# Legs without motion capture
+
+A Go2 ({mass:.1f} kg, `robot.name = "go2"`) trots in MuJoCo for {duration:g} s at 0.3, 0.55 and 0.8 m/s. Its
+table of sensors goes through `aerobat estimate` by a map: joint angles, rates and torques, gyro,
+accelerometer and attitude at 500 Hz. Noise: torques 0.1 N m, factors off by 3 %, Coulomb friction of 0.15 N m
+that nobody knows; gyro 3 mrad/s and a bias of 2; accelerometer 0.06 m/s2 and a bias of 0.05; attitude tilted
+by 0.3 deg about two axes; motion capture 0.1 mm and 0.3 mm/s. Written {date} by `PYTHONPATH=tests python
+benchmarks/legs.py --write docs/legs.md`.
+
+The map's only difference:
+
+```toml
+[base]
+from = "imu"            # or "joints": the joints' rows alone; "measured": position and velocity, as by motion capture
+topic = "/imu"          # sensor_msgs/Imu: attitude, gyro, accelerometer
+imu = {{ place = [0.0, 0.0, 0.0], turn = [0.0, 0.0, 0.0], tilt = 0.3 }}
+```
+
+## Forces on the feet
+
+R2 of each foot's vertical force, mean R2 of the horizontal ones, rms error of the vertical ones. The rival
+takes the robot for one that stands still: F = (J^T)^-1 (g - tau) of each leg, with the same low-pass.
+"""
+FORCE_HEADER = """| base | FL | FR | RL | RR | Fx | Fy | rms Fz [N] |
+|---|---|---|---|---|---|---|---|"""
+CONTACT_PROSE = """## Contacts
+
+A contact begins above 8 % of the weight and ends below 4 %. Touchdowns, the median and 90 % of the sizes of
+their delays [ms], lift-offs likewise, contacts that are none, contacts that are missed, and the share of the
+time in which it is right. A foot touches in truth where it carries 2 % of the weight. K 500.
+"""
+CONTACT_HEADER = """| base | contacts | touchdown [ms] | 90 % within [ms] | lift-off [ms] | false | lost | agree |
+|---|---|---|---|---|---|---|---|"""
+DEVIATION_PROSE = """## Deviations
+
+The share of all errors within two stated deviations, and how right the probability of contact is: the Brier
+score, and how often a foot stands whose probability is above 0.95.
+"""
+DEVIATION_HEADER = """| base | Fx | Fy | Fz | Brier | right above 0.95 |
+|---|---|---|---|---|---|"""
+GAIT_PROSE = """## Other gaits, and a push
+
+By the IMU, K 500. In the last row 25 N push the trunk to the left for 0.3 s in every 3 s, and the trunk is
+not among the points.
+"""
+GAIT_HEADER = """| gait | speeds [m/s] | R2 of Fz | touchdown [ms] | false | lost |
+|---|---|---|---|---|---|"""
+
+
+def main() -> None:
+    """Write or print the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--duration", type=float, default=45.0, help="of the trot [s]")
+    parser.add_argument("--write", type=Path, help="the page")
+    chosen = parser.parse_args()
+    text = page(chosen.duration)
+    if chosen.write:
+        chosen.write.write_text(text, encoding="utf-8")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,311 @@
+"""A robot with four legs that trots in MuJoCo: what its sensors show, with noise, and what its feet feel.
+
+The controller is a plain one: forces of the feet on the ground that hold height, speed and attitude (least squares),
+feet in the air on arcs to where the speed asks for them (Raibert 1986).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin import load_robot
+from aerobat_pin.numerics import Array
+
+STEP, CONTROL, SAMPLE = 5e-4, 1e-3, 2e-3  # [s]
+FOOT_RADIUS, FRICTION = 0.022, 0.8
+HEIGHT = 0.30  # [m] of the trunk
+LIFT = 0.06  # [m] of a foot in the air
+MOTOR_LAG = 1.5e-3  # [s]
+
+
+@dataclass(frozen=True)
+class Gait:
+    """When which foot is on the ground, and how fast the robot goes.
+
+    Attributes:
+        name: its name.
+        offsets: phase of each foot at which it touches the ground [periods].
+        duty: share of the period on the ground.
+        period: of a step [s].
+        speeds: forward speeds, each for the same share of the time [m/s].
+        push: force on the trunk to the left [N] for 0.3 s in every 3 s.
+    """
+
+    name: str
+    offsets: tuple[float, ...] = (0.0, 0.5, 0.5, 0.0)
+    duty: float = 0.55
+    period: float = 0.45
+    speeds: tuple[float, ...] = (0.3, 0.55, 0.8)
+    push: float = 0.0
+
+
+TROT = Gait("trot")
+WALK = Gait("walk", (0.0, 0.5, 0.75, 0.25), 0.77, 0.9, (0.15, 0.25))
+FAST_TROT = Gait("running trot", duty=0.48, period=0.36, speeds=(0.8, 1.2))
+PUSHED = replace(TROT, name="trot, trunk pushed", push=25.0)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of white noise, biases, and errors of the belief.
+
+    Attributes:
+        torque: white noise [N m], Coulomb friction of each joint [N m] that nobody knows, error of its factor.
+        joint: angle [rad], rate [rad/s].
+        gyro: white noise, bias [rad/s].
+        accelerometer: white noise, bias [m/s2].
+        attitude: constant tilt, white noise [rad].
+        mocap: position [m], velocity [m/s].
+    """
+
+    torque: tuple[float, float, float] = (0.1, 0.15, 0.03)
+    joint: tuple[float, float] = (2e-4, 0.02)
+    gyro: tuple[float, float] = (3e-3, 2e-3)
+    accelerometer: tuple[float, float] = (0.06, 0.05)
+    attitude: tuple[float, float] = (np.radians(0.3), 3e-4)
+    mocap: tuple[float, float] = (1e-4, 3e-4)
+
+
+@dataclass(frozen=True)
+class Walked:
+    """Samples each 2 ms: time (m + 1,), q, v, tau of the motors, accelerometer (means), and forces on feet (means).
+
+    Attributes:
+        time: (m + 1,) [s].
+        q: (m + 1, 19) placement of the trunk and joint angles.
+        v: (m + 1, 18) twist in body axes and joint rates.
+        tau: (m + 1, 12) torque of the motors at the links [N m].
+        felt: (m + 1, 3) mean specific force since the sample before [m/s2], body axes.
+        force: (m, 4, 3) mean force on each foot [N], world axes.
+        touching: (m, 4) share of the interval in which a foot touches the ground.
+        push: (m, 3) mean force on the trunk [N].
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    tau: Array
+    felt: Array
+    force: Array
+    touching: Array
+    push: Array
+
+
+def mjcf(model: pin.Model, feet: tuple[str, ...]) -> str:
+    """Return a robot as MJCF: its inertias and joints, spheres for feet, and a floor."""
+    children: dict[int, list[int]] = {}
+    for joint in range(2, model.njoints):
+        children.setdefault(int(model.parents[joint]), []).append(joint)
+
+    def words(values: Array) -> str:
+        return " ".join(f"{value:.10g}" for value in values)
+
+    def body(joint: int) -> str:
+        inertia, place = model.inertias[joint], model.jointPlacements[joint]
+        I = inertia.inertia  # noqa: E741
+        turn = pin.Quaternion(place.rotation)
+        at = f'pos="{words(place.translation)}" quat="{turn.w} {turn.x} {turn.y} {turn.z}"'
+        own = "<freejoint/>" if joint == 1 else ""
+        if joint > 1:
+            axis = words(np.eye(3)["XYZ".index(model.joints[joint].shortname()[-1])])
+            own = f'<joint name="{model.names[joint]}" axis="{axis}"/>'
+        full = words(np.array([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]))
+        own += f'<inertial pos="{words(inertia.lever)}" mass="{inertia.mass}" fullinertia="{full}"/>'
+        if joint == 1:
+            own += '<site name="imu"/>'
+        for foot in feet:
+            frame = model.frames[model.getFrameId(foot)]
+            if frame.parentJoint == joint:
+                own += (
+                    f'<geom name="{foot}" type="sphere" size="{FOOT_RADIUS}" pos="{words(frame.placement.translation)}"'
+                )
+                own += f' mass="0" friction="{FRICTION} 0.01 0.001"/>'
+        below = "".join(body(child) for child in children.get(joint, ()))
+        return f'<body name="{model.names[joint]}" {at}>{own}{below}</body>'
+
+    motors = "".join(f'<motor joint="{name}"/>' for name in model.names.tolist()[2:])
+    return (
+        f'<mujoco><option timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="10"/>'
+        f'<worldbody><geom name="floor" type="plane" size="0 0 1" friction="{FRICTION} 0.01 0.001"/>{body(1)}'
+        f"</worldbody><actuator>{motors}</actuator>"
+        '<sensor><accelerometer site="imu"/></sensor></mujoco>'
+    )
+
+
+class Trotter:
+    """The controller: torques of the motors from the true state."""
+
+    def __init__(self, model: pin.Model, feet: tuple[str, ...], gait: Gait, duration: float) -> None:
+        self.model, self.data, self.gait, self.duration = model, model.createData(), gait, duration
+        self.frames = [model.getFrameId(foot) for foot in feet]
+        self.mass = pin.computeTotalMass(model)
+        q = stance(model)
+        pin.framesForwardKinematics(model, self.data, q)
+        self.hips = np.array([self.data.oMf[frame].translation - q[:3] for frame in self.frames])
+        self.lifted = self.hips + q[:3]
+        self.swung = np.zeros(4, bool)
+        self.heading = 0.0
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        """Return the torque (12,) of the motors [N m] at a time [s]."""
+        model, data, gait = self.model, self.data, self.gait
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        gravity = pin.computeGeneralizedGravity(model, data, q)
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        J = [pin.getFrameJacobian(model, data, frame, axes)[:3] for frame in self.frames]
+        places = np.array([data.oMf[frame].translation for frame in self.frames])
+        R = pin.Quaternion(q[3:7]).matrix()
+        speed, spin = R @ v[:3], R @ v[3:6]
+        ahead = R[:, 0] / np.linalg.norm(R[:2, 0])
+        wanted = gait.speeds[min(int(time / self.duration * len(gait.speeds)), len(gait.speeds) - 1)]
+        wanted *= min(1.0, time / 1.0)
+        target = np.array([wanted * ahead[0], wanted * ahead[1], 0.0])
+        phase = (time / gait.period + np.array(gait.offsets)) % 1.0
+        ground = phase < gait.duty if time > 0.5 else np.ones(4, bool)
+        tau = np.zeros(model.nv)
+        standing = np.flatnonzero(ground)
+        if len(standing):
+            force = self._stand(standing, places, q, R, speed, spin, target)
+            for foot, f in zip(standing, force, strict=True):
+                tau -= J[foot].T @ f
+        for foot in np.flatnonzero(~ground):
+            if not self.swung[foot]:
+                self.lifted[foot] = places[foot]
+            s = (phase[foot] - gait.duty) / (1.0 - gait.duty)
+            hip = q[:3] + R @ np.array([*self.hips[foot, :2], 0.0])
+            reach = 0.5 * gait.duty * gait.period * speed + 0.12 * (speed - target)
+            end = np.array([*(hip + reach)[:2], FOOT_RADIUS - 0.004])
+            blend = 0.5 - 0.5 * np.cos(np.pi * s)
+            rate = 1.0 / ((1.0 - gait.duty) * gait.period)
+            at = self.lifted[foot] + blend * (end - self.lifted[foot])
+            at[2] += LIFT * np.sin(np.pi * s)
+            moving = 0.5 * np.pi * np.sin(np.pi * s) * rate * (end - self.lifted[foot])
+            moving[2] += LIFT * np.pi * np.cos(np.pi * s) * rate
+            f = 700.0 * (at - places[foot]) + 22.0 * (moving - J[foot] @ v)
+            leg = slice(6 + 3 * foot, 9 + 3 * foot)
+            tau[leg] += (J[foot].T @ f)[leg] + gravity[leg]
+        self.swung = ~ground
+        return np.asarray(np.clip(tau[6:], -40.0, 40.0))
+
+    def _stand(
+        self, standing: Array, places: Array, q: Array, R: Array, speed: Array, spin: Array, target: Array
+    ) -> Array:
+        """Return the forces (n, 3) of the ground on feet that stand."""
+        roll, pitch, yaw = pin.rpy.matrixToRpy(R)
+        push = np.array([0.0, 0.0, 9.81 + 120.0 * (HEIGHT - q[2]) - 14.0 * speed[2]])
+        push += 5.0 * (target - speed) * [1.0, 1.0, 0.0]
+        push[1] -= 2.0 * q[1]
+        turn = np.array([-120.0 * roll - 12.0 * spin[0], -120.0 * pitch - 12.0 * spin[1], -30.0 * yaw - 8.0 * spin[2]])
+        inertia = np.array([0.12, 0.3, 0.35])
+        wrench = np.concatenate([self.mass * push, inertia * turn])
+        arms = places[standing] - q[:3]
+        A = np.vstack([np.tile(np.eye(3), len(standing)), np.hstack([pin.skew(arm) for arm in arms])])
+        weight = np.array([1.0, 1.0, 1.0, 10.0, 10.0, 3.0])
+        B = A * weight[:, None]
+        force = np.linalg.solve(B.T @ B + 1e-3 * np.eye(B.shape[1]), B.T @ (weight * wrench)).reshape(-1, 3)
+        force[:, 2] = np.clip(force[:, 2], 8.0, 250.0)
+        side = np.minimum(1.0, 0.6 * force[:, 2] / np.maximum(np.linalg.norm(force[:, :2], axis=1), 1e-9))
+        force[:, :2] *= side[:, None]
+        return np.asarray(force)
+
+
+def stance(model: pin.Model) -> Array:
+    """Return the configuration (nq,) in which the robot stands."""
+    q = pin.neutral(model)
+    q[2] = HEIGHT
+    q[7:] = np.tile([0.0, 0.78, -1.57], 4)
+    return np.asarray(q)
+
+
+def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: Noise = Noise()) -> Walked:
+    """Let the robot walk for some seconds; friction of its joints as the noise says. RuntimeError if it falls."""
+    robot = load_robot(name)
+    model, feet = robot.model, feet_of(robot.model)
+    simulated = mujoco.MjModel.from_xml_string(mjcf(model, feet))
+    state = mujoco.MjData(simulated)
+    floor = mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_GEOM, "floor")
+    geoms = {mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_GEOM, foot): k for k, foot in enumerate(feet)}
+    start = stance(model)
+    state.qpos[:] = [*start[:3], start[6], *start[3:6], *start[7:]]
+    state.qpos[2] += FOOT_RADIUS - _lowest(model, feet, start)
+    controller, steps = Trotter(model, feet, gait, duration), round(duration / STEP)
+    rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force", "touching", "push")}
+    sums = _Sums()
+    command, tau = np.zeros(12), np.zeros(12)
+    trunk = mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_BODY, model.names[1])
+    for step in range(steps + 1):
+        q, v = _pin_state(state)
+        if q[2] < 0.15:
+            raise RuntimeError(f"{gait.name}: the robot fell at {state.time:.2f} s")
+        if step % round(CONTROL / STEP) == 0:
+            command = controller.torque(state.time, q, v)
+        if step % round(SAMPLE / STEP) == 0:
+            for key, value in (("time", np.array(state.time)), ("q", q), ("v", v), ("tau", tau.copy())):
+                rows[key].append(value)
+            if step:
+                for key, value in sums.means().items():
+                    rows[key].append(value)
+        before = tau.copy()
+        tau += STEP / MOTOR_LAG * (command - tau)
+        push = np.array([0.0, gait.push if 2.0 <= state.time % 3.0 < 2.3 else 0.0, 0.0])
+        state.xfrc_applied[trunk, :3] = push
+        drag = noise.torque[1] * np.tanh(v[6:] / 0.02)
+        state.ctrl[:] = 0.5 * (before + tau) - drag
+        mujoco.mj_step(simulated, state)
+        sums.add(simulated, state, floor, geoms, push)
+    rows["felt"].insert(0, rows["felt"][0])
+    return Walked(**{key: np.array(values) for key, values in rows.items()})
+
+
+class _Sums:
+    """Sums over the steps since the last sample."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Array, ...]] = []
+
+    def add(self, model: mujoco.MjModel, state: mujoco.MjData, floor: int, geoms: dict[int, int], push: Array) -> None:
+        """Add a step."""
+        force, touching, wrench = np.zeros((4, 3)), np.zeros(4), np.zeros(6)
+        for k in range(state.ncon):
+            contact = state.contact[k]
+            foot = geoms.get(int(contact.geom2), geoms.get(int(contact.geom1), -1))
+            if foot < 0 or floor not in (contact.geom1, contact.geom2):
+                continue
+            mujoco.mj_contactForce(model, state, k, wrench)
+            sign = 1.0 if contact.geom1 == floor else -1.0
+            force[foot] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
+            touching[foot] = 1.0
+        self._parts.append((state.sensordata[:3].copy(), force, touching, push))
+
+    def means(self) -> dict[str, Array]:
+        """Return the means, and begin again."""
+        found = [np.mean(np.array(part), axis=0) for part in zip(*self._parts, strict=True)]
+        self._parts = []
+        return dict(zip(("felt", "force", "touching", "push"), found, strict=True))
+
+
+def _pin_state(state: mujoco.MjData) -> tuple[Array, Array]:
+    """Return q and v as Pinocchio has them: x, y, z, w, and the twist in body axes."""
+    p, v = state.qpos, state.qvel
+    q = np.concatenate([p[:3], p[4:7], p[3:4], p[7:]])
+    R = pin.Quaternion(q[3:7]).matrix()
+    return q, np.concatenate([R.T @ v[:3], v[3:]])
+
+
+def _lowest(model: pin.Model, feet: tuple[str, ...], q: Array) -> float:
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return float(min(data.oMf[model.getFrameId(foot)].translation[2] for foot in feet))
+
+
+def feet_of(model: pin.Model) -> tuple[str, ...]:
+    """Return the frames of the feet, front left, front right, rear left, rear right."""
+    names = [frame.name for frame in model.frames.tolist() if frame.type == pin.FrameType.BODY]
+    return tuple(
+        next(n for n in names if n.lower().startswith(leg) and "foot" in n.lower()) for leg in ("fl", "fr", "rl", "rr")
+    )

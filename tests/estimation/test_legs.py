@@ -1,0 +1,155 @@
+"""Legs without motion capture: a base by its IMU or by the joints alone, contacts, and what a tilt does."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import tomli_w
+from support.commands import call
+from support.drone import MAP as DRONE
+from support.drone import flight
+from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
+
+from aerobat_pin.errors import AerobatError
+from aerobat_pin.estimation import estimate
+from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
+from aerobat_pin.estimation.moving_axes import change_of_axes
+from aerobat_pin.estimation.tilt import with_tilt
+from aerobat_pin.records import base_requests, open_record, parse_map
+
+PLACE, TURN = np.array([0.12, -0.05, 0.08]), np.array([10.0, -20.0, 90.0])  # [m], [deg]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the quadruped's file and table, and an IMU that is turned and off the base's origin."""
+    path = tmp_path_factory.mktemp("legs")
+    (path / "quadruped.urdf").write_text(urdf())
+    walked, log = walk(), table(walk())
+    rate = walked.v[:, 3:6]
+    change = np.gradient(rate, walked.time, axis=0)
+    felt = walked.specific_force + np.cross(change, PLACE) + np.cross(rate, np.cross(rate, PLACE))
+    turn = pin.rpy.rpyToMatrix(*np.radians(TURN))  # from the IMU's axes to the base's
+    for name, values in (("imu_a", felt @ turn), ("imu_w", rate @ turn)):
+        log[[f"{name}{axis}" for axis in "xyz"]] = values
+    attitude = [pin.Quaternion(pin.Quaternion(q[3:7]).matrix() @ turn).coeffs() for q in walked.q]
+    log[[f"imu_q{axis}" for axis in "xyzw"]] = np.array(attitude)
+    log.to_csv(path / "log.csv", index=False)
+    return path
+
+
+def mapped(folder: Path, source: str, **more: Any) -> dict[str, Any]:
+    """Return a map whose base is known by the IMU or by the joints."""
+    values = copy.deepcopy(table_map(folder / "quadruped.urdf"))
+    del values["check"]
+    values["robot"]["urdf"] = "quadruped.urdf"
+    values["log"] = {"time": {"column": "t"}}
+    values["base"] = {
+        "from": source,
+        "quaternion": {"columns": [f"imu_q{axis}" for axis in "xyzw"]},
+        "rate": {"columns": [f"imu_w{axis}" for axis in "xyz"]},
+        "acceleration": {"columns": [f"imu_a{axis}" for axis in "xyz"]},
+        "imu": {"place": PLACE.tolist(), "turn": TURN.tolist(), "tilt": 0.0},
+        **more,
+    }
+    return values
+
+
+@pytest.mark.parametrize(("source", "least"), [("imu", 0.995), ("joints", 0.9)])
+def test_a_base_without_position_gives_the_forces_of_the_feet(folder: Path, source: str, least: float) -> None:
+    """By an IMU that is turned and off the origin, and by the joints' rows with the base's velocity taken for 0."""
+    record = open_record(folder / "log.csv", parse_map(mapped(folder, source), "-"), folder)
+    assert "base.position" not in record.channels
+    found = estimate(record)
+    assert not [one for one in found.findings if one.warns]
+    force, true = found.estimates["force_level"].force[200:], walk().force[201 : 201 + 1300]
+    force = force[:1300]
+    r2 = 1.0 - np.sum((force - true) ** 2, axis=0) / np.sum((true - true.mean(axis=0)) ** 2, axis=0)
+    assert r2[:, 2].min() > least
+    stances = found.stances["force_level"]
+    assert [one.point for one in stances] == list(FEET)
+    assert all(one.share > 0.99 for one in stances)  # all its feet carry it all the time
+    assert found.metrics()["contacts"]["force_level"]["FL_FOOT"]["contacts"][0][1] is None
+
+
+def test_a_change_of_axes_is_no_force(folder: Path) -> None:
+    """Where the velocity begins at zero again, nothing is seen of it; with the IMU elsewhere than said, much is."""
+    chosen = parse_map(mapped(folder, "imu"), "-")
+    right = estimate(open_record(folder / "log.csv", chosen, folder)).estimates["force_level"].force
+    steps = np.abs(np.diff(right, axis=0)).max(axis=(1, 2))
+    assert steps[249:1400:250].max() < 1.5 * np.median(steps[200:])  # each half second
+    model = open_record(folder / "log.csv", chosen, folder).robot.model
+    q, v = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), np.linspace(-1.0, 1.0, model.nv)
+    assert not np.any(change_of_axes(model, model.createData(), q, v, v, 1e-3))
+
+
+def test_a_tilt_turns_forces_in_world_axes() -> None:
+    """10 mrad: 1 N along x and y of 100 N upward, and nothing of them upward."""
+    force = np.array([[0.0, 0.0, 100.0, 3.0, 4.0, 0.0]])
+    np.testing.assert_allclose(with_tilt(force, np.zeros((1, 6)), 0.01), [[1.0, 1.0, 0.0, 0.0, 0.0, 0.05]], atol=1e-12)
+    np.testing.assert_allclose(with_tilt(force, np.ones((1, 6)), 0.0), np.ones((1, 6)))
+
+
+def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
+    """Hysteresis between 8 and 4 % of 100 N; a contact goes on over the edge of a block."""
+    up = np.array([0.0, 5.0, 9.0, 5.0, 4.5, 3.0, 5.0, 7.9, 8.1, 50.0])
+    np.testing.assert_array_equal(touching(up, 100.0), [0, 0, 1, 1, 1, 0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(touching(up[3:5], 100.0, before=True), [1, 1])
+    assert contact_probability(np.array([3.0, 6.0]), np.array([1.0, 1.0]), 100.0) == pytest.approx(
+        [0.5, 0.99865], abs=1e-5
+    )
+    record = open_record(folder / "log.csv", parse_map(mapped(folder, "imu"), "-"), folder)
+    whole = estimate(record).stored["force_level"]
+    for weight, count in ((record.robot.weight, 1), (1e9, 0)):
+        for stance in stances_of([whole.between(0, 700), whole.between(700, 1400)], weight):
+            assert len(stance.onset) == count
+            assert np.isnan(stance.end).all()
+
+
+def test_a_base_by_its_imu_is_one_topic(folder: Path) -> None:
+    """A bag with /imu and /joint_states alone; the report has a gait diagram."""
+    values = bag_map(folder / "quadruped.urdf")
+    values["base"] = {"from": "imu", "topic": "/imu", "acceleration": {"topic": "/imu"}}
+    chosen = parse_map(values, "-")
+    assert [request.names[0] for request in base_requests(chosen)] == [
+        "/imu.orientation.x",
+        "/imu.angular_velocity.x",
+        "/imu.linear_acceleration.x",
+    ]
+    pytest.importorskip("rosbags.highlevel")
+    bag(walk(), folder / "bag")
+    found = estimate(open_record(folder / "bag", chosen, folder))
+    [side] = found.compared["force_level"]
+    assert side.scores()["Fz"].r2 is not None
+    assert side.scores()["Fz"].r2 > 0.99
+
+
+def test_the_results_show_the_gait(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """metrics.json, a figure and the report."""
+    monkeypatch.chdir(folder)
+    Path("map.toml").write_text(tomli_w.dumps(mapped(folder, "joints")))
+    assert call(monkeypatch, "estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0
+    assert json.loads(Path("out/metrics.json").read_text())["contacts"]["force_level"]["RR_FOOT"]["share"] > 0.99
+    assert Path("out/figures/contacts.png").stat().st_size > 1000
+    assert "its six rows are not believed" in Path("out/report.html").read_text()
+
+
+def test_what_needs_more_than_an_imu_is_refused_with_its_reason(folder: Path) -> None:
+    """No attitude, no accelerometer, a body without joints."""
+    bare = mapped(folder, "imu")
+    for part, reason in (("quaternion", "gravity is known in its axes alone"), ("acceleration", "gives the velocity")):
+        values = copy.deepcopy(bare)
+        del values["base"][part]
+        with pytest.raises(AerobatError, match=reason):
+            open_record(folder / "log.csv", parse_map(values, "-"), folder)
+    drone = {key: part for key, part in copy.deepcopy(DRONE).items() if key not in ("known", "check")}
+    flight(1.5).to_csv(folder / "drone.csv", index=False)
+    drone["base"] |= {"from": "joints"}
+    with pytest.raises(AerobatError, match="believes the rows of joints alone, and the robot has none"):
+        open_record(folder / "drone.csv", parse_map(drone, "-"), folder)

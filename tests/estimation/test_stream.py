@@ -1,0 +1,252 @@
+"""A stream is the road of records, a sample at a time: equal to the batch, and nothing that arrives ends it."""
+
+from __future__ import annotations
+
+import copy
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.stream_faults import Fault, faulty
+from support.walking_log import FEET, Walk, table, table_map, urdf, walk
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate
+from aerobat_pin.estimation.expected import expected_of
+from aerobat_pin.estimation.fit_known_forces import fitted_forces
+from aerobat_pin.estimation.run_observers import inputs_between, points_of
+from aerobat_pin.estimation.stream_kernels import LENGTH
+from aerobat_pin.observers import Expected
+from aerobat_pin.records import Map, open_record, parse_map
+
+CLOCKS = {  # channel -> rate [Hz] and first stamp [s]
+    "base.position": (120.0, 0.0031),
+    "base.quaternion": (333.0, 0.0007),
+    "base.velocity": (250.0, 0.0),
+    "base.rate": (411.0, 0.0013),
+    "joints.position": (500.0, 0.002),
+    "joints.velocity": (499.0, 0.0),
+    "joints.effort": (777.0, 0.0004),
+}
+Stamped = list[tuple[float, dict[str, float]]]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the quadruped's file."""
+    path = tmp_path_factory.mktemp("stream")
+    (path / "quadruped.urdf").write_text(urdf())
+    return path
+
+
+def mapped(folder: Path, rate: float | None = 500.0, **more: Any) -> Map:
+    """Return the map of the walk's table, without what is only compared."""
+    values = copy.deepcopy(table_map(folder / "quadruped.urdf"))
+    del values["check"]
+    values["log"] = {"time": {"column": "t"}} | ({} if rate is None else {"rate": rate})
+    values |= more
+    return parse_map(values, "of the test")
+
+
+def columns_of(chosen: Map) -> dict[str, tuple[str, ...]]:
+    """Return channel -> its columns."""
+    base, joints = chosen.base, chosen.joints
+    parts = {"base": (base, ("position", "quaternion", "velocity", "rate", "acceleration"))}
+    parts["joints"] = (joints, ("position", "velocity", "effort"))
+    return {
+        f"{name}.{key}": getattr(section, key).columns
+        for name, (section, keys) in parts.items()
+        for key in keys
+        if getattr(section, key) is not None
+    }
+
+
+def messages(walked: Walk) -> Stamped:
+    """Return the rows of the walk's table: time [s] and columns."""
+    return [(row["t"], row) for row in table(walked).to_dict("records")]
+
+
+def on_own_clocks(chosen: Map, begin: float = 0.0) -> Stamped:
+    """Return samples of every channel at times of its own, in the order of their stamps, of a walk of 1 s."""
+    whole = table(walk())
+    found: Stamped = []
+    for key, names in columns_of(chosen).items():
+        rate, first = CLOCKS.get(key, CLOCKS["base.rate"])
+        for time in np.arange(first, 1.0, 1.0 / rate):
+            found.append((begin + time, {name: float(np.interp(time, whole["t"], whole[name])) for name in names}))
+    return sorted(found, key=lambda one: one[0])
+
+
+def batch(folder: Path, chosen: Map, stamped: Stamped) -> tuple[dict[str, Any], Expected | None]:
+    """Return the estimates of the record as a whole, by observer, and what it expects of forces and rows."""
+    rows = [{**values, "t": time} for time, values in stamped]
+    names = ["t", *(name for part in columns_of(chosen).values() for name in part)]
+    pd.DataFrame(rows)[names].to_csv(folder / "log.csv", index=False, float_format="%.17g")
+    record = open_record(folder / "log.csv", chosen, folder)
+    forces = fitted_forces(record)
+    sizes = expected_of(record, inputs_between(record, forces), forces.values, points_of(chosen))
+    return dict(estimate(record, trust=True).estimates), sizes
+
+
+def streamed(stream: OnlineEstimator, stamped: Stamped) -> list[OnlineSample]:
+    """Return the estimates of samples, one after the other."""
+    return [one for time, values in stamped for one in stream.push(time, values)]
+
+
+def values_of(found: list[OnlineSample], observer: str = "force_level") -> np.ndarray:
+    """Return the components (m, c) of one observer."""
+    return np.array([list(one.components.values()) for one in found if one.observer == observer])
+
+
+@pytest.mark.parametrize("source", ["measured", "imu", "joints"])
+@pytest.mark.parametrize("begin", [0.0, 1_700_000_000.25])
+def test_seven_clocks_give_the_estimates_of_the_record(folder: Path, begin: float, source: str) -> None:
+    """Each channel at a rate and phase of its own: within 1e-9 N, deviations included, Unix stamps or not."""
+    values = mapped(folder).base.model_dump(by_alias=True, exclude_none=True)
+    if source != "measured":
+        values = {key: values[key] for key in ("quaternion", "rate")} | {"from": source}
+    if source == "imu":
+        values |= {"acceleration": {"columns": ["acc_x", "acc_y", "acc_z"]}, "imu": {"place": [0.1, 0.0, 0.05]}}
+    chosen = mapped(folder, base=values, observer={"names": ["force_level", "momentum", "kalman"], "gain": 300.0})
+    stamped = on_own_clocks(chosen, begin)
+    whole, sizes = batch(folder, chosen, stamped)
+    stream = OnlineEstimator(chosen, folder, expected=sizes)
+    found = streamed(stream, stamped)
+    for name, one in whole.items():
+        count = len(values_of(found, name))
+        assert count >= 470
+        np.testing.assert_allclose([s.end for s in found if s.observer == name], one.time[1 : count + 1], atol=1e-9)
+        np.testing.assert_allclose(values_of(found, name), one.components[:count], rtol=0.0, atol=1e-9)
+        deviation = [list(s.deviation.values()) for s in found if s.observer == name]
+        np.testing.assert_allclose(deviation, one.standard_deviation[:count], rtol=1e-6)
+    assert stream.health.starts == 1
+
+
+def test_by_the_stamps_of_its_joints_a_stream_is_the_record(folder: Path) -> None:
+    """Without log.rate; a batch of even stamps has the same times."""
+    chosen = mapped(folder, None)
+    stamped = messages(walk())
+    whole, sizes = batch(folder, chosen, stamped)
+    found = streamed(OnlineEstimator(chosen, folder, expected=sizes), stamped)
+    assert len(found) == 1500
+    np.testing.assert_allclose(values_of(found), whole["force_level"].components, rtol=0.0, atol=1e-9)
+    assert set(found[-1].seen) == set(found[-1].components)
+    assert max(found[-1].seen.values()) <= 1.0
+    assert not found[0].settled
+    assert found[-1].settled
+
+
+@pytest.fixture(scope="module")
+def clean(folder: Path) -> tuple[OnlineEstimator, Stamped, np.ndarray]:
+    """Return a stream, samples without a fault, and their estimates."""
+    stream = OnlineEstimator(mapped(folder, None), folder)
+    stamped = messages(walk(1.2))
+    return stream, stamped, values_of(streamed(stream, stamped))
+
+
+def test_what_is_refused_costs_at_most_an_estimate(clean: tuple[OnlineEstimator, Stamped, np.ndarray]) -> None:
+    """NaN, infinity, a zero quaternion, 1e300, text, None: counted, and the filters go on."""
+    stream, stamped, usual = clean
+    for k, bad in enumerate((np.nan, np.inf, -np.inf, 1e300, "text", None)):
+        for column in ("FL_HAA_pos", "gyro_x", "qw", "RR_KFE_tau"):
+            before, stream_health = stream.health.count("refused"), stream.health
+            stream.reset()
+            spoilt = [(t, {**row, column: bad} if i == 300 + k else row) for i, (t, row) in enumerate(stamped)]
+            found = streamed(stream, spoilt)
+            assert stream.health.count("refused") == before + 1
+            assert len(found) >= len(usual) - 1
+            assert stream.health.starts == stream_health.starts + 1
+    stream.reset()
+    nothing = {"qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 0.0}
+    found = streamed(stream, [(t, row | nothing if i == 300 else row) for i, (t, row) in enumerate(stamped)])
+    assert len(found) == len(usual)
+    assert stream.push(np.nan, stamped[0][1]) == []
+
+
+def test_duplicates_and_late_samples(clean: tuple[OnlineEstimator, Stamped, np.ndarray], folder: Path) -> None:
+    """The first of two is kept; a late sample is inserted where nothing has been estimated behind it, else dropped."""
+    stream, stamped, usual = clean
+    stream.reset()
+    before = stream.health
+    doubled = [one for t, row in stamped for one in ((t, row), (t, {key: 0.5 * x for key, x in row.items()}))]
+    found = values_of(streamed(stream, doubled))
+    assert stream.health.count("duplicate") - before.count("duplicate") == 6 * len(stamped)
+    assert stream.health.count("refused") - before.count("refused") == len(stamped)  # half a quaternion
+    shape = min(len(found), len(usual))
+    assert shape == len(usual)
+    rng = np.random.default_rng(3)
+    arrival = sorted(((t + 0.02 * rng.random(), t, row) for t, row in stamped), key=lambda one: one[0])
+    for wait, late in ((0.02, False), (0.0, True)):
+        waiting = OnlineEstimator(mapped(folder, None), folder, wait=wait)
+        heard = streamed(waiting, [(t, row) for _, t, row in arrival])
+        assert (waiting.health.count("late") > 0) == late
+        if not late:
+            ends = np.array([one.end for one in heard])
+            assert np.all(np.diff(ends) > 0.0)
+            assert len(heard) >= len(usual) - 12
+            assert waiting.health.starts == 1
+            np.testing.assert_allclose(values_of(heard)[50:], usual[50 : len(heard)], atol=0.2)  # sizes learnt later
+
+
+def test_clocks_that_step_and_channels_that_stall(clean: tuple[OnlineEstimator, Stamped, np.ndarray]) -> None:
+    """One stamp an hour ahead is off; a clock that is set is followed from the third stamp on, with one new start."""
+    stream, stamped, usual = clean
+    stream.reset()
+    before = stream.health
+    found = streamed(stream, [(t + 3600.0 if i == 300 else t, row) for i, (t, row) in enumerate(stamped)])
+    assert stream.health.count("outlier") == before.count("outlier") + 7
+    assert stream.health.starts == before.starts + 1
+    assert len(found) == len(usual) - 1
+    for step in (3600.0, -3600.0, 5.0, -2.0):
+        stream.reset()
+        before = stream.health
+        found = streamed(stream, [(t + step if i >= 300 else t, row) for i, (t, row) in enumerate(stamped)])
+        assert stream.health.count("clock_step") == before.count("clock_step") + 7
+        assert stream.health.starts == before.starts + 2
+        assert len(found) >= len(usual) - 5
+    stream.reset()
+    before = stream.health
+    for i, (t, row) in enumerate(stamped):
+        silent = 200 <= i < 450  # half a second without gyro
+        stream.push(t, {key: x for key, x in row.items() if not (silent and key.startswith("gyro"))})
+        if i == 400:
+            assert stream.health.stalled == ("base.rate",)
+    assert stream.health.stalled == ()
+    assert stream.health.starts == before.starts + 2
+    assert stream.health.skipped > before.skipped
+    assert stream.health.settled
+
+
+def test_thousands_of_random_faults_neither_raise_nor_fill_memory(folder: Path) -> None:
+    """Every kind at random, at one place in twenty; afterwards the stream gives the forces of the clean samples."""
+    stream = OnlineEstimator(mapped(folder, None, observer={"names": ["force_level", "kalman"]}), folder)
+    stamped = messages(walk(1.2))
+    rng, faults = np.random.default_rng(1), 0
+    tracemalloc.start()
+    sizes = []
+    for turn in range(8):
+        shifted = [(t + 1.2 * turn, row) for t, row in stamped[:-1]]
+        for time, row, kind in faulty(shifted, rng, share=0.05):
+            faults += kind is not Fault.NONE
+            for one in stream.push(time, row):
+                assert all(map(np.isfinite, one.components.values()))
+        sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert faults > 200
+    assert sizes[-1] - sizes[2] < 50_000
+    stream.reset()
+    rest = values_of(streamed(stream, stamped))
+    assert np.abs(rest).max() < 500.0
+    assert all(len(ring) == LENGTH for ring in stream._rings.time)
+
+
+def test_what_a_stream_cannot_do_is_refused_with_its_reason(folder: Path) -> None:
+    """A smoother, a wait of seconds."""
+    with pytest.raises(MapError, match="smoother corrects every estimate by what comes later"):
+        OnlineEstimator(mapped(folder, observer={"names": ["smoother"]}), folder)
+    with pytest.raises(MapError, match=r"wait = 2\.0: at least 0 s and less than 1 s"):
+        OnlineEstimator(mapped(folder), folder, wait=2.0)
+    assert len(FEET) == 4
