@@ -17,7 +17,7 @@ from aerobat_pin.errors.given_files import NO_TRICKS
 
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
 LONGEST_FILE_NAME = 255 - len(WORK)  # bytes
-FOLDER = os.O_RDONLY | os.O_DIRECTORY
+OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY
 
 
 def write_text(target: Path, text: str) -> None:
@@ -106,11 +106,11 @@ def opened_folder(path: Path, within: Path | None = None) -> int:
     path, root = (Path(os.path.normpath(one)) for one in (path, within or path))
     names = path.relative_to(path.anchor).parts
     typed = len(root.parts) - 1 if path.is_absolute() else 0
-    descriptor = os.open(path.anchor or ".", FOLDER)
+    descriptor = os.open(path.anchor or ".", OPEN_FOLDER)
     for i, name in enumerate(names):
         outer = descriptor
         try:
-            descriptor = _entered(name, outer, FOLDER if i < typed else FOLDER | os.O_NOFOLLOW)
+            descriptor = _entered(name, outer, OPEN_FOLDER if i < typed else OPEN_FOLDER | os.O_NOFOLLOW)
         finally:
             os.close(outer)
     return descriptor
@@ -133,7 +133,7 @@ def own_folder(path: Path, outer: int) -> int:
         FileExistsError: what is there is not ours.
     """
     try:
-        descriptor = _entered(path.name, outer, FOLDER | os.O_NOFOLLOW, 0o700)
+        descriptor = _entered(path.name, outer, OPEN_FOLDER | os.O_NOFOLLOW, 0o700)
     except NotADirectoryError:
         check_ours(os.lstat(path.name, dir_fd=outer), path, folder=True)
         raise
