@@ -17,12 +17,12 @@ def prepare_surroundings() -> None:
     if sys.stderr is None:
         sys.stderr = open(2, "w", closefd=False)
     os.environ["MPLBACKEND"] = "agg"  # no window is opened, whatever the user's other programs show
-    if reason := _reason(missing):
+    if reason := _refusal(missing):
         print(f"error: {reason}", file=sys.stderr)
         raise SystemExit(2)
 
 
-def _reason(missing: list[int]) -> str:
+def _refusal(missing: list[int]) -> str:
     """Return what no command can do without, and how to get it, or nothing."""
     if 1 in missing:
         return "standard output is closed; a file or a terminal was expected, such as >/dev/null"

@@ -26,7 +26,7 @@ from aerobat_pin.errors.ending import cleaned, undisturbed, written
 from aerobat_pin.errors.exceptions import OutputError, OutputWarning
 from aerobat_pin.errors.given_files import content_of
 from aerobat_pin.errors.whole_files import (
-    FOLDER,
+    OPEN_FOLDER,
     WORK,
     check_ours,
     locked,
@@ -250,7 +250,7 @@ def _remove(place: Path, holder: int, folder: int) -> None:
 def _remove_unless_alive(place: Path, holder: int) -> None:
     """Remove the work folder of a process that was killed; of one that lives, and of another user's, do nothing."""
     with suppress(OSError), ExitStack() as opened:
-        folder = os.open(place.name, FOLDER | os.O_NOFOLLOW, dir_fd=holder)
+        folder = os.open(place.name, OPEN_FOLDER | os.O_NOFOLLOW, dir_fd=holder)
         opened.callback(os.close, folder)
         check_ours(os.fstat(folder), place, folder=True)
         os.lstat(LOCK, dir_fd=folder)  # what has none is no work folder

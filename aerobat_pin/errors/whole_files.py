@@ -17,7 +17,7 @@ from aerobat_pin.errors.given_files import NO_TRICKS
 
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
 LONGEST_FILE_NAME = 255 - len(WORK)  # bytes
-FOLDER = os.O_RDONLY | os.O_DIRECTORY
+OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY
 
 
 def write_text(target: Path, text: str) -> None:
@@ -90,8 +90,8 @@ def refuse_links(target: Path, within: Path | None = None) -> None:
     Whoever sent a folder can have put links into it, so of a path that begins at the current folder no part may be one;
     of an absolute path, which the user has typed, only the last part and what is below the folder `within`.
     """
-    path = Path(os.path.normpath(target))
-    below = [folder for folder in path.parents if within and folder != within and folder.is_relative_to(within)]
+    path, root = (Path(os.path.normpath(one)) for one in (target, within or target))
+    below = [folder for folder in path.parents if folder != root and folder.is_relative_to(root)]
     for place in [path, *(below if path.is_absolute() else path.parents)]:
         if os.path.islink(place):
             real = os.path.realpath(path)
@@ -103,14 +103,14 @@ def opened_folder(path: Path, within: Path | None = None) -> int:
 
     The links that `refuse_links` refuses are not followed here either: they can be made in between.
     """
-    path = Path(os.path.normpath(path))
+    path, root = (Path(os.path.normpath(one)) for one in (path, within or path))
     names = path.relative_to(path.anchor).parts
-    typed = len((within or path).parts) - 1 if path.is_absolute() else 0
-    descriptor = os.open(path.anchor or ".", FOLDER)
+    typed = len(root.parts) - 1 if path.is_absolute() else 0
+    descriptor = os.open(path.anchor or ".", OPEN_FOLDER)
     for i, name in enumerate(names):
         outer = descriptor
         try:
-            descriptor = _entered(name, outer, FOLDER if i < typed else FOLDER | os.O_NOFOLLOW)
+            descriptor = _entered(name, outer, OPEN_FOLDER if i < typed else OPEN_FOLDER | os.O_NOFOLLOW)
         finally:
             os.close(outer)
     return descriptor
@@ -133,7 +133,7 @@ def own_folder(path: Path, outer: int) -> int:
         FileExistsError: what is there is not ours.
     """
     try:
-        descriptor = _entered(path.name, outer, FOLDER | os.O_NOFOLLOW, 0o700)
+        descriptor = _entered(path.name, outer, OPEN_FOLDER | os.O_NOFOLLOW, 0o700)
     except NotADirectoryError:
         check_ours(os.lstat(path.name, dir_fd=outer), path, folder=True)
         raise

@@ -53,7 +53,7 @@ class ComparedRun:
     def load(cls, folder: Path, label: str) -> ComparedRun:
         """Read a run's folder. Raises LogError if it is none."""
         scenario, log, estimates = read_run(folder)
-        return cls(label, folder, scenario, log, estimates, _scores(folder / "metrics.json"), _figures(folder))
+        return cls(label, folder, scenario, log, estimates, _force_scores(folder / "metrics.json"), _figures(folder))
 
 
 def _figures(folder: Path) -> dict[str, bytes]:
@@ -73,7 +73,7 @@ def _figures(folder: Path) -> dict[str, bytes]:
     return found
 
 
-def _scores(path: Path) -> dict[tuple[str, str, str], tuple[float | None, float]]:
+def _force_scores(path: Path) -> dict[tuple[str, str, str], tuple[float | None, float]]:
     """Read the scores of a run's forces. Raises LogError if the file has none."""
     found = {}
     try:

@@ -85,6 +85,7 @@ PLACES = [  # command, place of a link, where it leads in the folder outside, wh
     (["crank", "-o", "pages/a.html"], "pages", "empty", "pages is a link; to write behind it"),
     (["linkage"], "runs/linkage", "empty", "linkage is a link; to write behind it"),
     (["urdf", "-o", "a.urdf"], "meshes", "empty", "meshes is a link; to write behind it"),
+    (["urdf", "-o", "../here/a.urdf"], "meshes", "empty", "meshes is a link; to write behind it"),
     (["urdf", "-o", "a.urdf"], "linkage", "", "linkage is a link; to write behind it"),
     (["urdf", "-o", "a.urdf", "--force"], "a.srdf", "private", "a.srdf is a link; to write behind it"),
     (["trim", "paper", "--out", "new/a.toml"], "new", "empty", "new is a link; to write behind it"),
