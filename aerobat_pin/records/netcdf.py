@@ -1,7 +1,7 @@
 """Read NetCDF-4 files, also those of strangers: every failure is one `LogError`, and no other file is opened.
 
 Before a file is read, its seal (`write_netcdf.py`) and its structure are checked: links, virtual and external data, and
-sizes.
+sizes. A file without a seal is first read in a process of its own (`hdf5_trial.py`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.records.write_netcdf import NO_VARIABLE, seal_is_broken
+from aerobat_pin.records.hdf5_trial import fails_in_a_trial
+from aerobat_pin.records.write_netcdf import NO_VARIABLE, seal_holds
 
 LARGEST_FILE = 2e9  # [bytes] of all values of a file; 2 kB a sample, so 1e6 samples
 LIMIT = f"at most {LARGEST_FILE / 1e9:g} GB are read"
@@ -89,8 +90,11 @@ def _checked_file(path: str | Path, what: str, groups: Sequence[str]) -> Iterato
     if not os.path.isfile(path):
         raise LogError(f"{name}: cannot be read as NetCDF-4: there is no such file")
     try:
-        if seal_is_broken(path):  # the HDF5 library can end the process on a damaged file
+        sealed = seal_holds(path)
+        if sealed is False:  # the HDF5 library can end the process on a damaged file
             raise LogError(f"{name}: cannot be read as NetCDF-4: it is damaged, as its checksum tells")
+        if sealed is None and (reason := fails_in_a_trial(Path(path))) is not None:
+            raise LogError(f"{name}: cannot be read as NetCDF-4: {reason}")
         with h5py.File(path, "r") as file:
             parts = {"": file} | _groups(file, groups, name)
             size = sum(_checked_size(part, name) for part in parts.values())

@@ -15,6 +15,8 @@ from aerobat_pin.records.named_robots import named_robot
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.robots import PlainRobot
 
+MOST_JOINTS = 100  # that move: what is expected of 200 takes 1 GB
+
 
 @guarded()
 def load_robot(name: str) -> PlainRobot:
@@ -73,6 +75,8 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
         free = has_free_base(model)
     model.gravity.linear = np.array([0.0, 0.0, -table.gravity])
     joints = tuple(model.names.tolist()[2 if free else 1 :])
+    if len(joints) > MOST_JOINTS:
+        raise LogError(f"robot {title}: {len(joints)} joints: at most {MOST_JOINTS} were expected")
     for name in joints:
         joint = model.joints[model.getJointId(name)]
         if (joint.nq, joint.nv) != (1, 1):

@@ -31,16 +31,16 @@ def seal_netcdf(path: Path) -> None:
         file.write(_seal_of(file, path.stat().st_size))
 
 
-def seal_is_broken(path: str | Path) -> bool:
-    """Return whether a file ends with a seal that does not fit what is before it."""
+def seal_holds(path: str | Path) -> bool | None:
+    """Return whether a file ends with a seal that fits what is before it; None if it has no seal."""
     size = os.path.getsize(path) - len(SEAL) - CRC_SIZE
     if size < 0:
-        return False
+        return None
     with open(path, "rb") as file:
         file.seek(size)
         end = file.read()
         file.seek(0)
-        return end.startswith(SEAL) and end != _seal_of(file, size)
+        return end == _seal_of(file, size) if end.startswith(SEAL) else None
 
 
 def _seal_of(file: BinaryIO, left: int) -> bytes:

@@ -1,0 +1,89 @@
+"""Read an HDF5 file of others once, in a process whose memory and time are limited.
+
+The HDF5 library reads lengths from a file as they are: one that is damaged, or made so, lets it read for ever or ends
+the process. So a file without a checksum of ours (`write_netcdf.py`) is first read here, from end to end; what it is
+made of is judged later, in `netcdf.py`. As a program: `python hdf5_trial.py FILE`.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+MEMORY = 1_500_000_000  # bytes of addresses, half of which are those of the libraries
+SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of the processor: more only in a hang
+PIECE, LARGEST = 4_000_000, 2e9  # bytes that are read at once, and of values that will be refused anyway
+MEMORY_SHORT = 3  # exit code
+
+
+def fails_in_a_trial(path: Path) -> str | None:
+    """Return how a process ended that read an HDF5 file; None if it read it, or was told an error by the library."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    words = [sys.executable, "-I", __file__, os.fspath(path)]
+    code = subprocess.run(words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
+    if code == MEMORY_SHORT:
+        return "it takes more memory than its size explains"
+    return f"the HDF5 library ends by signal {-code} or does not end" if code < 0 else None
+
+
+def _read(path: str) -> None:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        todo: list[Any] = [file]
+        seen = set[Any]()
+        while todo:
+            item = todo.pop()
+            if item.id in seen:
+                continue
+            seen.add(item.id)
+            for key in item.attrs:
+                if item.attrs.get_id(key).get_storage_size() <= PIECE:
+                    _follow(file, item.attrs[key])
+            if isinstance(item, h5py.Group):
+                links = {key: item.get(key, getlink=True) for key in item}
+                todo += [item[key] for key, link in links.items() if isinstance(link, h5py.HardLink)]
+            elif item.dtype.kind in "fiuS" and not item.is_virtual and not item.external:
+                _values(item)
+
+
+def _follow(file: Any, value: Any) -> None:
+    """Look up what the references of an attribute name, as the dimensions of a variable are."""
+    import h5py
+
+    for one in getattr(value, "ravel", lambda: ())():
+        for reference in one if hasattr(one, "__len__") and not isinstance(one, str | bytes) else (one,):
+            if isinstance(reference, h5py.Reference) and reference:
+                file[reference].name  # noqa: B018
+
+
+def _values(item: Any) -> None:
+    """Read all numbers of a dataset, piece by piece."""
+    if item.size * item.dtype.itemsize > LARGEST or not item.shape:
+        return
+    row = max(item.size // max(item.shape[0], 1), 1) * item.dtype.itemsize
+    step = max(int(PIECE // row), 1)
+    for first in range(0, item.shape[0], step):
+        item[first : first + step]
+
+
+def main() -> None:
+    """Read the file that the command line names, within the limits."""
+    import resource
+
+    limit = SECONDS + os.path.getsize(sys.argv[1]) // BYTES_A_SECOND
+    for kind, most in ((resource.RLIMIT_CPU, limit), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY)):
+        known = resource.getrlimit(kind)[1]  # of the process that started this one
+        most = most if known == resource.RLIM_INFINITY else min(most, known)
+        resource.setrlimit(kind, (most, most))
+    try:
+        _read(sys.argv[1])
+    except MemoryError:
+        sys.exit(MEMORY_SHORT)
+
+
+if __name__ == "__main__":
+    main()
