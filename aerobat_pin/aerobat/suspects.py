@@ -7,8 +7,8 @@
 | `compliance` | flexibility of both shoulders, and of both elbows: angle of the link behind the linkage's, per torque |
 | `payload` | mass at the body, and mass times place in body axes; a steady force on the body looks the same |
 
-The joints are taken to follow from the crank, whether a log has their angles or not: encoders that sit at the crank see
-neither its zero nor a link that bends.
+Where the joints of a log are those that the linkage makes of the crank's angle, they share its zero, and do not show a
+link that bends. Where they are measured, the crank's zero is that of the phase alone, and nothing bends unseen.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import slow_part
+from aerobat_pin.observers import typical_step
 from aerobat_pin.records import Block, Suspect
 from aerobat_pin.robot import Aerobat
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from aerobat_pin.aerobat.robot import AerobatRobot
 
 JOINT_RATES = slice(6, 10)
+FOLLOWING = np.radians(0.3)  # rms angle by which joints that follow from the crank's angle may differ from it
+SMOOTHED = 0.016  # [s]: width of the window over which a torque is smoothed before it bends a link
 SUSPECTS = {
     "crank_zero": (Suspect("angle", 2e-3, 180.0 / np.pi, "deg"),),
     "air_density": (Suspect("change", 0.02, 100.0, "%"),),
@@ -68,7 +70,7 @@ def turned(block: Block, robot: Aerobat, angle: float) -> Block:
     """Return a block whose crank was an angle [rad] further, and with it the joints that it drives."""
     crank = block.extra["crank"]
     q, v = block.q.copy(), block.v.copy()
-    for sign, turn in ((-1.0, 0.0), (1.0, angle)):
+    for sign, turn in ((-1.0, 0.0), (1.0, angle)) if follows(block, robot) else ():
         closure = robot.linkage.solve(crank[0] + turn, crank[1])
         angles = np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
         rates = np.stack([closure.theta_s_dot, closure.theta_e_dot] * 2, axis=1)
@@ -77,12 +79,22 @@ def turned(block: Block, robot: Aerobat, angle: float) -> Block:
     return replace(block, q=q, v=v, extra={**block.extra, "crank": crank + np.array([[angle], [0.0], [0.0]])})
 
 
+def follows(block: Block, robot: Aerobat) -> bool:
+    """Return whether the joints are those that the closed linkage makes of the crank's angle, and not measured ones."""
+    closure = robot.linkage.solve(block.extra["crank"][0])
+    apart = block.q[:, list(robot.idx_q)] - np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
+    return bool(np.sqrt(np.mean(apart**2)) < FOLLOWING)
+
+
 def flexed(block: Block, robot: Aerobat, flexibility: Array) -> Block:
-    """Return a block whose links lag behind the linkage by the torque that they carry, low-passed, times (4,)."""
-    torque = slow_part(block.time, block.tau[:, JOINT_RATES])
-    at_samples = np.concatenate([torque[:1], 0.5 * (torque[1:] + torque[:-1]), torque[-1:]])
-    bend = -flexibility * at_samples
+    """Return a block whose links lag behind the linkage by the torque that they carry, smoothed, times (4,)."""
+    time, torque = block.time, block.tau[:, JOINT_RATES]
+    window = np.hanning(2 * max(1, round(0.5 * SMOOTHED / typical_step(time))) + 1)
+    padded = np.pad(torque, ((len(window) // 2, len(window) // 2), (0, 0)), "edge")
+    smooth = np.stack([np.convolve(one, window / window.sum(), "valid") for one in padded.T], axis=1)
+    bend = -flexibility * np.concatenate([smooth[:1], 0.5 * (smooth[1:] + smooth[:-1]), smooth[-1:]])
     q, v = block.q.copy(), block.v.copy()
+    bend = bend if follows(block, robot) else np.zeros_like(bend)
     q[:, list(robot.idx_q)] += bend
-    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
+    v[:, list(robot.idx_v)] += np.gradient(bend, time, axis=0)
     return replace(block, q=q, v=v)

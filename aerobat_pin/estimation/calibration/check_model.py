@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.calibration.checked_part import checked_part, error_factors
-from aerobat_pin.estimation.calibration.name_cause import corrected, named_cause
+from aerobat_pin.estimation.calibration.checked_part import checked_part, error_factors, part_of
+from aerobat_pin.estimation.calibration.name_cause import corrected, moved, named_cause
 from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -19,6 +19,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
 
 InputsAt = Callable[[int, int], KnownInputs]
+MOST_STEPS = 3  # of a search for the size of a cause
 MOST_CHECKED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
 
 
@@ -66,13 +67,22 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
         named = None if part is None or part.check.ratio is None else named_cause(part, series, forces)
         if part is None or part.check.ratio is None:
             return CheckedModel(None if part is None else part.check, inputs, factors)
-        if named is None or not calibration.correct:
-            cause = None if named is None else named.cause
+        if named is None:
             own = part.factors
-            return CheckedModel(replace(part.check, cause=cause), inputs, lambda _: own, part.growth)
-        spread = np.concatenate([part.factors, named.factors], axis=2)
-        better = checked_part(calibration, record, corrected(whole, named), spread)
-        assert better is not None
+            return CheckedModel(part.check, inputs, lambda _: own, part.growth)
+        for _ in range(MOST_STEPS):
+            spread = np.concatenate([part.factors, named.factors], axis=2)
+            better = part_of(record, corrected(whole, named, forces), spread)
+            nearer = None
+            if better.check.verdict == "changed" and moved(forces, named.cause.name, named.values):
+                nearer = named_cause(better, series, forces, named)
+            if nearer is None:
+                break
+            named = nearer
+        left = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0
+        spread = np.concatenate([spread, left * named.force[:, :, None]], axis=2)  # what is left of the cause's effect
+        if not calibration.correct:
+            return CheckedModel(replace(part.check, cause=named.cause), inputs, lambda _: spread, better.growth)
         check, changed = replace(better.check, cause=named.cause, corrected=True), better.inputs
         begin = record.parts[0][0]
 

@@ -67,13 +67,14 @@ class CheckedPart:
         return ModelCheck(told.belief / expected, told.belief, expected)
 
 
-def checked_part(
-    calibration: Calibration, record: Record, inputs: KnownInputs, factors: Array | None = None
-) -> CheckedPart | None:
+def checked_part(calibration: Calibration, record: Record, inputs: KnownInputs) -> CheckedPart | None:
     """Return a stretch with what no force explains of it; None where the calibration does not say what it leaves."""
-    factors, points = error_factors(calibration, record, inputs) if factors is None else factors, points_of(record.map)
-    if factors is None or not points:
-        return None
-    observer = ForceLevelObserver(record.robot.model, points, AT_ONCE, inputs.rows)
+    factors = error_factors(calibration, record, inputs)
+    return None if factors is None or not points_of(record.map) else part_of(record, inputs, factors)
+
+
+def part_of(record: Record, inputs: KnownInputs, factors: Array) -> CheckedPart:
+    """Return a stretch of whose rows something with these factors (m, nv, r) is left."""
+    observer = ForceLevelObserver(record.robot.model, points_of(record.map), AT_ONCE, inputs.rows)
     found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     return CheckedPart(inputs, found, RowGeometry.of(observer, inputs), factors)

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.estimation.calibration.checked_part import LEAST_EXPECTED, CheckedPart
 from aerobat_pin.estimation.calibration.free_run import AT_ONCE
@@ -41,22 +42,27 @@ class Named:
 
     Attributes:
         cause: name and size.
+        values: (p,) its parameters [SI].
         force: (m, nv) error of the generalised force that it explains, to be added to the known forces.
         factors: (m, nv, p), whose squares are the covariance of `force`.
     """
 
     cause: Cause
+    values: Array
     force: Array
     factors: Array
 
 
-def named_cause(part: CheckedPart, series: LearntError, forces: KnownForces) -> Named | None:
+def named_cause(
+    part: CheckedPart, series: LearntError, forces: KnownForces, before: Named | None = None
+) -> Named | None:
     """Return what changed in a whole part of a record; None if nothing that the robot knows of explains it.
 
     Args:
-        part: the part, without a cause.
+        part: the part, with the correction of `before`.
         series: what the calibration knows of the error.
         forces: the known forces of the record.
+        before: a cause whose size is to be found more exactly, as its effect is not linear.
     """
     condition, suspects = part.inputs.condition, forces.record.robot.suspects()
     if condition is None or not suspects or part.found.redundancy.belief < LEAST_EXPECTED * part.found.weight:
@@ -65,47 +71,69 @@ def named_cause(part: CheckedPart, series: LearntError, forces: KnownForces) -> 
     x = slow_part(time, part.found.unexplained[:, : geometry.rest.shape[1]])
     found: list[tuple[float, Named]] = []
     for name, group in suspects.items():
-        slopes = np.stack([_slope(part.inputs, forces, name, k, group) for k in range(len(group))], axis=2)
+        if before is not None and before.cause.name != name:
+            continue
+        start = np.zeros(len(group)) if before is None else before.values
+        slopes = np.stack([_slope(part.inputs, forces, name, k, group, start) for k in range(len(group))], axis=2)
         G = np.stack([slow_part(time, geometry.unexplained(one)) for one in np.moveaxis(slopes, 2, 0)], axis=2)
         normal = np.einsum("nkp,nkq->pq", G, G)
         if np.linalg.matrix_rank(normal) < len(group):
             continue
         H = G @ np.linalg.inv(normal)
-        theta = -np.einsum("nkp,nk->p", H, x)
-        rest = x + G @ theta
+        change = -np.einsum("nkp,nk->p", H, x)
+        rest, theta = x + G @ change, start + change
         covariance = _covariance(part, series, H) + _cycle_sums(condition, H, rest)
         z = np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group))
         if z < SURE:
             continue
-        share = 1.0 - float(np.sum(rest**2) / np.sum(x**2))
+        share = 1.0 - float(np.sum(rest**2) / np.sum(x**2)) if before is None else before.cause.share
         numbers = theta.tolist(), np.sqrt(np.diag(covariance)).tolist()
         told = [tuple(one.factor * value for one, value in zip(group, many, strict=True)) for many in numbers]
         labels, units = tuple(one.label for one in group), tuple(one.unit for one in group)
         cause = Cause(name, told[0], told[1], labels, units, share)
-        named = Named(cause, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
+        named = Named(cause, theta, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
         found.append((share, named))
     return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def corrected(inputs: KnownInputs, named: Named) -> KnownInputs:
-    """Return the inputs of a whole part with what the cause explains among the known forces."""
+def corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
+    """Return the inputs of a whole part as they are with the cause: another motion, or one more known force."""
+    name = named.cause.name
+    if moved(forces, name, named.values):
+        _, found = _changed(inputs, forces, name, named.values, inertial=False)
+        return replace(found, source={**found.source, "correction": name})
     known = {**inputs.known, "correction": named.force}
-    return replace(inputs, known=known, source={**inputs.source, "correction": named.cause.name})
+    return replace(inputs, known=known, source={**inputs.source, "correction": name})
 
 
-def _slope(inputs: KnownInputs, forces: KnownForces, name: str, k: int, group: Sequence[Suspect]) -> Array:
-    """Return the change (m, nv) of R - e with a parameter of a cause, per unit."""
-    record, values = forces.record, np.zeros(len(group))
-    values[k] = group[k].step
-    [stretch] = record.parts
-    robot, block = record.robot.suspected(name, values, record.block(*stretch))
-    changed = inputs
-    if not group[k].inertial:
-        record = replace(record, robot=robot)
-        changed = inputs_of_block(record, block, replace(forces, record=record), inputs.rows)
+def moved(forces: KnownForces, name: str, values: Array) -> bool:
+    """Return whether a cause changes the motion, and not the robot."""
+    block = forces.record.block(*forces.record.parts[0])
+    return forces.record.robot.suspected(name, values, block)[1] is not block
+
+
+def _changed(
+    inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool
+) -> tuple[pin.Model, KnownInputs]:
+    """Return model and inputs of a whole part as they would be with a cause."""
+    record = forces.record
+    robot, block = record.robot.suspected(name, values, record.block(*record.parts[0]))
+    if inertial or not np.any(values):
+        return robot.model, inputs
+    record = replace(record, robot=robot)
+    return robot.model, inputs_of_block(record, block, replace(forces, record=record), inputs.rows)
+
+
+def _slope(
+    inputs: KnownInputs, forces: KnownForces, name: str, k: int, group: Sequence[Suspect], start: Array
+) -> Array:
+    """Return the change (m, nv) of R - e with a parameter of a cause about its `start`, per unit."""
+    step, inertial = np.eye(len(group))[k] * group[k].step, group[k].inertial
     before, after = (
         MomentumObserver(model, (), AT_ONCE).run(one.time, one.q, one.v, one.tau, one.known).residual
-        for model, one in ((forces.record.robot.model, inputs), (robot.model, changed))
+        for model, one in (
+            _changed(inputs, forces, name, values, inertial=inertial) for values in (start, start + step)
+        )
     )
     return np.asarray((after - before) / group[k].step)
 
