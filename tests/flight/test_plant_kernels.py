@@ -264,7 +264,7 @@ def test_the_fields_of_a_plant_fill_its_memory_and_do_not_overlap(case: str) -> 
     plant = built("aerobat", case)
     robot = plant.in_air
     own = [*plant.fields[1:]], [field for name, field in robot.fields._asdict().items() if name not in ("air", "found")]
-    for memory, parts, head in ((plant.memory, own[0], 7), (robot.memory, own[1], 11)):
+    for memory, parts, head in ((plant.memory, own[0], 8), (robot.memory, own[1], 11)):
         spans = sorted((leaf.ctypes.data, leaf.nbytes) for leaf in leaves(parts) if leaf.size)
         assert spans[0][0] == memory.ctypes.data + 8 * head
         assert all(start + size == after for (start, size), (after, _) in itertools.pairwise(spans))

@@ -157,6 +157,7 @@ def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
         crank_rate=closed.crank_velocity[::2],
         q=robot.configuration(np.array(placements), joints[:, 0, 0], joints[:, 0, 1]),
         v=robot.velocity(flown[:, :6], joints[:, 1, 0], joints[:, 1, 1]),
+        deflection=np.zeros((len(flown), 4)),
         air=flown[:, 6:],
         forces=Forces(*(np.array(part) for part in zip(*means, strict=True))),
         loads=np.array(loads),

@@ -1,0 +1,40 @@
+"""A robot that has changed since its calibration: noticed, named, corrected; `benchmarks/learnt_error.py` counts more.
+
+One pushed flight of each kind, with exact sensors, and the calibration of two free flights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.changed_flights import CHANGES, CONTACTS, HIGH, LOW, PUSH, Verdict, corrected, estimated, learnt, somewhere
+
+from aerobat_pin.estimation import Calibration
+
+SIZES = {"density 10 %": (-10.0, 5.0), "payload 10 %": (9.2, 2.5), "encoder 2 deg": (-2.0, 0.5)}  # [%, g, deg]
+
+
+def seen(name: str, calibration: Calibration) -> Verdict:
+    """Fly with a change, and estimate."""
+    return estimated((*PUSH, *somewhere(1001), *CHANGES[name].settings), calibration, ["force_level"])
+
+
+def test_a_robot_that_has_not_changed_is_not_called_changed() -> None:
+    """At a speed, frequency and pitch between those of the calibration; all its pushes are found."""
+    found = seen("none", learnt(LOW, HIGH))
+    assert found.verdict == "unchanged"
+    assert found.cause is None
+    assert found.contacts[0] == CONTACTS
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_a_change_is_noticed_named_and_corrected(name: str) -> None:
+    """Its size is that of the plant's key; corrected, the forces are better and no push is lost."""
+    found, better = (seen(name, one(learnt(LOW, HIGH))) for one in (lambda same: same, corrected))
+    assert found.verdict == "changed"
+    assert found.cause is not None
+    assert found.cause["name"] == CHANGES[name].cause
+    expected, within = SIZES[name]
+    assert found.cause["estimate"][0] == pytest.approx(expected, abs=within)
+    assert np.max(better.error["force_level"]) < 0.7 * np.max(found.error["force_level"])
+    assert better.contacts[0] == CONTACTS
