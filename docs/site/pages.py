@@ -31,6 +31,7 @@ SECTIONS = {
         "docs/section_law.md",
         "docs/structural_error.md",
         "docs/mismatch.md",
+        "docs/legs.md",
         "docs/reliability.md",
         "docs/broken_runs.md",
     ],
