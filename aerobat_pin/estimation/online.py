@@ -8,6 +8,7 @@ samples is counted (`OnlineEstimator.health`) and ends nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from operator import itemgetter
@@ -150,9 +151,7 @@ class OnlineEstimator:
 
         Nothing of a sample raises: `health` counts those that cannot be used, and why.
         """
-        if self._epoch is None:
-            self._begin_epoch(time)
-        since, put, memory = time - (self._epoch or 0.0), kernels.put, self._memory
+        since, put, memory = self._since_epoch(time), kernels.put, self._memory
         for c, reader, buffer in self._readers:
             try:
                 buffer[:] = reader(values)
@@ -163,14 +162,19 @@ class OnlineEstimator:
             put(memory, c, since, buffer)
         return self._advance()
 
-    def _begin_epoch(self, time: float) -> None:
-        """Subtract whole seconds from all stamps from now on: Unix time has only 2.4e-7 s in a double."""
-        if np.isfinite(time):
-            self._epoch = float(np.floor(time))
-            self._rings.setting[3] = self._epoch
+    def _since_epoch(self, time: float) -> float:
+        """Return a time [s] since the whole second of the first one: Unix time has only 2.4e-7 s in a double."""
+        try:
+            if self._epoch is None and math.isfinite(time):
+                self._epoch = self._rings.setting[3] = float(math.floor(time))
+            return time - (self._epoch or 0.0)
+        except TypeError:
+            return math.nan
 
     def _check(self) -> None:
         """Raise MapError for a map that needs a whole record."""
+        if not self._requests:
+            raise MapError("online: the map names no channel")
         joints, base = self._map.joints, self._map.base
         sought = self._map.payload is not None and self.robot.payload is None
         if self._map.known or sought or (joints.friction is not None and self._values.friction is None):

@@ -30,12 +30,10 @@ def new_rings(
         wait: by how much samples may arrive late [s].
 
     Raises:
-        MapError: the wait is not finite and at least 0, or the map names no channel.
+        MapError: the wait is below 0, or too long.
     """
     if not 0.0 <= wait < kernels.JUMP:
         raise MapError(f"online: wait = {wait}: at least 0 s and less than {kernels.JUMP:g} s was expected")
-    if not asked:
-        raise MapError("online: the map names no channel")
     rubbing = values.joints if values.friction is not None or len(values.scale) else ()
     width = max(4, *(len(request.names) for request in asked))
     model = robot.model

@@ -74,8 +74,9 @@ def test_a_base_without_position_gives_the_forces_of_the_feet(folder: Path, sour
     assert r2[:, 2].min() > least
     stances = found.stances["force_level"]
     assert [one.point for one in stances] == list(FEET)
-    assert all(one.share > 0.99 for one in stances)  # all its feet carry it all the time
-    assert found.metrics()["contacts"]["force_level"]["FL_FOOT"]["contacts"][0][1] is None
+    for foot, one in enumerate(stances):  # a foot carries 3 % of the weight for a moment
+        assert one.share == pytest.approx(touching(walk().force[:, foot, 2], record.robot.weight).mean(), abs=0.02)
+    assert found.metrics()["contacts"]["force_level"]["FL_FOOT"]["contacts"][-1][1] is None
 
 
 def test_a_change_of_axes_is_no_force(folder: Path) -> None:
@@ -106,10 +107,14 @@ def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
     )
     record = open_record(folder / "log.csv", parse_map(mapped(folder, "imu"), "-"), folder)
     whole = estimate(record).stored["force_level"]
-    for weight, count in ((record.robot.weight, 1), (1e9, 0)):
-        for stance in stances_of([whole.between(0, 700), whole.between(700, 1400)], weight):
-            assert len(stance.onset) == count
-            assert np.isnan(stance.end).all()
+    for weight, least in ((record.robot.weight, 1), (1e9, 0)):
+        blocks = [whole.between(0, 420), whole.between(420, 1400)]  # a foot is lifted at 403
+        once, cut = (stances_of(one, weight) for one in ([whole.between(0, 1400)], blocks))
+        for one, other in zip(once, cut, strict=True):
+            assert len(one.onset) >= least
+            np.testing.assert_array_equal(one.onset, other.onset)
+            np.testing.assert_array_equal(one.end, other.end)
+            assert one.share == pytest.approx(other.share)
 
 
 def test_a_base_by_its_imu_is_one_topic(folder: Path) -> None:
@@ -135,7 +140,7 @@ def test_the_results_show_the_gait(folder: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.chdir(folder)
     Path("map.toml").write_text(tomli_w.dumps(mapped(folder, "joints")))
     assert call(monkeypatch, "estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0
-    assert json.loads(Path("out/metrics.json").read_text())["contacts"]["force_level"]["RR_FOOT"]["share"] > 0.99
+    assert json.loads(Path("out/metrics.json").read_text())["contacts"]["force_level"]["RR_FOOT"]["share"] > 0.95
     assert Path("out/figures/contacts.png").stat().st_size > 1000
     assert "its six rows are not believed" in Path("out/report.html").read_text()
 
