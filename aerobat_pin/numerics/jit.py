@@ -38,6 +38,8 @@ KERNEL_SOURCES = (
     "control/allocation.py",
     "control/disturbance.py",
     "control/law.py",
+    "control/monitor.py",
+    "control/sensed.py",
     "flight/attitude_hold.py",
     "flight/crank.py",
     "flight/plant/kernels.py",
