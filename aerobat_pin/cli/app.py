@@ -96,9 +96,12 @@ def run_command(
             diverged.append(error)
             return error.kept
 
-    write_results(flown, target, force=force, pages=not no_report)
+    failed: list[str] = []
+    write_results(flown, target, force=force, pages=not no_report, also=lambda made: failed.append(made.failed))
     if diverged:
         raise diverged[0]
+    if failed[0]:
+        raise SimulationError(f"{loaded.name}: the controller is {failed[0]}", 0.0)
 
 
 app.command("compare")(compare_command)

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance
+from aerobat_pin.control.margins import Margins, loop_margins, noise_slew, wrong_plant_ms
+from aerobat_pin.control.monitor import FAILED, State
 from aerobat_pin.control.nominal import Nominal, nominal_flight
-from aerobat_pin.control.summary import ControlSummary, Margins, control_summary, course_rms, loop_margins
+from aerobat_pin.control.summary import ControlSummary, control_summary, course_rms
 
 if TYPE_CHECKING:
     from aerobat_pin.control.environment import AerobatEnv as AerobatEnv
@@ -25,6 +27,7 @@ ENVIRONMENTS = {  # id -> scenario
 
 __all__ = [
     "ENVIRONMENTS",
+    "FAILED",
     "AerobatEnv",
     "Allocation",
     "ControlSummary",
@@ -33,11 +36,14 @@ __all__ = [
     "DisturbanceObserver",
     "Margins",
     "Nominal",
+    "State",
     "TrueDisturbance",
     "control_summary",
     "course_rms",
     "loop_margins",
+    "noise_slew",
     "nominal_flight",
+    "wrong_plant_ms",
 ]
 
 

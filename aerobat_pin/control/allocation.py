@@ -67,13 +67,18 @@ class Allocation:
     Args:
         thrusters: the thrusters, with the limits that are believed.
         factor: what they push, as a factor of what is commanded.
+
+    Attributes:
+        free: (m, 6) thrusts per wrench where nothing is limited [-, 1/m].
     """
 
     def __init__(self, thrusters: ThrusterSet, factor: float = 1.0) -> None:
         """Weigh the rows and factorise what does not change."""
         self.map, self.limit = factor * thrusters.map, thrusters.limit.copy()
         self._memory = new_memory(allocation_in, len(self.limit))
-        self.fill(fields_of(allocation_in, self._memory))
+        fields = fields_of(allocation_in, self._memory)
+        self.fill(fields)
+        self.free = fields.free
 
     def fill(self, problem: Limited) -> None:
         """Write the problem into the memory of a kernel."""

@@ -4,10 +4,11 @@ Everything in it is *believed*: mass and inertia, the nominal flight, lag and li
 is what a momentum observer sees (`disturbance`); it may be switched off, and so may the integrals. Every gain stands in
 the table `control` of the scenario.
 
-An observer and an integral both answer a push that stays. Where both act, the integrals are left what no observer can
-see, the constant errors of sensors, and are slower: else the two together answer a gust twice, and the robot is on its
-way back after it. An integral also lets the sensors' noise in: at a tenth of its rate it makes yaw 1 % noisier, at a
-fiftieth it does not.
+An observer and an integral both answer a push that stays; the two together would answer a gust twice, and the robot
+would be on its way back after it. So beside an observer only the integral of the forward position acts, whose push the
+nose makes slowly. What no observer sees, a constant error of the attitude, shows as a bias of the velocity (`law`).
+
+Samples are checked and carried to now (`sensed`), and the flight is watched (`monitor`): `state` says how it is.
 """
 
 from __future__ import annotations
@@ -16,11 +17,20 @@ import math
 import warnings
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.control.allocation import Allocation
-from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance, observer_gains
+from aerobat_pin.control.disturbance import (
+    Disturbance,
+    DisturbanceObserver,
+    TrueDisturbance,
+    observer_gains,
+    sample_variance,
+)
 from aerobat_pin.control.law import law_in, law_wrench, write_commands
+from aerobat_pin.control.monitor import Monitor, State
 from aerobat_pin.control.nominal import PITCHING, control_of, nominal_flight, waves
+from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
 from aerobat_pin.numerics import Array, fields_of, guarded, new_memory
@@ -28,16 +38,20 @@ from aerobat_pin.robot import BASE_SIZE, Aerobat, believed_robot
 from aerobat_pin.scenario import ControlSection, Scenario
 
 SHORT = np.array([2e-3, np.inf, 5e-3, 5e-4, 5e-4, 5e-4])  # [N, N m]: what the nominal wrench may lack, without a word
-BESIDE_OBSERVER = 0.02  # of their rate have the integrals where what an observer sees is compensated
+AS_NOMINAL = 4.0  # standard deviations within which the first sample's velocity is taken for the nominal one
 PITCHED_IN = 0.3  # [s]: time constant with which pitch takes over a forward force that the thrusters leave
 
 
-def integral_shares(control: ControlSection) -> tuple[float, float]:
-    """Return which share of the stiffness the integrals of position and of attitude add in a second [1/s]."""
-    if not control.integral:
-        return 0.0, 0.0
-    rate = BESIDE_OBSERVER if control.feedforward else 1.0
-    return rate * control.position_integral, rate * control.attitude_integral
+def integral_shares(control: ControlSection) -> Array:
+    """Return which share of the stiffness the integrals add in a second (6,) [1/s]; rows as the axes of the law."""
+    shares = np.concatenate([np.broadcast_to(one, 3) for one in (control.position_integral, control.attitude_integral)])
+    shares[1 if control.feedforward else 6 :] = 0.0
+    return shares * control.integral
+
+
+def follow_share(rate: float, dt: float) -> float:
+    """Return the share by which one pole at a rate [rad/s] follows in a time dt [s]; rate 0 is no filter."""
+    return 1.0 - math.exp(-rate * dt) if rate > 0.0 else 1.0
 
 
 def shortfall(scenario: Scenario, wrench: Array, thrusters: ThrusterSet) -> list[str]:
@@ -70,6 +84,7 @@ class Controller:
         disturbance: (6,) unknown wrench that was seen last; like the two above, the next command writes it anew.
         trim: (m,) thrusts of the nominal flight at its start [N].
         loop_times: (n,) what each step of the loop took [s], see `aerobat_pin.flight.Pilot`.
+        sensed: the motion that the law works with, and which samples were not used for it.
 
     Issues a `ControlWarning` if the real thrusters cannot make the nominal wrench.
 
@@ -102,6 +117,8 @@ class Controller:
         self._observer = disturbance
         if disturbance is None and self.control.feedforward:
             self._observer = DisturbanceObserver(robot, scenario, nominal, self.dt)
+        self.sensed = SensedMotion(scenario, robot, nominal)
+        self._monitor = Monitor(self.thrusters.limit, step, self.sensed)
         self._memory = new_memory(law_in, len(self.thrusters.limit), len(nominal.swing) // 2)
         self._law = law = fields_of(law_in, self._memory)
         self.disturbance, self.wanted, self.unrealised = law.disturbance, law.wanted, law.unrealised
@@ -124,11 +141,12 @@ class Controller:
         law.heading[:], law.level[:] = (math.cos(heading), math.sin(heading)), nominal.quaternion
         law.nominal[:], law.centre[:], law.swing[:] = nominal.wrench, nominal.centre, nominal.swing
         law.weight[...] = max(nominal.mass * flight.gravity, 1e-9)
-        by_position, by_attitude = integral_shares(control)
-        axes = [(nominal.mass, w, by_position) for w in (control.forward, control.lateral, control.height)]
-        turning = zip(nominal.inertia.tolist(), (control.roll, control.pitch, control.yaw), strict=True)
-        axes += [(inertia, w, by_attitude) for inertia, w in turning]
-        law.gains[:] = [(m * w * w, 2.0 * control.damping * m * w, share * m * w * w) for m, w, share in axes]
+        inertia, w = np.append([nominal.mass] * 3, nominal.inertia), np.array(control.frequencies)
+        law.gains[:, 0] = inertia * w**2
+        law.gains[:, 1] = 2.0 * np.broadcast_to(control.damping, 6) * inertia * w
+        law.gains[:, 2] = integral_shares(control) * law.gains[:, 0]
+        law.beta[...] = control.bias if control.integral else 0.0
+        law.smoothing[...] = follow_share(control.smoothing, self.dt)
         law.limits[:] = np.sin(np.radians([control.bank_limit_deg, control.pitch_limit_deg]))
         # Thrusters with a lag T make a(t) of a(t) + T a'(t); a command is constant until the next one, half of it late.
         turn = self._crank_rate * (believed.delay + 0.5 * self.dt)
@@ -144,13 +162,20 @@ class Controller:
         law = self._law
         self.thrust = LaggedThrust(self.thrusters, self.scenario.believed_thrusters, self._step, self.trim)
         self.modelled: Array = self.nominal.wrench
-        for state in (law.integral, law.slow, law.disturbance, law.unrealised):
+        for state in (law.integral, law.slow, law.disturbance, law.unrealised, law.bias):
             state[:] = 0.0
+        self.sensed.restart()
+        self._monitor.restart()
         law.begun[...] = law.nose_down[...] = 0.0
         law.wanted[:], law.command[:] = self.nominal.wrench, self.trim
         self._pushed: Array = np.zeros(6)
         self._pushes, self._ticks, self._begun = 0, 0, 0.0
         self._command: Array = self.trim
+
+    @property
+    def state(self) -> State:
+        """How the flight is, as the controller sees it."""
+        return self._monitor.state
 
     @guarded()
     def board(self, plant: Plant) -> None:
@@ -169,11 +194,25 @@ class Controller:
 
     @guarded(q=("nq",), v=("nv",))
     def begin(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
-        """Start at the first sample of a flight."""
+        """Start at the first sample of a flight; its velocity is the nominal one unless more than noise is between."""
         self._restart()
         self._begun = time
         if self._observer is not None:
-            self._observer.reset(time, q, v, crank_angle)
+            crank_angle = self.sensed.take(q, v, crank_angle, self.modelled, self.disturbance)
+            v = self._nearly_nominal(self.sensed.q, self.sensed.v.copy(), crank_angle)
+            self._observer.reset(time, self.sensed.q, v, crank_angle)
+            self.sensed.restart()
+
+    def _nearly_nominal(self, q: Array, v: Array, crank_angle: float) -> Array:
+        """Return velocities (nv,) with the nominal twist of the body for one that differs by noise alone."""
+        swing = waves(np.array([crank_angle]))[0] @ self.nominal.swing
+        ground = np.array(self.scenario.flight.velocity) + swing[3:6]
+        twist = np.append(pin.Quaternion(q[3:7]).matrix().T @ ground, swing[9:])
+        sensors = self.scenario.believed_sensors
+        noise = np.sqrt(np.concatenate([sample_variance(one, 1.0)[0] for one in (sensors.velocity, sensors.gyro)]))
+        near = np.abs(v[:6] - twist) <= AS_NOMINAL * noise
+        v[:6] = np.where(near, twist, v[:6])
+        return v
 
     def command(self, time: float, q: Array, v: Array, crank_angle: float) -> Array:
         """Take a sample: configuration q (nq,), velocity v (nv,) and crank angle [rad], as the sensors show them.
@@ -181,7 +220,13 @@ class Controller:
         Returns:
             Commanded thrusts (m,) [N] for the next interval.
         """
+        if q.shape != self._shapes[0] or v.shape != self._shapes[1]:
+            raise ShapeError(
+                f"q, v have shapes {q.shape}, {v.shape}: {self._shapes[0]}, {self._shapes[1]} were expected"
+            )
         since = time - self._begun
+        crank_angle = self.sensed.take(q, v, crank_angle, self.modelled, self.disturbance)
+        q, v = self.sensed.q, self.sensed.v
         if since * (1.0 + 1e-9) + 1e-9 >= self._ticks * self.dt:
             self._ticks += 1
             if self._observer is not None and self._pushes:
@@ -189,6 +234,7 @@ class Controller:
             self._pushed, self._pushes = np.zeros(6), 0
             write_commands(self._memory, self.wrench(since, q, v, crank_angle), crank_angle)
             self._command = self._law.command.copy()
+        self._monitor.take(self._command, self.unrealised)
         self.modelled = self.thrust.advance(self._command)
         self._pushed, self._pushes = self._pushed + self.modelled, self._pushes + 1
         return self._command
@@ -196,12 +242,8 @@ class Controller:
     def wrench(self, since: float, q: Array, v: Array, crank_angle: float) -> Array:
         """Return the wrench (6,) that the law wants `since` seconds after the begin, before its lead and steering.
 
-        Another law overrides this. Raises ShapeError if q or v is not that of the robot.
+        Another law overrides this.
         """
-        if q.shape != self._shapes[0] or v.shape != self._shapes[1]:
-            raise ShapeError(
-                f"q, v have shapes {q.shape}, {v.shape}: {self._shapes[0]}, {self._shapes[1]} were expected"
-            )
         wanted = np.empty(6)
         law_wrench(self._memory, since, q, v, crank_angle, wanted)
         return wanted

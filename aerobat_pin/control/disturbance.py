@@ -8,14 +8,15 @@ It is filtered as a wrench at the robot's mean centre of mass, each component by
 body's centre of mass, c away, where thrusters count. About the body's centre of mass, the angular momentum has a part
 m c x v, whose noise would be that of the velocity.
 
-What it sees is part noise, and counts only as far as it passes that, so that nothing is answered where nothing pushes:
+What it sees is part noise, and is weighed by what its size says of that, so that little is answered where nothing
+pushes, and nothing changes at once where something begins to:
 
-    counted = seen max(0, 1 - variance / smooth^2)            smooth: seen, filtered by K once more
+    counted = seen smooth^2 / (smooth^2 + variance)            smooth: seen, filtered by K once more
 
-Momenta whose samples, dt apart, have a deviation s leave in `smooth` a variance s^2 K^3 dt / 4; and the first one, with
-which the observer begins, (s K^2 t exp(-K t))^2. `LASTING` and `FIRST` of their deviations do not count. s is that of
-velocity and gyro, as the tables of the sensors say, by the momentum that the robot has per velocity. The push of a gust
-is a hundred times the deviation.
+Momenta whose samples, dt apart, have a deviation s leave in `smooth` a variance s^2 K^3 dt / 4. s is that of velocity
+and gyro, as is believed of the sensors, by the momentum that the robot has per velocity. The push of a gust is a
+hundred times the deviation. The observer begins with the nominal velocity: a first sample's noise would look like a
+push.
 """
 
 from __future__ import annotations
@@ -33,7 +34,6 @@ from aerobat_pin.observers import Application, ForceLevelObserver
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, ControlSection, Scenario, SensorSection
 
-LASTING, FIRST = 3.0, 1.5  # standard deviations of noise that do not count: of what stays, and of what soon fades
 CENTRE = "mean_centre_of_mass"  # frame of the body
 
 
@@ -51,7 +51,7 @@ class Disturbance(Protocol):
 def observer_gains(control: ControlSection) -> Array:
     """Return the observer's gains (6,) [1/s]: forces x, y, z, then moments at the centre of mass, body axes."""
     forces = [control.forward_gain, control.lateral_gain, control.lift_gain]
-    return np.array([*forces, *[control.moment_gain] * 3])
+    return np.concatenate([forces, np.broadcast_to(control.moment_gain, 3)])
 
 
 def moved(wrench: Array, lever: Array) -> Array:
@@ -80,24 +80,20 @@ def sample_variance(sensor: SensorSection | None, dt: float) -> tuple[Array, flo
 
 
 @kernel
-def beyond_noise(seen: Array, follow: Array, noise: Array, state: Array, counted: Array) -> None:
-    """Write what counts (6,) of what is seen (6,).
+def weigh(seen: Array, follow: Array, variance: Array, smooth: Array, counted: Array) -> None:
+    """Write what counts (6,) of what the observer sees (6,).
 
     Args:
         seen: what the observer sees.
-        follow: (6,) share by which a filter follows in a sample.
-        noise: (2, 6) variance that noise has in what is smoothed: always, and, by the square of a fading factor, of
-            the first sample.
-        state: (3, 6) what is smoothed; then exp(-K t) and K t exp(-K t), which begin as 1 and 0.
+        follow: (6,) share by which `smooth` follows in a sample.
+        variance: (6,) that noise has in what is smoothed.
+        smooth: (6,) state.
         counted: written.
     """
-    smooth, fading, faded = state
     for i in range(seen.shape[0]):
         smooth[i] += follow[i] * (seen[i] - smooth[i])
-        fading[i] -= follow[i] * fading[i]
-        faded[i] += follow[i] * (fading[i] - faded[i])
-        signal, variance = smooth[i] * smooth[i], noise[0, i] + noise[1, i] * faded[i] * faded[i]
-        counted[i] = seen[i] * (1.0 - variance / signal) if signal > variance else 0.0
+        signal = smooth[i] * smooth[i]
+        counted[i] = seen[i] * signal / (signal + variance[i]) if signal > 0.0 else 0.0
 
 
 @kernel
@@ -177,23 +173,22 @@ class DisturbanceObserver:
         centre = pin.SE3(np.eye(3), nominal.centre)
         model.addFrame(pin.Frame(CENTRE, body.id, 0, centre, pin.FrameType.OP_FRAME))
         unknown = [Application(CENTRE, kind="wrench", axes="frame")]
-        control, sensors = control_of(scenario), scenario.sensors
+        control, sensors = control_of(scenario), scenario.believed_sensors
         gains = observer_gains(control)
         self.observer = ForceLevelObserver(model, unknown, gains, rows="base")
         self._stream = AirStream(robot, scenario.believed_air, dt) if control.air else None
         self._rate, self._centre = 2.0 * np.pi * scenario.crank.frequency, nominal.centre
         samples = [sample_variance(one, dt) for one in (sensors.velocity, sensors.gyro)]
         density = nominal.momentum**2 @ np.concatenate([variance * period for variance, period in samples])
-        first = nominal.momentum**2 @ np.concatenate([variance for variance, _ in samples])
-        self._noise = gains**2 * np.array([LASTING**2 * gains / 4.0 * density, FIRST**2 * first])
-        self._follow, self._state, self._counted = 1.0 - np.exp(-gains * dt), np.zeros((3, 6)), np.zeros(BASE_SIZE)
+        self._variance = gains**3 / 4.0 * density
+        self._follow, self._smooth, self._counted = 1.0 - np.exp(-gains * dt), np.zeros(BASE_SIZE), np.zeros(BASE_SIZE)
         self._tau, self._known = np.zeros(model.nv), {"air and thrusters": np.zeros(model.nv)}
         self._mean = np.append(nominal.air, np.zeros(model.nv - BASE_SIZE))[None]
 
     def reset(self, time: float, q: Array, v: Array, crank_angle: float) -> None:
         """Start at a sample."""
         self.observer.reset(q, v, time)
-        self._state[:] = np.array([[0.0], [1.0], [0.0]])
+        self._smooth[:] = 0.0
         if self._stream is not None:
             self._stream.reset(time, q, v, crank_angle, self._rate)
 
@@ -202,5 +197,5 @@ class DisturbanceObserver:
         air = self._mean if self._stream is None else self._stream.update(time, q, v)
         add_thrust(air, thrust, self._known["air and thrusters"])
         seen = self.observer.update(time, q, v, self._tau, self._known).components
-        beyond_noise(seen, self._follow, self._noise, self._state, self._counted)
+        weigh(seen, self._follow, self._variance, self._smooth, self._counted)
         return moved(self._counted, self._centre)

@@ -18,8 +18,9 @@ the plant flies on, in as many integration steps as its air needs. Needs `pip in
 
 The course is the scenario's start, flown on with its velocity and heading, at the pitch of the table `control`. The
 reward is 1 less what the course is missed by, `MISS` times (errors of position, attitude, velocity and rate)^2; an
-episode is terminated where the body is farther than `FARTHEST_OFF` from its course or lies on its side, and truncated
-after the scenario's duration. `reset(seed=...)` seeds all noise, of forces and sensors.
+episode is terminated where the robot is LOST (`monitor`), that is farther than `FARTHEST_OFF` from its course or tilted
+by more than `TILTED`; `info["state"]` says so then. It is truncated after the scenario's duration. `reset(seed=...)`
+seeds all noise, of forces and sensors.
 """
 
 from __future__ import annotations
@@ -33,15 +34,15 @@ import pinocchio as pin
 from gymnasium import spaces
 
 from aerobat_pin.control.allocation import Allocation
+from aerobat_pin.control.monitor import FARTHEST_OFF, TILTED
 from aerobat_pin.control.nominal import control_of, nominal_flight
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, checked
 from aerobat_pin.robot import believed_robot, flown_robot
 from aerobat_pin.scenario import load_scenario
 
 MISS = (4.0, 1.0, 0.1, 0.01)  # [1/m2, 1/rad2, s2/m2, s2/rad2]: of position, attitude, velocity, rate
-FARTHEST_OFF = 1.0  # [m]
 SIZE = 20
 
 
@@ -99,10 +100,11 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         return self._observation()
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Fly one interval with commanded thrusts; actions beyond -1 .. 1 are clipped."""
+        """Fly one interval with commanded thrusts; actions beyond -1 .. 1 are clipped, NaN is a ShapeError."""
+        action = checked(action, len(self._trim), "action")
         if not 0 <= self._done < len(self._edges) - 1:
             raise SimulationError("the episode is over or has not begun: reset() must come before step()", 0.0)
-        command = 0.5 * (np.clip(np.asarray(action, float), -1.0, 1.0) + 1.0) * self._thrusters.limit
+        command = 0.5 * (np.clip(action, -1.0, 1.0) + 1.0) * self._thrusters.limit
         lost = False
         try:
             self._q, self._v = self._plant.step(self._thrust.advance(command))
@@ -112,7 +114,9 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         seen, info = self._observation()
         miss = [float(part @ part) for part in np.split(seen[:12], 4)]
         reward = 1.0 - sum(weight * part for weight, part in zip(MISS, miss, strict=True))
-        lost = lost or miss[0] > FARTHEST_OFF**2 or miss[1] > 2.0  # 2 sin(45 deg) squared: it lies on its side
+        x, y = info["q"][3:5]
+        lost = lost or miss[0] > FARTHEST_OFF**2 or 1.0 - 2.0 * (x * x + y * y) < np.cos(np.radians(TILTED))
+        info["state"] = "LOST" if lost else "OK"
         truncated = self._done == len(self._edges) - 1
         return seen, float(max(reward, -100.0)), lost, truncated and not lost, info
 

@@ -14,7 +14,7 @@ from aerobat_pin.aerobat import (
     true_events,
     truth_of,
 )
-from aerobat_pin.control import Controller, control_summary, course_rms
+from aerobat_pin.control import FAILED, Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import Calibration, Finding, Result
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
@@ -64,6 +64,12 @@ class Experiment:
         """The scores as plain values, as written to `metrics.json`."""
         return self.scores.metrics()
 
+    @property
+    def failed(self) -> str:
+        """What the controller said of a flight on which it was LOST or UNSTABLE; empty of all others."""
+        control = self.control
+        return str(control["state_line"]) if control is not None and control["state"] in FAILED else ""
+
     def __repr__(self) -> str:
         robot = f"{self.robot.model.name}, {1e3 * self.robot.mass:.1f} g"
         time = self.log.time
@@ -106,9 +112,11 @@ def run(
     def judged(log: FlightLog) -> Experiment:
         made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress, calibration)
         flight, control, seed = flight_summary(log, robot.mass), None, scenario.simulation.seed
+        said: list[Finding] = []
         if pilot is not None:
             flight = replace(flight, rms=course_rms(scenario, log))
             control = control_summary(scenario, log, pilot).to_json()
+            said = [] if control["state"] == "OK" else [Finding("control", "warning", control["state_line"])]
         changed = changed_keys(scenario)
         more = {**made.scores.more, "seed": seed, "changed": changed, "log": None, "flight": flight.to_json()}
         scores = replace(
@@ -116,7 +124,7 @@ def run(
             title=f"{scenario.name}, seed {seed}: {made.note}; motor torque {scenario.observers.torque}",
             changes=changes_text(scenario.name, changed),
             advice=NOISE_ADVICE if scenario.sensors.sampled else "",
-            findings=(*_said_before(pilot), *made.scores.findings),
+            findings=(*_said_before(pilot), *said, *made.scores.findings),
             more=more if control is None else {**more, "control": control},
         )
         return replace(made, robot=robot, scores=scores, flight=flight, control=control)

@@ -70,21 +70,31 @@ class LaggedThrust:
 
     def __init__(self, thrusters: ThrusterSet, section: ThrustersSection, dt: float, start: Array) -> None:
         """Start in a steady state."""
-        waiting = round(section.delay / dt)
+        waiting, self._fault, self._until_fault = round(section.delay / dt), section.fault, -1
         self._memory = new_memory(propellers_in, len(thrusters.limit), waiting)
         fields = fields_of(propellers_in, self._memory)
         self.thrust, self.mean = fields.thrust, fields.mean
-        fields.map[:], fields.limit[:], fields.factor[...] = thrusters.map, thrusters.limit, section.factor
+        fields.map[:], fields.limit[:], fields.factor[:] = thrusters.map, thrusters.limit, section.factor
         fields.kept[...] = kept = float(np.exp(-dt / section.lag)) if section.lag > 0.0 else 0.0
         fields.lagging[...] = section.lag / dt * (1.0 - kept)
         self.thrust[:] = fields.waiting[:] = np.clip(start, 0.0, thrusters.limit)
         self.mean[:] = section.factor * self.thrust
+        self._factor = fields.factor
+        if self._fault is not None:
+            if self._fault.thruster > len(thrusters.limit):
+                least = f"at most {len(thrusters.limit)} was expected"
+                raise ScenarioError(f"thrusters.fault.thruster = {self._fault.thruster}: {least}")
+            self._until_fault = round(self._fault.start / dt)
 
     def advance(self, command: Array) -> Array:
         """Follow a command (m,) [N] over the next interval; return the mean wrench (6,) on the body, body axes."""
         command, wrench = np.asarray(command, float), np.empty(6)
         if command.shape != self.thrust.shape:
             raise ShapeError(f"command has shape {command.shape}: {self.thrust.shape} was expected")
+        if self._fault is not None:
+            if self._until_fault == 0:
+                self._factor[self._fault.thruster - 1] *= self._fault.factor
+            self._until_fault -= 1
         follow(self._memory, command, wrench)
         return wrench
 
@@ -98,7 +108,7 @@ class Propellers(NamedTuple):
 
     map: Annotated[Array, "6, m"]
     limit: Annotated[Array, "m"]
-    factor: Annotated[Array, ""]
+    factor: Annotated[Array, "m"]
     kept: Annotated[Array, ""]
     lagging: Annotated[Array, ""]
     thrust: Annotated[Array, "m"]
@@ -123,7 +133,7 @@ def follow(memory: Array, command: Array, wrench: Array) -> None:
             wanted, waiting[turn, j] = waiting[turn, j], wanted
         behind = thrust[j] - wanted
         thrust[j] = wanted + fields.kept[()] * behind
-        fields.mean[j] = fields.factor[()] * (wanted + fields.lagging[()] * behind)
+        fields.mean[j] = fields.factor[j] * (wanted + fields.lagging[()] * behind)
         for i in range(6):
             wrench[i] += fields.map[i, j] * fields.mean[j]
     if waiting.shape[0] > 0:

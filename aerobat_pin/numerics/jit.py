@@ -38,6 +38,8 @@ KERNEL_SOURCES = (
     "control/allocation.py",
     "control/disturbance.py",
     "control/law.py",
+    "control/monitor.py",
+    "control/sensed.py",
     "estimation/stream_kernels.py",
     "flight/attitude_hold.py",
     "flight/crank.py",

@@ -12,6 +12,14 @@ Tilt = Annotated[Number, Field(gt=0.0, le=60.0)]
 Delay = Annotated[NonNegative, Field(le=1.0)]
 
 
+class ThrusterFaultSection(Section):
+    """A thruster that pushes less than the others; no controller is told."""
+
+    thruster: Annotated[Whole, Field(ge=1)] = Field(description="which one, counted from 1")
+    factor: NonNegative = Field(0.0, description="what it pushes then, as a factor of what it would [-]")
+    start: NonNegative = Field(0.0, description="from when on [s]")
+
+
 class ThrustersSection(Section):
     """The thrusters of the robot's guard, as they fly; see `aerobat_pin.flight.thrusters`.
 
@@ -21,6 +29,7 @@ class ThrustersSection(Section):
     lag: Delay = Field(0.045, description="time constant of the thrust [s]")
     delay: Delay = Field(0.001, description="from a sample to the command that follows from it [s]")
     factor: Positive = Field(1.0, description="what they push, as a factor of what the morphology says [-]")
+    fault: ThrusterFaultSection | None = Field(None, description="one that pushes less from some time on")
 
 
 class ControlSection(Section):
@@ -37,24 +46,52 @@ class ControlSection(Section):
     lateral: NonNegative = Field(2.8, description="of the sideways position's error [rad/s]")
     height: NonNegative = Field(8.0, description="of the height's error [rad/s]")
     forward: NonNegative = Field(2.0, description="of the position's error along the course [rad/s]")
-    damping: Positive = Field(0.8, description="share of critical damping, of all six [-]")
+    damping: PerAxis = Field(
+        (0.8,), description="share of critical damping; one, or of forward, lateral, height, roll, pitch, yaw [-]"
+    )
     bank_limit_deg: Tilt = Field(20.0, description="largest roll that is asked for to push sideways [deg]")
     pitch_limit_deg: Tilt = Field(6.0, description="largest pitch to push forward by, where the thrusters cannot [deg]")
     lead: Annotated[Number, Field(ge=1.0, le=10.0)] = Field(
         2.0, description="how much faster the commands make the believed lag of the thrusters; 1 leaves it [-]"
     )
     integral: bool = Field(True, description="whether the errors' integrals act")
-    attitude_integral: NonNegative = Field(2.0, description="share of the stiffness that it adds in a second [1/s]")
-    position_integral: NonNegative = Field(1.0, description="share of the stiffness that it adds in a second [1/s]")
+    attitude_integral: PerAxis = Field(
+        (2.0,), description="share of the stiffness that it adds in a second; one, or of roll, pitch, yaw [1/s]"
+    )
+    position_integral: PerAxis = Field(
+        (1.0,), description="likewise; one, or of forward, lateral, height; only forward's beside an observer [1/s]"
+    )
+    bias: Annotated[NonNegative, Field(le=100.0)] = Field(
+        10.0,
+        description="how fast a bias of the velocity is found and taken out, with the integrals; 0 does not [rad/s]",
+    )
+    smoothing: NonNegative = Field(
+        300.0, description="pole of the forces upwards and sideways, against noise; 0 for none [rad/s]"
+    )
     feedforward: bool = Field(True, description="whether what the observer sees is compensated")
     source: Literal["observer", "filtered_truth", "truth"] = Field(
         "observer", description="who says what that is: the observer, or, to compare, what only a simulation knows"
     )
-    moment_gain: Positive = Field(8.0, description="K of the observer's moments [1/s]")
+    moment_gain: PerAxis = Field((8.0,), description="K of the observer's moments; one, or of roll, pitch, yaw [1/s]")
     forward_gain: Positive = Field(2.0, description="K of the observer's forward force [1/s]")
     lateral_gain: Positive = Field(8.0, description="K of the observer's sideways force [1/s]")
     lift_gain: Positive = Field(10.0, description="K of the observer's upward force [1/s]")
     air: bool = Field(True, description="whether the observer knows the air; if not, only its mean")
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Natural frequencies of forward, lateral, height, roll, pitch, yaw [rad/s]."""
+        return self.forward, self.lateral, self.height, self.roll, self.pitch, self.yaw
+
+    @model_validator(mode="after")
+    def _as_many_as_axes(self) -> ControlSection:
+        for key, axes in (("damping", 6), ("attitude_integral", 3), ("position_integral", 3), ("moment_gain", 3)):
+            given = getattr(self, key)
+            if len(given) not in (1, axes):
+                raise ValueError(f"control.{key} = {list(given)}: one number, or {axes}, were expected")
+            if min(given) < 0.0 or (min(given) == 0.0 and key in ("damping", "moment_gain")):
+                raise ValueError(f"control.{key} = {list(given)}: positive numbers were expected")
+        return self
 
 
 class SampledSection(Section):

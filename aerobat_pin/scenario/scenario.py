@@ -105,7 +105,12 @@ class Scenario(Section):
     @property
     def believed_thrusters(self) -> ThrustersSection:
         """The thrusters that the controller assumes: `thrusters` with the values of `believed.thrusters` over it."""
-        return _laid_over(self.thrusters, self.believed.thrusters)
+        return _laid_over(self.thrusters.model_copy(update={"fault": None}), self.believed.thrusters)
+
+    @property
+    def believed_sensors(self) -> SensorsSection:
+        """The sensors that the controller assumes: `sensors` with the values of `believed.sensors` over it."""
+        return _laid_over(self.sensors, self.believed.sensors)
 
     @property
     def size(self) -> FlightSize:
@@ -135,7 +140,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _believable(self) -> Scenario:
-        for name in ("robot", "air", "thrusters"):
+        for name in ("robot", "air", "thrusters", "sensors"):
             try:
                 getattr(self, f"believed_{name}")
             except ValidationError as error:

@@ -307,11 +307,12 @@ class PlantSection(Section):
 
 
 class BelievedSection(Section):
-    """Deliberate model errors: values of robot, air and thrusters that are assumed in place of the true ones."""
+    """Deliberate model errors: values of robot, air, thrusters, sensors assumed in place of the true ones."""
 
     robot: RobotValues = Field(default_factory=dict, description="values laid over the table robot")
     air: dict[str, Any] = Field(default_factory=dict, description="values laid over the table air")
     thrusters: dict[str, Any] = Field(default_factory=dict, description="values laid over the table thrusters")
+    sensors: dict[str, Any] = Field(default_factory=dict, description="values laid over the table sensors")
 
 
 def sections_of(annotation: Any) -> dict[str, type[Section]]:

@@ -31,11 +31,8 @@ SECTIONS = {
         "docs/section_law.md",
         "docs/structural_error.md",
         "docs/mismatch.md",
-<<<<<<< HEAD
         "docs/learnt_error.md",
-=======
         "docs/legs.md",
->>>>>>> vstream
         "docs/reliability.md",
         "docs/broken_runs.md",
     ],

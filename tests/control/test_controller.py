@@ -12,14 +12,18 @@ from aerobat_pin.aerobat.air_stream import AirStream
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import moved
-from aerobat_pin.control.summary import loop_margins
+from aerobat_pin.control.margins import _margins, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.errors import ControlWarning, ScenarioError
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot.load import believed_robot
 from aerobat_pin.scenario.scenario import load_scenario
 
-STEADY = ["control.lead=1.0", "control.integral=false", "control.feedforward=false", "sensors={}"]
+ROUND = [  # gains whose products one can do in one's head
+    *("control.roll=12.0", "control.pitch=12.0", "control.yaw=12.0", "control.damping=0.8", "control.smoothing=0.0"),
+    *("control.lateral=2.8", "control.height=8.0", "control.forward=2.0"),
+]
+STEADY = ["control.lead=1.0", "control.integral=false", "control.feedforward=false", "sensors={}", *ROUND]
 
 
 def controller(*settings: str) -> Controller:
@@ -91,7 +95,7 @@ def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
 
 def test_a_push_at_the_centre_of_mass_does_not_ask_for_yaw() -> None:
     """The thrusters leave its part sideways, so only a roll is wanted against it; against that upwards, a pitch."""
-    pilot = controller(*STEADY[:2], "sensors={}", "control.lateral=0.0")
+    pilot = controller(*ROUND, *STEADY[:2], "sensors={}", "control.lateral=0.0")
     q, v = sample(pilot)
     pilot.begin(0.0, q, v, 0.0)
     level = pilot.wrench(0.0, q, v, 0.0)
@@ -110,7 +114,7 @@ def test_margins_are_those_of_the_textbook_for_a_plain_double_integrator() -> No
     """No lag, no delay, no observer: L = (kd s + kp) / s^2, phase margin atan(2 z wc / w), Ms from the closed form."""
     plain = ["thrusters.lag=0.0", "thrusters.delay=0.0", "control.lead=1.0", "control.lateral=0.0"]
     quick = ["simulation.dt=1e-5", "simulation.duration=0.001"]
-    found = loop_margins(load_scenario("paper_left_closed_loop", [*plain, *STEADY[1:3], *quick]))
+    found = loop_margins(load_scenario("paper_left_closed_loop", [*ROUND, *STEADY[1:3], *plain, *quick]))
     w, z = 12.0, 0.8
     crossover = w * np.sqrt(2.0 * z * z + np.sqrt(4.0 * z**4 + 1.0))
     for axis in ("roll", "pitch", "yaw"):
@@ -121,14 +125,38 @@ def test_margins_are_those_of_the_textbook_for_a_plain_double_integrator() -> No
 
 def test_the_shipped_loop_has_margins_with_and_without_observer() -> None:
     """Ms below 2; an observer costs phase, as the design says; slow thrusters make the loop unstable."""
+    plain = "control.smoothing=0.0"
+    gains = [*ROUND, plain, "control.lead=2.0", "control.moment_gain=8.0", "control.lift_gain=10.0"]
     with_it, without = (
-        loop_margins(load_scenario("paper_left_closed_loop", more)) for more in ([], ["control.feedforward=false"])
+        loop_margins(load_scenario("paper_left_closed_loop", [*gains, f"control.feedforward={on}"]))
+        for on in ("true", "false")
     )
     assert all(axis.stable and axis.ms < 2.0 for axis in (*with_it.values(), *without.values()))
     assert np.degrees(without["roll"].phase) == pytest.approx(42.0, abs=3.0)
     assert np.degrees(with_it["roll"].phase) == pytest.approx(36.0, abs=3.0)
+    shipped = load_scenario("paper_left_closed_loop")
+    assert max(wrong_plant_ms(shipped).values()) < 2.4
+    assert min(axis.delay for axis in loop_margins(shipped).values()) > 0.023
     late = ["thrusters.delay=0.06", "believed.thrusters.delay=0.001"]
     assert not loop_margins(load_scenario("paper_left_closed_loop", late))["roll"].stable
+
+
+def test_a_bank_that_pushes_less_than_believed_is_seen_by_the_observer_of_the_side_force() -> None:
+    """With b = 1 that observer sees nothing and does not count; with b = 0.8 it makes the loop softer or stiffer."""
+    one, other = ([f"control.lateral_gain={gain}"] for gain in (2.0, 20.0))
+    first, second = (load_scenario("paper_left_closed_loop", gain) for gain in (one, other))
+    assert loop_margins(first)["roll"] == loop_margins(second)["roll"]
+    assert _margins(first, "roll", 0.8) != _margins(second, "roll", 0.8)
+
+
+def test_the_slew_of_noise_is_that_of_the_law_and_its_lead() -> None:
+    """Gyro noise alone on yaw: lead kd per sample, white, so that the change of a command has twice its variance."""
+    quiet = [f"sensors.{name}.noise=0.0" for name in ("position", "attitude", "velocity")]
+    off = ["control.roll=0.001", "control.pitch=0.001", "thrusters.lag=1.0", "believed.thrusters.lag=1.0"]
+    pilot = controller(*ROUND, *STEADY[1:3], *quiet, *off, "control.lead=2.0", "sensors.gyro.noise=3e-3")
+    moment = 2.0 * 2.0 * 0.8 * 12.0 * pilot.nominal.inertia[2] * 3e-3
+    expected = np.sqrt(np.mean(pilot.allocation.free[:, 5] ** 2) * 2.0) * moment / 1e-3
+    assert noise_slew(pilot) == pytest.approx(expected, rel=0.01)
 
 
 def test_too_weak_thrusters_are_announced_before_the_flight() -> None:

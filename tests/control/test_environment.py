@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.control import ENVIRONMENTS, AerobatEnv, Controller
-from aerobat_pin.errors import ScenarioError, SimulationError
+from aerobat_pin.errors import ScenarioError, ShapeError, SimulationError
 
 gymnasium = pytest.importorskip("gymnasium")
 COARSE = ["air.strips=8", "simulation.duration=0.3"]
@@ -53,8 +53,9 @@ def test_seeds_decide_the_noise_and_nothing_else_does() -> None:
     off = -np.ones(6)
     ends = [env.step(off)[2:4] for _ in range(40)]
     assert not ends[0][0]
-    while not env.step(off)[2]:
-        pass
+    while not (end := env.step(off))[2]:
+        assert end[4]["state"] == "OK"
+    assert end[4]["state"] == "LOST"
 
 
 def test_what_cannot_be_flown_is_refused() -> None:
@@ -64,6 +65,10 @@ def test_what_cannot_be_flown_is_refused() -> None:
     env = AerobatEnv(settings=COARSE)
     with pytest.raises(SimulationError, match=r"reset\(\) must come before"):
         env.step(env.neutral)
+    env.reset(seed=1)
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(ShapeError, match="action holds NaN or infinity"):
+            env.step(np.append(env.neutral[:5], wrong))
 
 
 @pytest.mark.parametrize("name", sorted(ENVIRONMENTS))

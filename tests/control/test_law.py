@@ -8,8 +8,9 @@ import pytest
 from support.control_twins import Law
 
 from aerobat_pin.control import Allocation, Controller
-from aerobat_pin.control.disturbance import beyond_noise
+from aerobat_pin.control.disturbance import weigh
 from aerobat_pin.control.nominal import OVERTONES, PITCHING, most_steering, nominal_flight, waves
+from aerobat_pin.control.sensed import CHANNELS
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.flight import LaggedThrust
 from aerobat_pin.robot import believed_robot
@@ -25,9 +26,11 @@ from aerobat_pin.scenario import load_scenario
     ],
     ids=["turned course", "pitched", "gliding"],
 )
-def test_the_law_is_its_readable_twin(settings: tuple[str, ...]) -> None:
+def test_the_law_is_its_readable_twin(settings: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Sixty samples on both sides of all limits: wrench, commands and what is left, with their memory of the past."""
-    pilot, rng = Controller(load_scenario("paper_left_closed_loop", settings)), np.random.default_rng(3)
+    rng = np.random.default_rng(3)
+    monkeypatch.setattr("aerobat_pin.control.sensed.REACH", dict.fromkeys(CHANNELS, (np.inf, 0.0, 0.0)))
+    pilot = Controller(load_scenario("paper_left_closed_loop", settings))
     twin, robot, allocation = Law(pilot), believed_robot(pilot.scenario), Allocation(pilot.thrusters)
     pilot.begin(0.0, robot.q0, np.zeros(robot.model.nv), 0.4)
     acts = pilot.control.feedforward
@@ -102,22 +105,18 @@ FOLLOW = np.full(6, 1.0 - np.exp(-GAIN * DT))
 def test_white_noise_of_the_momentum_leaves_the_stated_variance() -> None:
     """K^2 s / (s + K)^2 of white noise of density s^2 dt has the variance s^2 K^3 dt / 4, by Parseval's theorem."""
     momentum = np.random.default_rng(0).normal(scale=DEVIATION, size=(200_000, 6))
-    slow, seen, state, smooth = np.zeros(6), np.zeros(6), np.zeros((3, 6)), []
+    slow, seen, state, smooth = np.zeros(6), np.zeros(6), np.zeros(6), []
     for sample in momentum:
         slow += FOLLOW * (sample - slow)
         seen[:] = GAIN * (sample - slow)  # the residual of a momentum observer
-        beyond_noise(seen, FOLLOW, np.zeros((2, 6)), state, np.empty(6))
-        smooth.append(state[0].copy())
+        weigh(seen, FOLLOW, np.zeros(6), state, np.empty(6))
+        smooth.append(state.copy())
     np.testing.assert_allclose(np.var(smooth), DEVIATION**2 * GAIN**3 * DT / 4.0, rtol=0.05)
 
 
-def test_the_first_sample_fades_as_stated_and_a_push_counts_but_for_its_noise() -> None:
-    """K t exp(-K t) after a time t; and 1 - variance / smooth^2 of what is seen, nothing below the variance."""
-    state, counted, always = np.array([np.zeros(6), np.ones(6), np.zeros(6)]), np.empty(6), np.full(6, 0.04)
-    pushes = np.array([0.1, 0.19, 0.4, 1.0, 2.0, -2.0])
-    for _ in range(100):
-        beyond_noise(pushes, FOLLOW, np.array([always, np.zeros(6)]), state, counted)
-    np.testing.assert_allclose(state[2], GAIN * 0.1 * np.exp(-GAIN * 0.1), rtol=0.02)
-    for _ in range(2000):
-        beyond_noise(pushes, FOLLOW, np.array([always, np.zeros(6)]), state, counted)
-    np.testing.assert_allclose(counted, [0.0, 0.0, 0.3, 0.96, 1.98, -1.98], rtol=1e-6)
+def test_a_push_counts_by_what_its_size_says_of_noise() -> None:
+    """x^2 / (x^2 + variance) of what stays x; nothing of nothing."""
+    state, counted, pushes = np.zeros(6), np.empty(6), np.array([0.0, 0.1, 0.2, 0.4, 2.0, -2.0])
+    for _ in range(3000):
+        weigh(pushes, FOLLOW, np.full(6, 0.04), state, counted)
+    np.testing.assert_allclose(counted, pushes**3 / (pushes**2 + 0.04), rtol=1e-6)

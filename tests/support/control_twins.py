@@ -21,14 +21,25 @@ class Law:
     integral: Vector = field(default_factory=lambda: np.zeros(6))
     nose_down: float = 0.0
     slow: Vector | None = None
+    place: Vector | None = None
+    bias: Vector = field(default_factory=lambda: np.zeros(3))
+    smooth: Vector | None = None
 
     def gains(self) -> tuple[Vector, Vector, Vector]:
         """Return stiffness, damping and the integral's rate: forward, left, up; roll, pitch, yaw."""
         control, nominal = self.pilot.control, self.pilot.nominal
         inertia = np.append([nominal.mass] * 3, nominal.inertia)
         w = np.array([control.forward, control.lateral, control.height, control.roll, control.pitch, control.yaw])
-        share = np.repeat(integral_shares(control), 3)
-        return inertia * w**2, 2.0 * control.damping * inertia * w, share * inertia * w**2
+        return inertia * w**2, 2.0 * np.array(control.damping) * inertia * w, integral_shares(control) * inertia * w**2
+
+    def unbiased(self, place: Vector, velocity: Vector) -> Vector:
+        """Return a velocity less the bias that an observer with both poles at beta finds beside the position."""
+        dt, beta = self.pilot.dt, self.pilot.control.bias * self.pilot.control.integral
+        self.place = place if self.place is None else self.place
+        ahead = place - self.place
+        self.bias = self.bias - dt * beta**2 * ahead
+        self.place = self.place + dt * (velocity - self.bias + 2.0 * beta * ahead)
+        return velocity - self.bias
 
     def integrate(self, error: Vector, rows: slice, left: Vector) -> None:
         """Add to integrals that do not ask for more of what is left."""
@@ -45,10 +56,13 @@ class Law:
         course = pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(flight.yaw_deg)).T
         velocity = np.array(flight.velocity)
         error = course @ (np.array(flight.position) + velocity * since + swing[:3] - q[:3])
-        rate = course @ (velocity + swing[3:6] - R @ v[:3])
+        rate = course @ (velocity + swing[3:6] - self.unbiased(q[:3], R @ v[:3]))
         self.integrate(error, slice(0, 3), np.array([left[0], -left[3], left[2]]))
         force = stiffness[:3] * error + damping[:3] * rate + self.integral[:3] - course @ R @ push[:3]
 
+        share = 1.0 - np.exp(-control.smoothing * self.pilot.dt)
+        self.smooth = force[1:] if self.smooth is None else self.smooth + share * (force[1:] - self.smooth)
+        force[1:] = self.smooth
         weight = nominal.mass * flight.gravity
         tilt, dive = np.sin(np.radians([control.bank_limit_deg, control.pitch_limit_deg]))
         bank = -np.arcsin(np.clip(force[1] / weight, -tilt, tilt))

@@ -166,7 +166,10 @@ def calls() -> dict[str, Call]:
         "closed_state": {"model": api.closed_model()[0]},
         "Plant": {"drive": steady},
         "thrusters_of": {"morphology": looped.morphology},
-        **{name: loop_robot for name in ("Controller", "nominal_flight", "loop_margins", "course_rms")},
+        **{
+            name: loop_robot
+            for name in ("Controller", "nominal_flight", "loop_margins", "wrong_plant_ms", "course_rms")
+        },
         "interval_means": {"forces": plant.forces},
         "write_csv": {"path": folder / "again.csv"},
         "load_sweep": {"source": next(iter(api.shipped_sweeps()))},
@@ -343,8 +346,8 @@ INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log ne
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
 typical_step redundancy_of slow_part describe_tables explain fit_friction
-ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary SeriesSculpture
-changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events
+ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
+SeriesSculpture changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events
 belief_of described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())

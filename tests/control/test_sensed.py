@@ -1,0 +1,147 @@
+"""Samples that cannot be used, and what the controller says of its flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerobat_pin.control import FAILED, Controller
+from aerobat_pin.control.monitor import AT_LIMITS, Monitor
+from aerobat_pin.control.sensed import CHANNELS
+from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight import ClosedLoop, Plant
+from aerobat_pin.numerics import Array
+from aerobat_pin.robot import flown_robot
+from aerobat_pin.scenario import load_scenario
+
+COLUMNS: dict[str, tuple[int, slice]] = {  # of q, v and crank angle
+    **{
+        "position": (0, slice(0, 3)),
+        "attitude": (0, slice(3, 7)),
+        "velocity": (1, slice(0, 3)),
+        "gyro": (1, slice(3, 6)),
+    },
+    **{"joint_angle": (0, slice(7, 11)), "joint_rate": (1, slice(6, 10)), "crank_angle": (2, slice(0, 1))},
+}
+FIRST, APART = 200, 120  # sample of the first fault; from one channel's to the next one's
+Spoiling = Callable[[Array, Array], Array]  # (sample, the one before) -> what is shown
+KINDS: dict[str, Spoiling] = {
+    "NaN": lambda now, _: np.full_like(now, np.nan),
+    "infinite": lambda now, _: np.full_like(now, np.inf),
+    "zero": lambda now, _: np.zeros_like(now),
+    "held": lambda _, before: before,
+    "swapped": lambda now, _: np.roll(now, 1) if len(now) > 1 else -now,
+}
+
+
+def flown(
+    settings: list[str], spoil: Callable[[int, str, Array, Array], Array] | None = None
+) -> tuple[Array, Controller]:
+    """Fly, with the samples of each channel changed by a function of sample, channel, value, and value before."""
+    scenario = load_scenario("paper_left_closed_loop", ["simulation.duration=1.1", "air.strips=8", *settings])
+    pilot = Controller(scenario)
+    loop, shown = ClosedLoop(Plant(flown_robot(scenario), scenario), pilot), {}
+    command = pilot.command
+
+    def spoiled(time: float, q: Array, v: Array, crank_angle: float) -> Array:
+        tables = [q.copy(), v.copy(), np.array([crank_angle])]
+        for name, (table, columns) in COLUMNS.items():
+            values = tables[table][columns]
+            assert spoil is not None
+            values[:] = shown[name] = np.array(spoil(loop.done, name, values.copy(), shown.get(name, values.copy())))
+        return command(time, tables[0], tables[1], float(tables[2][0]))
+
+    if spoil is not None:
+        pilot.command = spoiled  # type: ignore[method-assign]
+    try:
+        return loop.fly(scenario.simulation.count).q, pilot
+    except SimulationError as error:
+        kept: Any = error.kept
+        return kept.q, pilot
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Array:
+    """Return the flight without any fault."""
+    return flown([])[0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("length", [1, 50], ids=["once", "50 ms"])
+def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
+    kind: str, length: int, undisturbed: Array
+) -> None:
+    """One channel after the other, all in one flight: within 10 mm of the flight without.
+
+    A gyro whose axes are swapped for 50 ms, where the rates begin nearly alike, costs up to 25 mm: the attitude needs 20 ms
+    to tell.
+    """
+
+    def spoil(k: int, name: str, now: Array, before: Array) -> Array:
+        begun = FIRST + APART * CHANNELS.index(name)
+        return KINDS[kind](now, before) if begun <= k < begun + length else now
+
+    q, pilot = flown([], spoil)
+    assert np.linalg.norm(q[:, :3] - undisturbed[:, :3], axis=1).max() < (
+        0.025 if kind == "swapped" and length > 1 else 0.010
+    )
+    state = pilot.state
+    for name in CHANNELS:
+        if name == "gyro" and kind in ("zero", "swapped") and length == 1:
+            continue  # rates that are nearly alike, or nearly zero: nothing to be noticed, and nothing that matters
+        least = 15 if (name, kind) == ("gyro", "swapped") else length - (kind == "zero")
+        assert sum(state.unused.get(name, {}).values()) >= least, (name, state.unused)
+    assert state.word not in FAILED
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_a_channel_that_stays_silent_is_lost_after_a_quarter_of_a_second(channel: str) -> None:
+    """NaN for ever; the law flies on with what it has."""
+    q, pilot = flown(
+        ["simulation.duration=0.6"], lambda k, name, now, _: now * np.nan if name == channel and k > 200 else now
+    )
+    assert pilot.state.line == f"LOST at {pilot.state.since:.3f} s: no good sample of {channel} for 0.25 s"
+    assert pilot.state.since == pytest.approx(0.451, abs=0.003)
+    assert np.isfinite(q).all()
+
+
+def test_a_dead_thruster_is_said_within_half_a_second_of_being_lost() -> None:
+    """Without thruster 3 the robot cannot fly; it says so as soon as it is tilted by 60 degrees or 1 m off."""
+    q, pilot = flown(["simulation.duration=2.0", "thrusters.fault={thruster=3, start=0.3}"])
+    upright = 1.0 - 2.0 * (q[:, 3] ** 2 + q[:, 4] ** 2)
+    off = np.linalg.norm(q[:, :3] - [[3e-3 * k, 0.0, 0.0] for k in range(len(q))], axis=1)
+    lost = 1e-3 * np.flatnonzero((upright < 0.5) | (off > 1.0))[0]
+    assert pilot.state.word == "LOST"
+    assert lost - 0.02 < pilot.state.since < lost + 0.5
+
+
+def test_late_poses_are_carried_to_now() -> None:
+    """Position, attitude and velocity at 100 Hz, 10 ms late: 3 m/s times 10 to 20 ms would be 30 to 60 mm."""
+    poses = [f"sensors.{name}={{rate=100.0, delay=0.01}}" for name in ("position", "attitude", "velocity")]
+    late, pilot = flown([*poses, "unknown_force=[]"])
+    off = late[:, :3] - [[3e-3 * k, 0.0, 0.0] for k in range(len(late))]
+    assert np.sqrt(np.mean(off[:, 1] ** 2)) < 0.006
+    assert np.abs(off[:, 0]).max() < 0.02
+    assert pilot.state.word == "OK"
+
+
+def test_the_word_of_a_flight_is_that_of_its_worst_window() -> None:
+    """Swings of 10 degrees that stay; swings that halve each window; commands at a limit; nothing."""
+    pilot = Controller(load_scenario("hover_closed_loop", ["air.strips=4"]))
+    time, limit = 1e-3 * np.arange(2000), pilot.thrusters.limit
+    for size, at_limit, word in ((0.2, 0.0, "UNSTABLE"), (0.0, 2.0 * AT_LIMITS, "SATURATED"), (0.0, 0.0, "OK")):
+        monitor = Monitor(limit, 1e-3, pilot.sensed)
+        pilot.sensed.restart()
+        pilot.sensed.q[:] = pilot._robot.q0
+        for t in time:
+            pilot.sensed.error[:] = [0.0, 0.0, 0.0, size * np.sin(20.0 * t), 0.0, 0.0]
+            monitor.take(np.where(np.arange(6) < 6.0 * at_limit, limit, 0.5 * limit), np.zeros(6))
+        assert monitor.state.word == word
+    monitor.restart()
+    for t in time:
+        pilot.sensed.error[3] = 0.5 * 0.5 ** (2.0 * t) * np.sin(20.0 * t)
+        monitor.take(0.5 * limit, np.zeros(6))
+    assert monitor.state.word == "OK"
