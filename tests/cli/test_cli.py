@@ -108,6 +108,10 @@ def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
     assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 2
     assert "not empty; --force" in capsys.readouterr().err
     assert sorted(path.name for path in out.iterdir()) == ["notes.txt", "report.html"]
+    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 2
+    assert "holds no earlier result (estimate.nc) that --force could replace" in capsys.readouterr().err
+    assert (out / "report.html").read_text() == "old", "a file of that name alone is no result"
+    (out / "estimate.nc").write_text("old")
     assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 0
     assert (out / "notes.txt").read_text() == "mine"
     assert not (out / "report.html").exists(), "an old report would not belong to the new numbers"
