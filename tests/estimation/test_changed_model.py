@@ -16,7 +16,7 @@ from support.mismatch import NOISY, flown
 
 from aerobat_pin.aerobat import FlightLog, flight_record
 from aerobat_pin.aerobat.suspects import carrying
-from aerobat_pin.estimation import Result, estimate
+from aerobat_pin.estimation import CalibrationWatch, Contact, Result, estimate
 from aerobat_pin.records import PlainRobot
 
 QUASI_STEADY = "quasi-steady air"
@@ -69,7 +69,7 @@ def test_an_unchanged_flight_is_said_to_be_unchanged_with_true_deviations() -> N
 
 
 def test_a_slipped_encoder_is_named_and_corrected() -> None:
-    """2 degrees: named within three deviations, 26 mN and a train of contacts before, 8 mN and none corrected."""
+    """2 degrees: named within three deviations, 26 mN and false contacts before, 8 mN and none corrected."""
     free = free_flight(QUASI_STEADY)
     log = slipped(flown("no force", 7, OTHER_START)[0], free, 2.0)
     found, better = (seen(log, free, correct=correct) for correct in (False, True))
@@ -80,8 +80,9 @@ def test_a_slipped_encoder_is_named_and_corrected() -> None:
     assert abs(found.model.cause.estimate[0] + 2.0) < 3.0 * found.model.cause.deviation[0]
     assert np.max(errors(found)) > 20.0
     assert np.all(nees(found) < 2.5)  # as the whole effect of the cause is stated
+    assert found.calibration is not None
+    assert found.calibration.contacts
     assert any("zero of the crank: angle -1.9" in line for line in found.warnings)
-    assert any("one every" in line for line in found.warnings)
     assert better.model is not None
     assert better.model.corrected
     assert "corrected" in repr(better)
@@ -120,6 +121,19 @@ def test_a_payload_is_named_with_its_lever(mass: float) -> None:
     true = [1e3 * mass, 30e3 * mass, 0.0, 0.0]
     assert np.all(np.abs(np.array(cause.estimate) - true) < 3.0 * np.array(cause.deviation))
     assert np.all(errors(better) < 8.0)
+
+
+def test_trains_of_contacts_are_counted_with_their_spacing() -> None:
+    """Ten contacts, two in each cycle, are one line; five at irregular times are none."""
+    time, free = np.linspace(0.0, 2.0, 2001), learnt(QUASI_STEADY)
+    for onsets, told in ((0.1 + 0.1 * np.arange(10), True), (np.array([0.1, 0.13, 0.4, 0.95, 1.7]), False)):
+        watch = CalibrationWatch(free)
+        watch._contacts = [Contact("left_force_point", onset, onset, onset + 0.01) for onset in onsets.tolist()]
+        watch._turns = [(time, 5.0 * time)]
+        assert (
+            any("10 contacts at left_force_point, one every 0.50 cycles" in line for line in watch.use().warnings)
+            == told
+        )
 
 
 def test_a_robot_knows_no_causes_unless_it_says_so() -> None:
