@@ -318,7 +318,9 @@ VERDICTS = """### Verdicts
 
 The calibration is made of free flights at 2.7 m/s, 4.5 Hz and 3.4 m/s, 5.0 Hz. Every flight has a speed, frequency,
 pitch and crank angle of its own in between; every fourth of the unchanged ones is a manoeuvre, and half of them are
-pushed. The ratio is that of what no force explains to what was expected.
+pushed. The ratio is that of what no force explains to what was expected. Changed flights are all pushed, so what an
+unchanged one is wrong by, in the first row, is in their corrected errors, too. A whole run has 40 unchanged flights
+and 20 with each change; fewer were flown where the second column says so.
 
 | after the calibration | flights | called changed | ratio | named rightly | estimate | error [mN] | corrected |
 |---|---|---|---|---|---|---|---|"""

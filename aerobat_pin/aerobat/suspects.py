@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import typical_step
+from aerobat_pin.observers import slow_part
 from aerobat_pin.records import Block, Suspect
 from aerobat_pin.robot import Aerobat
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 JOINT_RATES = slice(6, 10)
 FOLLOWING = np.radians(0.3)  # rms angle by which joints that follow from the crank's angle may differ from it
-SMOOTHED = 0.016  # [s]: width of the window over which a torque is smoothed before it bends a link
 SUSPECTS = {
     "crank_zero": (Suspect("angle", 2e-3, 180.0 / np.pi, "deg"),),
     "air_density": (Suspect("change", 0.02, 100.0, "%"),),
@@ -87,14 +86,11 @@ def follows(block: Block, robot: Aerobat) -> bool:
 
 
 def flexed(block: Block, robot: Aerobat, flexibility: Array) -> Block:
-    """Return a block whose links lag behind the linkage by the torque that they carry, smoothed, times (4,)."""
-    time, torque = block.time, block.tau[:, JOINT_RATES]
-    window = np.hanning(2 * max(1, round(0.5 * SMOOTHED / typical_step(time))) + 1)
-    padded = np.pad(torque, ((len(window) // 2, len(window) // 2), (0, 0)), "edge")
-    smooth = np.stack([np.convolve(one, window / window.sum(), "valid") for one in padded.T], axis=1)
-    bend = -flexibility * np.concatenate([smooth[:1], 0.5 * (smooth[1:] + smooth[:-1]), smooth[-1:]])
+    """Return a block whose links lag behind the linkage by their torque, low-passed as by a damper, times (4,)."""
+    torque = slow_part(block.time, block.tau[:, JOINT_RATES])
+    bend = -flexibility * np.concatenate([torque[:1], 0.5 * (torque[1:] + torque[:-1]), torque[-1:]])
     q, v = block.q.copy(), block.v.copy()
     bend = bend if follows(block, robot) else np.zeros_like(bend)
     q[:, list(robot.idx_q)] += bend
-    v[:, list(robot.idx_v)] += np.gradient(bend, time, axis=0)
+    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
     return replace(block, q=q, v=v)

@@ -11,8 +11,6 @@ from support.changed_flights import CHANGES, CONTACTS, HIGH, LOW, PUSH, Verdict,
 
 from aerobat_pin.estimation import Calibration
 
-SIZES = {"density 10 %": (-10.0, 5.0), "payload 10 %": (9.2, 2.5), "encoder 2 deg": (-2.0, 0.5)}  # [%, g, deg]
-
 
 def seen(name: str, calibration: Calibration) -> Verdict:
     """Fly with a change, and estimate."""
@@ -27,14 +25,17 @@ def test_a_robot_that_has_not_changed_is_not_called_changed() -> None:
     assert found.contacts[0] == CONTACTS
 
 
-@pytest.mark.parametrize("name", SIZES)
-def test_a_change_is_noticed_named_and_corrected(name: str) -> None:
-    """Its size is that of the plant's key; corrected, the forces are better and no push is lost."""
-    found, better = (seen(name, one(learnt(LOW, HIGH))) for one in (lambda same: same, corrected))
+def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
+    """By 2 degrees, as `plant.crank_zero_deg` says; corrected, the forces are better and no push is lost."""
+    found, better = (seen("encoder 2 deg", one) for one in (learnt(LOW, HIGH), corrected(learnt(LOW, HIGH))))
     assert found.verdict == "changed"
     assert found.cause is not None
-    assert found.cause["name"] == CHANGES[name].cause
-    expected, within = SIZES[name]
-    assert found.cause["estimate"][0] == pytest.approx(expected, abs=within)
-    assert np.max(better.error["force_level"]) < 0.7 * np.max(found.error["force_level"])
+    assert found.cause["name"] == "crank_zero"
+    assert found.cause["estimate"] == pytest.approx((-2.0,), abs=0.5)
+    assert np.max(better.error["force_level"]) < 0.6 * np.max(found.error["force_level"])
     assert better.contacts[0] == CONTACTS
+
+
+def test_an_elbow_that_bends_is_noticed() -> None:
+    """Its name is not asked for here: how often it is the right one stands in docs/learnt_error.md."""
+    assert seen("elbow 5 rad/(N m)", learnt(LOW, HIGH)).verdict == "changed"

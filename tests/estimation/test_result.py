@@ -14,9 +14,18 @@ from aerobat_pin.estimation import Compared, Moments, StoredEstimate, estimate
 from aerobat_pin.experiments import Experiment, write
 from aerobat_pin.records import open_record, parse_map, series_of
 
-EVERYWHERE = {"version", "scenario", "seed", "changed", "versions", "warnings", "notes", "inputs", "calibration"} | {
-    *("log", "robot", "mass", "rate", "used_s", "parts", "checks", "fits", "observers")
-}
+EVERYWHERE = {
+    "version",
+    "scenario",
+    "seed",
+    "changed",
+    "versions",
+    "warnings",
+    "notes",
+    "inputs",
+    "calibration",
+    "model",
+} | {*("log", "robot", "mass", "rate", "used_s", "parts", "checks", "fits", "observers")}
 OBSERVER = {"rank", "condition", "null_direction", "redundancy", "deviation", "events", "components", "unseen"} | {
     *("innovation", "warnings", "notes", "gain", "rows", "mean")
 }

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.calibration.checked_part import checked_part, error_factors, part_of
-from aerobat_pin.estimation.calibration.name_cause import corrected, moved, named_cause
+from aerobat_pin.estimation.calibration.checked_part import CheckedPart, checked_part, error_factors, part_of
+from aerobat_pin.estimation.calibration.name_cause import Named, corrected, moved, named_cause
 from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -19,7 +19,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
 
 InputsAt = Callable[[int, int], KnownInputs]
-MOST_STEPS = 3  # of a search for the size of a cause
+MOST_STEPS = 2  # of a search for the size of a cause
 MOST_CHECKED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
 
 
@@ -70,17 +70,24 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
         if named is None:
             own = part.factors
             return CheckedModel(part.check, inputs, lambda _: own, part.growth)
+
+        def with_cause(one: Named) -> CheckedPart:
+            spread = np.concatenate([part.factors, one.factors], axis=2)
+            return part_of(record, corrected(whole, one, forces), spread)
+
+        better = with_cause(named)
         for _ in range(MOST_STEPS):
-            spread = np.concatenate([part.factors, named.factors], axis=2)
-            better = part_of(record, corrected(whole, named, forces), spread)
-            nearer = None
-            if better.check.verdict == "changed" and moved(forces, named.cause.name, named.values):
-                nearer = named_cause(better, series, forces, named)
-            if nearer is None:
+            if better.check.verdict != "changed" or not moved(forces, named.cause.name, named.values):
                 break
-            named = nearer
+            nearer = named_cause(better, series, forces, named)
+            trial = None if nearer is None else with_cause(nearer)
+            if nearer is None or trial is None or trial.check.size >= better.check.size:
+                break
+            named, better = nearer, trial
         left = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0
-        spread = np.concatenate([spread, left * named.force[:, :, None]], axis=2)  # what is left of the cause's effect
+        spread = np.concatenate(
+            [better.factors, left * named.force[:, :, None]], axis=2
+        )  # what is left of the cause's effect
         if not calibration.correct:
             return CheckedModel(replace(part.check, cause=named.cause), inputs, lambda _: spread, better.growth)
         check, changed = replace(better.check, cause=named.cause, corrected=True), better.inputs
