@@ -1,6 +1,6 @@
 """Forces on the feet of a trotting Go2 without motion capture: `docs/legs.md`. Some minutes.
 
-PYTHONPATH=tests python benchmarks/legs.py [--duration 20] [--write docs/legs.md]
+PYTHONPATH=tests python benchmarks/legs.py [--duration 42] [--write docs/legs.md]
 """
 
 from __future__ import annotations
@@ -268,7 +268,8 @@ imu = {{ place = [0.0, 0.0, 0.0], turn = [0.0, 0.0, 0.0], tilt = 0.3 }}
 ## Forces on the feet
 
 R2 of each foot's vertical force, mean R2 of the horizontal ones, rms error of the vertical ones. The rival
-takes the robot for one that stands still: F = (J^T)^-1 (g - tau) of each leg, with the same low-pass.
+takes the robot for one that stands still: F = (J^T)^-1 (g - tau) of each leg, with the same low-pass. For
+light legs it is nearly right upward, and not ahead.
 """
 FORCE_HEADER = """| base | FL | FR | RL | RR | Fx | Fy | rms Fz [N] |
 |---|---|---|---|---|---|---|---|"""
@@ -299,7 +300,7 @@ GAIT_HEADER = """| gait | speeds [m/s] | R2 of Fz | touchdown [ms] | false | los
 def main() -> None:
     """Write or print the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--duration", type=float, default=45.0, help="of the trot [s]")
+    parser.add_argument("--duration", type=float, default=42.0, help="of the trot [s]")
     parser.add_argument("--write", type=Path, help="the page")
     chosen = parser.parse_args()
     text = page(chosen.duration)
