@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,24 +51,24 @@ ITEMS = {  # number -> what must hold
 
 
 class Tried(NamedTuple):
-    """What came of the inputs.
+    """What came of the inputs so far.
 
     Attributes:
         counts: how often each (class, fault) occurred, with an empty fault for those without.
-        said: the faults in words.
         doors: door -> number of inputs.
         longest: time that a command line took at most [s].
+        faults: number of them.
     """
 
     counts: Counter[tuple[int, str]]
-    said: list[str]
     doors: Counter[str]
     longest: float
+    faults: int
 
 
-def tried(count: int, seeds: Sequence[int]) -> Tried:
-    """Try `count` bad inputs, in equal shares by each of the seeds of all choices."""
-    counts, said = Counter[tuple[int, str]](), list[str]()
+def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
+    """Try `count` bad inputs, in equal shares by each of the seeds of all choices; yield every hundred, and the end."""
+    counts, faults = Counter[tuple[int, str]](), 0
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder), SLOWEST) as doors:
         _ = (
             doors.run,
@@ -79,57 +79,63 @@ def tried(count: int, seeds: Sequence[int]) -> Tried:
         )  # made before anything is timed
         doors.longest, doors.patience = 0.0, PATIENCE
         rngs = [np.random.default_rng(seed) for seed in seeds]
-        drawn = [(rng, number) for rng in rngs for number in drawn_classes(rng, count // len(seeds))]
-        for k, (rng, number) in enumerate(drawn):
+        drawn = zip(*(drawn_classes(rng, count // len(seeds)) for rng in rngs), strict=True)
+        for k, (rng, number) in enumerate(pair for row in drawn for pair in zip(rngs, row, strict=True)):
             attempt = doors.attempt(rng, number)
             fault = next((name for name in FAULTS if attempt.fault.startswith(name)), "wrong message")
             counts[number, fault if attempt.fault else ""] += 1
             if attempt.fault:
-                said.append(f"{k}, class {number}, {attempt.name}: {attempt.fault}")
-                print(said[-1], flush=True)
+                faults += 1
+                print(f"{k}, class {number}, {attempt.name}: {attempt.fault}", flush=True)
             if (k + 1) % 100 == 0:
-                print(f"{k + 1} of {count}, {len(said)} faults, {time.strftime('%X')}", flush=True)
-        return Tried(counts, said, doors.tried, doors.longest)
+                print(f"{k + 1} of {count}, {faults} faults", flush=True)
+                yield Tried(counts, doors.tried, doors.longest, faults)
+        yield Tried(counts, doors.tried, doors.longest, faults)
 
 
 def main() -> int:
-    """Write the page, and return 1 if anything went wrong."""
+    """Write the page, again after every hundred inputs, and return 1 if anything went wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=5000, help="number of bad inputs")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3], help="of all choices")
     chosen = parser.parse_args()
-    start = time.monotonic()
-    counts, said, doors, longest = tried(chosen.count, chosen.seeds)
+    start, wrong = time.monotonic(), 0
+    words = f"--count {chosen.count} --seeds {' '.join(map(str, chosen.seeds))}"
+    for found in tried(chosen.count, chosen.seeds):
+        asked = chosen.count - chosen.count % len(chosen.seeds)
+        PAGE.write_text(page(found, words, asked, (time.monotonic() - start) / 60.0))
+        wrong = found.faults
+    return int(wrong > 0)
+
+
+def page(found: Tried, words: str, asked: int, minutes: float) -> str:
+    """Return the page of what was tried, of so many inputs that were asked for."""
     rows = []
     for number, name in CLASSES.items():
-        faults = [counts[number, fault] for fault in FAULTS]
-        rows.append((number, name, ITEMS[number], sum(faults) + counts[number, ""], *faults))
+        faults = [found.counts[number, fault] for fault in FAULTS]
+        rows.append((number, name, ITEMS[number], sum(faults) + found.counts[number, ""], *faults))
     rows.append(("", "all", "", *(sum(row[i] for row in rows) for i in range(3, 4 + len(FAULTS)))))
-    table = "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
-    minutes = (time.monotonic() - start) / 60.0
-    PAGE.write_text(
-        TEXT.format(
-            date=time.strftime("%Y-%m-%d"),
-            count=sum(row[3] for row in rows[:-1]),
-            words=f"--count {chosen.count} --seeds {' '.join(map(str, chosen.seeds))}",
-            doors="\n".join(f"| {door} | {number} |" for door, number in sorted(doors.items())),
-            memory=MORE_MEMORY / 1e6,
-            patience=PATIENCE,
-            minutes=minutes,
-            longest=longest,
-            heads=" | ".join(f"{fault}" for fault in FAULTS),
-            rule="|---" * (4 + len(FAULTS)) + "|",
-            table=table,
-            limits=LIMITS,
-        )
+    return TEXT.format(
+        date=time.strftime("%Y-%m-%d"),
+        count=rows[-1][3],
+        words=words,
+        early="" if rows[-1][3] >= asked else f" of {asked}, as it was ended early",
+        minutes=minutes,
+        longest=found.longest,
+        doors="\n".join(f"| {door} | {number} |" for door, number in sorted(found.doors.items())),
+        memory=MORE_MEMORY / 1e6,
+        patience=PATIENCE,
+        heads=" | ".join(f"{fault}" for fault in FAULTS),
+        rule="|---" * (4 + len(FAULTS)) + "|",
+        table="\n".join(f"| {' | '.join(map(str, row))} |" for row in rows),
+        limits=LIMITS,
     )
-    return int(bool(said))
 
 
 TEXT = """# Reliability
 
 What strangers, full disks and impatient fingers do to the program, counted. Written on {date} by
-`make reliability ARGS="{words}"` (`benchmarks/bad_inputs.py`) in {minutes:.0f} minutes: {count} inputs,
+`make reliability ARGS="{words}"` (`benchmarks/bad_inputs.py`) in {minutes:.0f} minutes: {count} inputs{early},
 drawn from these seeds. The same generator makes the 400 bad inputs of every test run (`tests/support/bad_inputs.py`).
 
 | | bad inputs | what must hold | tried | {heads} |

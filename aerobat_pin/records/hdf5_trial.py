@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 MEMORY = 1_500_000_000  # bytes of addresses, half of which are those of the libraries
-SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of the processor: more only in a hang
+SECONDS, BYTES_A_SECOND = 3, 20_000_000  # of the processor: more only in a hang
 PIECE, LARGEST = 4_000_000, 2e9  # bytes that are read at once, and of values that will be refused anyway
 MEMORY_SHORT = 3  # exit code
 

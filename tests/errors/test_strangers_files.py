@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from support.bad_strangers import ARM_MJCF, HINGE, LINK, impossible, mcap_bomb
 from support.walking_log import bag, urdf, walk
 
@@ -15,6 +16,7 @@ from aerobat_pin.numerics import checked_robot
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.named_robots import FIXED, FREE, named_robot
 from aerobat_pin.records.read import read_columns
+from aerobat_pin.records.write_netcdf import netcdf_bytes
 
 
 def test_a_file_is_regular_and_not_too_large(tmp_path: Path) -> None:
@@ -169,3 +171,23 @@ def test_a_header_is_one(header: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(f"{header}\n0,0\n1,0\n")
     with pytest.raises(LogError, match=said):
         read_columns(tmp_path / "log.csv", LogTable(), ())
+
+
+def test_a_file_in_which_the_hdf5_library_hangs_is_refused(tmp_path: Path) -> None:
+    """Zeros in the heap of its texts and references: the library looks for their end for ever, in a process of its own.
+
+    The same zeros under a checksum of ours are damage, and are refused by it.
+    """
+    whole = netcdf_bytes(xr.Dataset({"x": ("time", np.arange(5.0))}, {"time": np.arange(5.0)}))
+    made = bytearray(whole)
+    heap = made.index(b"GCOL") + 16  # HDF5 File Format Specification, III.E: the first object follows 16 bytes
+    made[heap : heap + 16] = bytes(16)
+    for name, content, said in (
+        ("open.nc", made[:-12], "the HDF5 library ends by signal .* or does not end"),
+        ("sealed.nc", made, "it is damaged, as its checksum tells"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(LogError, match=said):
+            read_columns(tmp_path / name, LogTable())
+    (tmp_path / "good.nc").write_bytes(whole[:-12])
+    assert "x" in read_columns(tmp_path / "good.nc", LogTable()).names
