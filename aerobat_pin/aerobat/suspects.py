@@ -4,7 +4,7 @@
 |---|---|
 | `crank_zero` | by how much the crank's angle is recorded too small [rad] |
 | `air_density` | relative change of the air's density |
-| `compliance` | flexibility of both shoulders, and of both elbows: angle of the link behind the linkage's, per torque |
+| `compliance` | flexibility c of both elbows, angle behind the linkage's per torque; c d, by a damper's lag d |
 | `payload` | mass at the body, and mass times place in body axes; a steady force on the body looks the same |
 
 Where the joints of a log are those that the linkage makes of the crank's angle, they share its zero, and do not show a
@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import slow_part
+from aerobat_pin.observers import typical_step
 from aerobat_pin.records import Block, Suspect
 from aerobat_pin.robot import Aerobat
 
@@ -29,11 +29,13 @@ if TYPE_CHECKING:
     from aerobat_pin.aerobat.robot import AerobatRobot
 
 JOINT_RATES = slice(6, 10)
+ELBOWS = np.array([0.0, 1.0, 0.0, 1.0])
+SMOOTHED = 0.016  # [s]: width of the window over which a torque is smoothed before it bends a link
 FOLLOWING = np.radians(0.3)  # rms angle by which joints that follow from the crank's angle may differ from it
 SUSPECTS = {
     "crank_zero": (Suspect("angle", 2e-3, 180.0 / np.pi, "deg"),),
     "air_density": (Suspect("change", 0.02, 100.0, "%"),),
-    "compliance": (Suspect("shoulders", 0.2, 1.0, "rad/(N m)"), Suspect("elbows", 0.2, 1.0, "rad/(N m)")),
+    "compliance": (Suspect("elbows", 0.2, 1.0, "rad/(N m)"), Suspect("their lag times that", 2e-3, 1.0, "rad s/(N m)")),
     "payload": (
         Suspect("mass", 1e-3, 1e3, "g", inertial=True),
         *(Suspect(f"mass times {axis}", 1e-5, 1e6, "g mm", inertial=True) for axis in "xyz"),
@@ -55,7 +57,7 @@ def suspected(robot: AerobatRobot, cause: str, values: Array, block: Block) -> t
         return replace(robot, model=loaded.model, aerobat=loaded), block
     if cause == "crank_zero":
         return robot, turned(block, robot.aerobat, float(values[0]))
-    return robot, flexed(block, robot.aerobat, np.tile(values, 2))
+    return robot, flexed(block, robot.aerobat, values)
 
 
 def carrying(model: pin.Model, load: Array) -> pin.Model:
@@ -85,12 +87,16 @@ def follows(block: Block, robot: Aerobat) -> bool:
     return bool(np.sqrt(np.mean(apart**2)) < FOLLOWING)
 
 
-def flexed(block: Block, robot: Aerobat, flexibility: Array) -> Block:
-    """Return a block whose links lag behind the linkage by their torque, low-passed as by a damper, times (4,)."""
-    torque = slow_part(block.time, block.tau[:, JOINT_RATES])
-    bend = -flexibility * np.concatenate([torque[:1], 0.5 * (torque[1:] + torque[:-1]), torque[-1:]])
+def flexed(block: Block, robot: Aerobat, values: Array) -> Block:
+    """Return a block whose elbows bend by c tau - cd tau' (2,), tau their torque smoothed over some milliseconds."""
+    time, torque = block.time, block.tau[:, JOINT_RATES]
+    window = np.hanning(2 * max(1, round(0.5 * SMOOTHED / typical_step(time))) + 1)
+    padded = np.pad(torque, ((len(window) // 2, len(window) // 2), (0, 0)), "edge")
+    smooth = np.stack([np.convolve(one, window / window.sum(), "valid") for one in padded.T], axis=1)
+    at_samples = np.concatenate([smooth[:1], 0.5 * (smooth[1:] + smooth[:-1]), smooth[-1:]])
+    bend = values[0] * at_samples - values[1] * np.gradient(at_samples, time, axis=0)
+    bend = -bend * ELBOWS if follows(block, robot) else np.zeros_like(bend)
     q, v = block.q.copy(), block.v.copy()
-    bend = bend if follows(block, robot) else np.zeros_like(bend)
     q[:, list(robot.idx_q)] += bend
-    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
+    v[:, list(robot.idx_v)] += np.gradient(bend, time, axis=0)
     return replace(block, q=q, v=v)

@@ -71,8 +71,10 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
             own = part.factors
             return CheckedModel(part.check, inputs, lambda _: own, part.growth)
 
+        left_over = part.factors
+
         def with_cause(one: Named) -> CheckedPart:
-            spread = np.concatenate([part.factors, one.factors], axis=2)
+            spread = np.concatenate([left_over, one.factors], axis=2)
             return part_of(record, corrected(whole, one, forces), spread)
 
         better = with_cause(named)
