@@ -32,6 +32,9 @@ FORCE = 'unknown_force=[{{frame="base_link", axes="world", direction=[0.0, 1.0, 
 LATE = tuple(
     f"sensors.{name}.{key}" for name in ("position", "attitude", "velocity") for key in ("rate=100.0", "delay=0.01")
 )
+BELIEF = "believed.thrusters={lag=0.045, delay=0.001}"
+SLOW, BEHIND = ("thrusters.lag=0.09", BELIEF), ("thrusters.delay=0.02", BELIEF)
+OLD = ("sensors.velocity.delay=0.03", "believed.sensors.velocity.delay=0.0")
 CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     "push on the left wing": (SCENARIO, (), "y"),
     "2 mN sideways": (SCENARIO, (FORCE.format('signal="step", height=0.002, start=0.0'),), "y"),
@@ -48,18 +51,22 @@ CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     },
     "poses and velocity at 100 Hz, 10 ms late; calm": (SCENARIO, (CALM, *LATE), "y"),
     "the same, pushed": (SCENARIO, LATE, "y"),
-    "thrust lag 90 ms and 20 ms late, 45 and 1 believed; velocity 30 ms late, not known; pushed": (
-        SCENARIO,
-        (
-            "thrusters.lag=0.09",
-            "thrusters.delay=0.02",
-            "believed.thrusters={lag=0.045, delay=0.001}",
-            "sensors.velocity.delay=0.03",
-            "believed.sensors.velocity.delay=0.0",
-        ),
-        "y",
-    ),
+    "thrust lag 90 ms, 45 believed; pushed": (SCENARIO, SLOW, "y"),
+    "thrusters 20 ms late, 1 believed; pushed": (SCENARIO, BEHIND, "y"),
+    "velocity 30 ms late, not known; pushed": (SCENARIO, OLD, "y"),
+    "all three of them; pushed": (SCENARIO, (*SLOW[:1], *BEHIND[:1], *OLD, BELIEF), "y"),
 }
+WORDS = """Each law has gains of its own, within the same limits: Ms at most 2.4 on each of four wrong plants, a delay
+margin of at least 23 ms, 27 N/s of slew by the sensors' noise (steering and pushes add to it). What was run
+to find them stands in `benchmarks/closed_loop_search.py`: minutes, not until nothing got better, so
+differences of some per cent mean nothing.
+
+What the observer gives: it leaves two thirds of a push on a wing, 40 % of a side wind and of whatever else lasts or is
+slower than 1 Hz. What it costs: a sensor's constant error and a velocity that is late unnoticed look like a push to
+it, and are answered; it is behind PD with integral there, in calm, in a long gust and at 1 Hz and above. A 2 Hz push
+is faster than both: plain PD is best. With the truth in the place of its estimate, filtered alike, the flights are
+within 2 % (calm: 0.1 mm): lag of the thrusters and authority bind, not estimation. With three wrong beliefs at once
+only PD stays on its course."""
 LAWS = {"PD": "pd", "PD + I": "pd_i", "PD + I + observer": "observer"}
 TRUTH = "truth for the estimate"
 WITH_TRUTH = ("push on the left wing", "lateral gust, 1.5 m/s", "calm")
@@ -78,10 +85,14 @@ def limits_of(law: str, gains: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def table(found: dict[str, list[float]], known: dict[str, Any], seeds: int) -> list[str]:
+def table(found: dict[str, list[float]], known: dict[str, Any]) -> list[str]:
     """Return the lines of the page."""
     columns = [*LAWS, TRUTH]
-    lines = [f"Measured on {datetime.date.today()}; medians of {seeds} seeds from {FIRST_SEED} on; rms in mm.", ""]
+    flown = sorted({int(key.rsplit("|", 1)[1]) for key in found})
+    counts = [sum(key.startswith(f"{case}|PD|") for key in found) for case in CASES]
+    number = f"{min(counts)} to {max(counts)}" if min(counts) < max(counts) else f"{counts[0]}"
+    told = f"medians of {number} of the seeds {', '.join(map(str, flown))}; rms in mm"
+    lines = [f"Measured on {datetime.date.today()}; {told}.", "", WORDS, ""]
     lines += [f"| | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for case in CASES:
         cells = []
@@ -125,7 +136,7 @@ def main() -> int:
                 one = flight(name, (*settings_of(law, known[law]["gains"]), *truth, *more), seed)
                 found[key] = [float(one[axis]), float(one["slew"])]
                 options.kept.write_text(json.dumps(found))
-        lines = table(found, known, seed - FIRST_SEED + 1)
+        lines = table(found, known)
         print("\n".join(lines), flush=True)
         if options.page is not None:
             board = Board(options.page)

@@ -22,7 +22,8 @@ PREFACE = """# What the closed loop shows
 
 `python benchmarks/closed_loop_fair.py --page docs/control_results.md` writes the first section, `python
 benchmarks/closed_loop.py --page docs/control_results.md` the others; [control.md](control.md) says what flies. Medians
-over seeds. Angles and distances are root mean squares about the course over a whole flight of 2 to 3 s.
+over seeds. Angles and distances are root mean squares about the course over a whole flight of 2 to 3 s. **Sections
+dated 2026-11-22 were measured with the gains, the observer and the handling of sensors of that day.**
 
 The loop's times were taken on two cores that others used, too. Between its steps a sum of fixed numbers and the bare
 calls of Pinocchio were timed: where their 99th percentiles are as many times their medians as the loop's, the machine

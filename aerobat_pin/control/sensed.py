@@ -423,7 +423,7 @@ def is_good(s: Senses, c: int) -> bool:
         return False
     if changed or s.age[c] >= s.still[c]:
         return True
-    if s.age[c] >= s.period[c] and s.ticks[0] > s.delay[c]:
+    if s.age[c] >= s.period[c] and s.ticks[0] >= s.delay[c] + s.period[c]:
         s.faults[c, 1] += 1
     return False
 

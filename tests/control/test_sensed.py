@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from support.commands import aerobat
 
 from aerobat_pin.control import FAILED, Controller
 from aerobat_pin.control.monitor import AT_LIMITS, Monitor
@@ -74,10 +77,10 @@ def undisturbed() -> Array:
 def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
     kind: str, length: int, undisturbed: Array
 ) -> None:
-    """One channel after the other, all in one flight: within 10 mm of the flight without.
+    """All seven channels, one after the other, in one flight: together within 15 mm of the flight without.
 
-    A gyro whose axes are swapped for 50 ms, where the rates begin nearly alike, costs up to 25 mm: the attitude needs 20 ms
-    to tell.
+    Each alone is within 3 mm. Only a gyro whose axes are swapped for 50 ms, where the rates begin nearly alike, costs
+    more: the attitude needs 20 ms to tell.
     """
 
     def spoil(k: int, name: str, now: Array, before: Array) -> Array:
@@ -85,14 +88,13 @@ def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
         return KINDS[kind](now, before) if begun <= k < begun + length else now
 
     q, pilot = flown([], spoil)
-    assert np.linalg.norm(q[:, :3] - undisturbed[:, :3], axis=1).max() < (
-        0.025 if kind == "swapped" and length > 1 else 0.010
-    )
+    most = 0.030 if kind == "swapped" and length > 1 else 0.015
+    assert np.linalg.norm(q[:, :3] - undisturbed[:, :3], axis=1).max() < most
     state = pilot.state
     for name in CHANNELS:
         if name == "gyro" and kind in ("zero", "swapped") and length == 1:
             continue  # rates that are nearly alike, or nearly zero: nothing to be noticed, and nothing that matters
-        least = 15 if (name, kind) == ("gyro", "swapped") else length - (kind == "zero")
+        least = 15 if (name, kind) == ("gyro", "swapped") else int(0.9 * length)
         assert sum(state.unused.get(name, {}).values()) >= least, (name, state.unused)
     assert state.word not in FAILED
 
@@ -145,3 +147,15 @@ def test_the_word_of_a_flight_is_that_of_its_worst_window() -> None:
         pilot.sensed.error[3] = 0.5 * 0.5 ** (2.0 * t) * np.sin(20.0 * t)
         monitor.take(0.5 * limit, np.zeros(6))
     assert monitor.state.word == "OK"
+
+
+def test_a_lost_flight_is_a_result_with_exit_code_2(tmp_path: Path) -> None:
+    """The word is in the last lines, in the metrics, and among the warnings."""
+    short = ("simulation.duration=0.9", "air.strips=4", "thrusters.fault={thruster=3}")
+    settings = [word for one in short for word in ("--set", one)]
+    done = aerobat("run", "paper_left_closed_loop", *settings, "--observer=momentum", "--no-report", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "the controller is LOST at 0." in done.stderr.splitlines()[-1]
+    metrics = json.loads((tmp_path / "runs/paper_left_closed_loop/metrics.json").read_text())
+    assert metrics["control"]["state"] == "LOST"
+    assert any("LOST at 0." in line for line in metrics["warnings"])
