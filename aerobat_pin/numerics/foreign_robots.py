@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LARGEST_ROBOT = 20_000_000  # bytes; the largest of `example-robot-data` has 0.2e6
 MOST_BODIES = 1000
 OUTERMOST = {"urdf": "robot", "mjcf": "mujoco"}
-NAMED = ("link", "joint", "body", "geom", "material")  # elements by whose name a message says where it is
+PLACES = ("link", "joint", "body", "geom", "material")  # elements by whose name a message says where it is
 LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, no robot has larger ones
     **dict.fromkeys(("xyz", "rpy", "size", "radius", "length", "scale", "pos", "euler", "axisangle", "fromto"), 1e6),
     **dict.fromkeys(("rgba", "value", "lower", "upper", "effort", "velocity", "mass", "density", "armature"), 1e30),
@@ -32,9 +32,9 @@ LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, 
     **dict.fromkeys(("axis", "quat", "quat_xyzw", "zaxis", "xyaxes", "offset", "multiplier"), 1e30),
 }
 EXTENTS = ("radius", "length")  # of a box, a ball, a cylinder: more than 0, in a URDF also `size`
-DIRECTIONS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
-ROUNDED = 1e-15  # of inertias that files round to less than 0 [kg m2]
-NOT_NEGATIVE = ("mass", "density", "ixx", "iyy", "izz", "diaginertia")
+DIRECTION_KEYS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
+ROUNDED_INERTIA = 1e-15  # of inertias that files round to less than 0 [kg m2]
+WEIGHTY_KEYS = ("mass", "density", "ixx", "iyy", "izz", "diaginertia")
 
 
 def checked_robot(path: Path, kind: str) -> Element:
@@ -57,7 +57,7 @@ def checked_robot(path: Path, kind: str) -> Element:
     if kind == "urdf" and _deeper_than(root, DEEPEST_XML):
         raise LogError(f"{name}: more than {DEEPEST_XML} links in a row, or a closed chain")
     classes = {"main", *(element.get("class") for element in root.iter("default"))}
-    for element, where in _placed(root, ""):
+    for element, where in _with_places(root, ""):
         for key, text in element.attrib.items():
             if (rule := _broken_rule(element, key, text, kind)) is not None:
                 raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: {rule}')
@@ -84,15 +84,15 @@ def _deeper_than(root: Element, most: int) -> bool:
     return bool(links & above.keys())
 
 
-def _placed(element: Element, where: str) -> Iterator[tuple[Element, str]]:
+def _with_places(element: Element, where: str) -> Iterator[tuple[Element, str]]:
     """Yield an element and all below it, each with the nearest link, joint or body, for messages."""
-    if element.tag in NAMED and element.get("name") is not None:
+    if element.tag in PLACES and element.get("name") is not None:
         where = f"{element.tag} '{element.get('name', '')[:80]}': "
     if not (element.tag == "joint" and element.get("type") == "fixed"):
         yield element, where
     for inner in element:
         if not (inner.tag == "axis" and element.get("type") == "fixed"):  # not used
-            yield from _placed(inner, where)
+            yield from _with_places(inner, where)
 
 
 def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None:
@@ -108,11 +108,13 @@ def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None
     urdf = kind == "urdf"
     if (key in EXTENTS or (key == "size" and urdf)) and not np.all(numbers > 0.0):
         return "more than 0 was expected"
-    if (key in DIRECTIONS or (element.tag == "axis" and key == "xyz")) and not np.any(numbers):
+    if (key in DIRECTION_KEYS or (element.tag == "axis" and key == "xyz")) and not np.any(numbers):
         return "more than 0 was expected"
     if key == "axisangle" and not np.any(numbers[:3]):
         return "an axis longer than 0 was expected"
-    if (key in NOT_NEGATIVE or element.tag == "mass" or (key == "size" and not urdf)) and np.any(numbers < -ROUNDED):
+    if (key in WEIGHTY_KEYS or element.tag == "mass" or (key == "size" and not urdf)) and np.any(
+        numbers < -ROUNDED_INERTIA
+    ):
         return "0 or more was expected"
     if key == "fullinertia" and np.any(numbers[:3] < 0.0):
         return "0 or more was expected on the diagonal"

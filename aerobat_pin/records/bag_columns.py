@@ -13,7 +13,7 @@ import numpy as np
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.records.columns import Clock, Columns, GrowingTable
-from aerobat_pin.records.csv_columns import MOST_COLUMNS
+from aerobat_pin.records.csv_columns import MOST_CELLS
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.messages import entries, stamp
 from aerobat_pin.records.spool import Series, Spool
@@ -154,8 +154,8 @@ class _Topic:
         for name, value in found.items():
             column = self._table.get(name)
             if column is None:
-                if count and len(self._table) >= MOST_COLUMNS:
-                    raise LogError(f"a topic has more than {MOST_COLUMNS} columns")
+                if count and len(self._table) >= MOST_CELLS:
+                    raise LogError(f"a topic has more than {MOST_CELLS} columns")
                 column = self._table[name] = array("d", [np.nan] * count)
             column.append(value)
         if len(found) < len(self._table):

@@ -29,7 +29,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
 SEPARATORS = (",", ";", "\t", " ")
 ROWS_AT_ONCE = 50_000
-LONGEST_HEADER, MOST_COLUMNS = 1_000_000, 10_000  # characters; columns
+LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
@@ -52,10 +52,10 @@ def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
         names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
     except csv.Error as error:
         raise LogError(f"log {path}: its first line cannot be read as a header: {error}") from error
-    if len(line) >= LONGEST_HEADER or len(names) > MOST_COLUMNS:
+    if len(line) >= LONGEST_HEADER or len(names) > MOST_CELLS:
         raise LogError(
             f"log {path}: its first line has {len(names)} cells or more, and {len(line)} characters: a header of at "
-            f"most {MOST_COLUMNS} columns was expected"
+            f"most {MOST_CELLS} columns was expected"
         )
     if len(names) < 2:
         raise LogError(

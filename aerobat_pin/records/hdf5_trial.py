@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 MEMORY = 1_500_000_000  # bytes of addresses, half of which are those of the libraries
-SECONDS, BYTES_A_SECOND = 3, 20_000_000  # of the processor: more only in a hang
-PIECE, LARGEST = 4_000_000, 2e9  # bytes that are read at once, and of values that will be refused anyway
+TRIAL_SECONDS, BYTES_A_SECOND = 3, 20_000_000  # of the processor: more only in a hang
+BYTES_TRIED, LARGEST_TRIED = 4_000_000, 2e9  # bytes that are read at once, and of values that will be refused anyway
 MEMORY_SHORT = 3  # exit code
 
 
@@ -29,7 +29,7 @@ def fails_in_a_trial(path: Path) -> str | None:
     return f"the HDF5 library ends by signal {-code} or does not end" if code < 0 else None
 
 
-def _read(path: str) -> None:
+def _read_all(path: str) -> None:
     import h5py
 
     with h5py.File(path, "r") as file:
@@ -41,13 +41,13 @@ def _read(path: str) -> None:
                 continue
             seen.add(item.id)
             for key in item.attrs:
-                if item.attrs.get_id(key).get_storage_size() <= PIECE:
+                if item.attrs.get_id(key).get_storage_size() <= BYTES_TRIED:
                     _follow(file, item.attrs[key])
             if isinstance(item, h5py.Group):
                 links = {key: item.get(key, getlink=True) for key in item}
                 todo += [item[key] for key, link in links.items() if isinstance(link, h5py.HardLink)]
             elif item.dtype.kind in "fiuS" and not item.is_virtual and not item.external:
-                _values(item)
+                _read_numbers(item)
 
 
 def _follow(file: Any, value: Any) -> None:
@@ -60,12 +60,12 @@ def _follow(file: Any, value: Any) -> None:
                 file[reference].name  # noqa: B018
 
 
-def _values(item: Any) -> None:
+def _read_numbers(item: Any) -> None:
     """Read all numbers of a dataset, piece by piece."""
-    if item.size * item.dtype.itemsize > LARGEST or not item.shape:
+    if item.size * item.dtype.itemsize > LARGEST_TRIED or not item.shape:
         return
     row = max(item.size // max(item.shape[0], 1), 1) * item.dtype.itemsize
-    step = max(int(PIECE // row), 1)
+    step = max(int(BYTES_TRIED // row), 1)
     for first in range(0, item.shape[0], step):
         item[first : first + step]
 
@@ -74,13 +74,13 @@ def main() -> None:
     """Read the file that the command line names, within the limits."""
     import resource
 
-    limit = SECONDS + os.path.getsize(sys.argv[1]) // BYTES_A_SECOND
+    limit = TRIAL_SECONDS + os.path.getsize(sys.argv[1]) // BYTES_A_SECOND
     for kind, most in ((resource.RLIMIT_CPU, limit), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY)):
         known = resource.getrlimit(kind)[1]  # of the process that started this one
         most = most if known == resource.RLIM_INFINITY else min(most, known)
         resource.setrlimit(kind, (most, most))
     try:
-        _read(sys.argv[1])
+        _read_all(sys.argv[1])
     except MemoryError:
         sys.exit(MEMORY_SHORT)
 

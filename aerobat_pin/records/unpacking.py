@@ -12,7 +12,7 @@ from typing import IO, Any
 from aerobat_pin.errors import MOST_TIMES_LARGER, MOST_UNPACKED, LogError, foreign_file
 
 LARGEST_DESCRIPTION = 1_000_000  # bytes of metadata.yaml
-PIECE = 1_000_000  # bytes that are unpacked at once where a file is compressed as a whole
+BYTES_UNPACKED = 1_000_000  # bytes that are unpacked at once where a file is compressed as a whole
 
 
 def check_bag(path: Path) -> None:
@@ -85,7 +85,7 @@ class Unpacking:
 
     def copy(self, packed: IO[bytes], whole: IO[bytes]) -> None:
         """Copy a file that is unpacked on the way."""
-        while piece := packed.read(PIECE):
+        while piece := packed.read(BYTES_UNPACKED):
             self._take(len(piece))
             whole.write(piece)
 

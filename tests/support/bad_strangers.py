@@ -171,15 +171,15 @@ def _robot(place: Path, words: list[str], text: str) -> list[str]:
 
 def impossible(rng: Rng) -> str:
     """Return a URDF or MJCF in which one number, drawn among all that it has, cannot be."""
-    from aerobat_pin.numerics.foreign_robots import DIRECTIONS, LARGEST_NUMBERS, NOT_NEGATIVE
+    from aerobat_pin.numerics.foreign_robots import DIRECTION_KEYS, LARGEST_NUMBERS, WEIGHTY_KEYS
 
     root = ElementTree.fromstring(urdf() if rng.integers(2) else ARM_MJCF)
     places = [(one, key) for one in root.iter() for key in one.attrib if key in LARGEST_NUMBERS]
     one, key = places[rng.integers(len(places))]
     count = len(one.attrib[key].split())
     wrong = ["nan", "inf", "-inf", "1e300", "far", ""]
-    wrong += ["-1"] if key in NOT_NEGATIVE or one.tag == "mass" or key == "size" else []
-    wrong += ["0"] if key in DIRECTIONS or one.tag == "axis" else []
+    wrong += ["-1"] if key in WEIGHTY_KEYS or one.tag == "mass" or key == "size" else []
+    wrong += ["0"] if key in DIRECTION_KEYS or one.tag == "axis" else []
     one.set(key, " ".join(count * [str(rng.choice(wrong))]))
     return ElementTree.tostring(root, encoding="unicode")
 
