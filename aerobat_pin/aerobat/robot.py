@@ -18,7 +18,7 @@ from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed, fault_of
 from aerobat_pin.aerobat.parameters import PARAMETERS, changed_belief, scaled_thrusters
-from aerobat_pin.aerobat.suspects import aerobat_suspects, suspected
+from aerobat_pin.aerobat.suspects import aerobat_suspects, carrying, crank_turned, flexed
 from aerobat_pin.aerobat.torque import (
     RECORDED,
     ROWS_OF_TORQUE,
@@ -122,7 +122,14 @@ class AerobatRobot(PlainRobot):
 
     def suspected(self, cause: str, values: Array, block: Block) -> tuple[AerobatRobot, Block]:
         """Return robot and completed block as they would be if a cause had these values."""
-        return suspected(self, cause, values, block)
+        if cause == "air_density":
+            return self.changed({"density": float(values[0])}), block
+        if cause == "payload":
+            loaded = replace(self.aerobat, model=carrying(self.aerobat.model, values))
+            return replace(self, model=loaded.model, aerobat=loaded), block
+        if cause == "crank_zero":
+            return self, crank_turned(block, self.aerobat, float(values[0]))
+        return self, flexed(block, self.aerobat, values)
 
     def learn_extras(
         self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -24,9 +23,6 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import typical_step
 from aerobat_pin.records import Block, Suspect
 from aerobat_pin.robot import Aerobat
-
-if TYPE_CHECKING:
-    from aerobat_pin.aerobat.robot import AerobatRobot
 
 JOINT_RATES = slice(6, 10)
 ELBOWS = np.array([0.0, 1.0, 0.0, 1.0])
@@ -48,18 +44,6 @@ def aerobat_suspects(kind: str) -> Mapping[str, tuple[Suspect, ...]]:
     return {name: group for name, group in SUSPECTS.items() if name != "compliance" or kind == "measured"}
 
 
-def suspected(robot: AerobatRobot, cause: str, values: Array, block: Block) -> tuple[AerobatRobot, Block]:
-    """Return robot and completed block as they would be if a cause had these values."""
-    if cause == "air_density":
-        return robot.changed({"density": float(values[0])}), block
-    if cause == "payload":
-        loaded = replace(robot.aerobat, model=carrying(robot.aerobat.model, values))
-        return replace(robot, model=loaded.model, aerobat=loaded), block
-    if cause == "crank_zero":
-        return robot, turned(block, robot.aerobat, float(values[0]))
-    return robot, flexed(block, robot.aerobat, values)
-
-
 def carrying(model: pin.Model, load: Array) -> pin.Model:
     """Return a model whose body has a point mass more: mass [kg] and mass times place (4,) [kg m], body axes."""
     loaded, own = model.copy(), model.inertias[1].toDynamicParameters()
@@ -67,7 +51,7 @@ def carrying(model: pin.Model, load: Array) -> pin.Model:
     return loaded
 
 
-def turned(block: Block, robot: Aerobat, angle: float) -> Block:
+def crank_turned(block: Block, robot: Aerobat, angle: float) -> Block:
     """Return a block whose crank was an angle [rad] further, and with it the joints that it drives."""
     crank = block.extra["crank"]
     q, v = block.q.copy(), block.v.copy()

@@ -28,7 +28,7 @@ from aerobat_pin.control.disturbance import (
     sample_variance,
 )
 from aerobat_pin.control.law import law_in, law_wrench, write_commands
-from aerobat_pin.control.monitor import Monitor, State
+from aerobat_pin.control.monitor import LoopState, Monitor
 from aerobat_pin.control.nominal import PITCHING, control_of, nominal_flight, waves
 from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
@@ -173,7 +173,7 @@ class Controller:
         self._command: Array = self.trim
 
     @property
-    def state(self) -> State:
+    def state(self) -> LoopState:
         """How the flight is, as the controller sees it."""
         return self._monitor.state
 

@@ -38,7 +38,7 @@ from aerobat_pin.scenario import Scenario
 FREQUENCIES = np.geomspace(0.05, 2000.0, 20001)  # [rad/s]
 Response = NDArray[np.complexfloating[Any, Any]]
 Polynomials = tuple[Array, Array]  # numerator and denominator, highest power first
-AXES = ("forward", "lateral", "height", "roll", "pitch", "yaw")  # of the law
+LAW_AXES = ("forward", "lateral", "height", "roll", "pitch", "yaw")  # of the law
 WRONG_PLANTS = {  # name -> change of the real thrusters, and b
     "lag 70 ms": ({"lag": 0.070}, 1.0),
     "thrust x0.7": ({"factor": 0.7}, 1.0),
@@ -118,8 +118,8 @@ def noise_slew(pilot: Controller) -> float:
     s: Response = 1j * w
     changes = np.abs(1.0 - np.exp(-s * dt)) ** 2
     inertia, variance = np.append([nominal.mass] * 3, nominal.inertia), np.zeros(6)
-    for i, axis in enumerate(AXES):
-        parts = _Parts(scenario, axis, 1.0)
+    for i, axis in enumerate(LAW_AXES):
+        parts = _LoopParts(scenario, axis, 1.0)
         answer = _at(parts.lead, s) / (1.0 - _at(_product(parts.lead, parts.observer), s) * _at(parts.model_lag, s))
         by_place = answer * _at(parts.stiffness, s)
         by_rate = answer * (_at(parts.damping, s) / s + _at(parts.observer, s) * s)
@@ -127,7 +127,7 @@ def noise_slew(pilot: Controller) -> float:
         spread = first * np.abs(by_place) ** 2 + second * np.abs(by_rate) ** 2
         if axis == "roll":  # the way over the bank
             bank = by_place * _at(parts.smoothing, s) / scenario.flight.gravity
-            side = _Parts(scenario, "lateral", 1.0)
+            side = _LoopParts(scenario, "lateral", 1.0)
             spread += place * np.abs(bank * _at(side.stiffness, s)) ** 2
             spread += speed * np.abs(bank * (_at(side.damping, s) / s + _at(side.observer, s) * s)) ** 2
         if axis != "lateral":
@@ -136,12 +136,12 @@ def noise_slew(pilot: Controller) -> float:
     return float(np.sqrt(np.mean(spread_of_thrusts)) / dt)
 
 
-class _Parts:
+class _LoopParts:
     """The transfer functions of an axis of unit inertia; b is how much of its lift the robot has when it banks."""
 
     def __init__(self, scenario: Scenario, axis: str, b: float) -> None:
         control, believed = control_of(scenario), scenario.believed_thrusters
-        i = AXES.index(axis)
+        i = LAW_AXES.index(axis)
         self.smoothing: Polynomials = ONE
         if control.smoothing > 0.0:
             self.smoothing = np.ones(1), np.array([1.0 / control.smoothing, 1.0])
@@ -159,7 +159,7 @@ class _Parts:
         self.damping: Polynomials = np.array([2.0 * z * w, 0.0]), np.ones(1)
         self.law = _sum(self.stiffness, self.damping)
         if axis == "roll":
-            side = _Parts(scenario, "lateral", 1.0)
+            side = _LoopParts(scenario, "lateral", 1.0)
             way = _product((np.array([b]), np.array([1.0, 0.0, 0.0])), side.law)
             if b != 1.0:
                 way = _sum(way, _product((np.array([b - 1.0]), np.ones(1)), side.observer))
@@ -169,7 +169,7 @@ class _Parts:
 def _margins(scenario: Scenario, axis: str, b: float) -> Margins:
     """Return the margins of an axis; b as in `_Parts`."""
     control, real, believed = control_of(scenario), scenario.thrusters, scenario.believed_thrusters
-    parts = _Parts(scenario, axis, b)
+    parts = _LoopParts(scenario, axis, b)
     dt = scenario.simulation.dt if control.rate is None else 1.0 / control.rate
     lag = np.ones(1), np.array([real.lag, 1.0])
     forward = _product(parts.lead, _sum(parts.law, _product(parts.observer, TWICE)))

@@ -20,12 +20,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from aerobat_pin.control.sensed import CHANNELS, FAULTS, SensedMotion
+from aerobat_pin.control.sensed import SensedMotion
+from aerobat_pin.control.sensed_channels import CHANNELS, FAULTS
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, memory_layout, new_memory
 
-WORDS = ("OK", "DEGRADED", "SATURATED", "UNSTABLE", "LOST")
+STATE_WORDS = ("OK", "DEGRADED", "SATURATED", "UNSTABLE", "LOST")
 FAILED = ("UNSTABLE", "LOST")  # the flight is no success: the command line ends with exit code 2
-WINDOW = 0.5  # [s]
+WATCHED_TIME = 0.5  # [s]
 SILENT = 0.25  # [s]
 FARTHEST_OFF = 1.0  # [m]
 TILTED = 60.0  # [deg]
@@ -36,7 +37,7 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
-class State:
+class LoopState:
     """What a controller says of its flight so far.
 
     Attributes:
@@ -54,7 +55,7 @@ class State:
     unused: dict[str, dict[str, int]]
 
 
-class Watch(NamedTuple):
+class WatchMemory(NamedTuple):
     """Memory of the monitor.
 
     Constants: `limit` (m,) of the thrusters [N], `samples` (1,) in a window, `silent` () in ticks.
@@ -87,7 +88,7 @@ class Watch(NamedTuple):
     swings: Annotated[Array, "6"]
 
 
-watch_in = memory_layout(Watch, "m")
+watch_in = memory_layout(WatchMemory, "m")
 OFF, TILT = 7, 8
 DEGRADED, SATURATED, UNSTABLE, LOST = 1, 2, 3, 4
 
@@ -105,7 +106,7 @@ class Monitor:
         """Begin with a flight of which nothing is known."""
         self._memory = new_memory(watch_in, len(limit))
         self._fields = fields = fields_of(watch_in, self._memory)
-        fields.limit[:], fields.samples[:], fields.swings[:] = limit, round(WINDOW / dt), SWINGS
+        fields.limit[:], fields.samples[:], fields.swings[:] = limit, round(WATCHED_TIME / dt), SWINGS
         fields.silent[:] = np.ceil(SILENT / dt)
         self._dt, self._sensed = dt, sensed
         self.restart()
@@ -129,10 +130,10 @@ class Monitor:
     def word(self) -> str:
         """The word of the flight so far."""
         found = int(self._fields.word[0])
-        return WORDS[max(found, 1) if self._sensed.faults.any() else found]
+        return STATE_WORDS[max(found, 1) if self._sensed.faults.any() else found]
 
     @property
-    def state(self) -> State:
+    def state(self) -> LoopState:
         """What is said of the flight so far."""
         fields, word = self._fields, self.word
         since = float(fields.at[0]) * self._dt if word not in ("OK", "DEGRADED") else 0.0
@@ -141,7 +142,7 @@ class Monitor:
             for channel, row in zip(CHANNELS, self._sensed.faults, strict=True)
             if row.any()
         }
-        return State(word, since, f"{word}{self._reason(word, since, unused)}", float(fields.share[()]), unused)
+        return LoopState(word, since, f"{word}{self._reason(word, since, unused)}", float(fields.share[()]), unused)
 
     def _reason(self, word: str, since: float, unused: dict[str, dict[str, int]]) -> str:
         fields, why = self._fields, int(self._fields.why[0])
@@ -213,7 +214,7 @@ def watch(memory: Array, q: Array, error: Array, beyond: Integers, command: Arra
 
 
 @inner
-def worsen(w: Watch, word: int, why: int, size: float) -> None:
+def worsen(w: WatchMemory, word: int, why: int, size: float) -> None:
     """Remember a word that is worse than the one so far, from the begin of its window; LOST from this sample."""
     if word > w.word[0]:
         w.word[0], w.why[0], w.size[()] = word, why, size

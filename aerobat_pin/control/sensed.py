@@ -18,102 +18,43 @@ are `RATE_POLES`. A channel that jumps is believed again where it comes back wit
 from __future__ import annotations
 
 from math import cos, isfinite, pi, sin, sqrt
-from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from aerobat_pin.control.law import add_waves
 from aerobat_pin.control.nominal import Nominal
+from aerobat_pin.control.sensed_channels import (
+    ANCHOR,
+    ATTITUDE,
+    CHANNELS,
+    CRANK,
+    DOUBTED,
+    GYRO_CHANNEL,
+    JOINT_CHANNEL,
+    MOST_DEVIATIONS,
+    POSITION,
+    RATE_POLES,
+    RATES,
+    REACH,
+    SLACK,
+    SURE_OF_SAMPLE,
+    VELOCITY,
+    Senses,
+    add_channel,
+    believed,
+    is_good,
+    product,
+    rotate_vector,
+    senses_in,
+    share,
+    taken_at,
+    turn_back,
+    within_half_a_turn,
+)
 from aerobat_pin.linkage import joint_series, joints_at
-from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, memory_layout, new_memory
+from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, SensorSection
-
-CHANNELS = ("position", "attitude", "velocity", "gyro", "joint_angle", "joint_rate", "crank_angle")
-FAULTS = ("invalid", "held", "jumped")  # not finite or no rotation; not changed when it should have; out of reach
-EDGES = (0, 3, 7, 10, 13, 17, 21, 22)  # where each channel begins in a row of all
-POSITION, ATTITUDE, VELOCITY, GYRO, JOINTS, RATES, CRANK = range(7)
-JUMP_BELIEVED = 0.1  # [s]
-ANCHOR = 0.02  # [s]
-RATE_POLES = 50.0  # [rad/s]
-DOUBTED, SLACK, SURE = 0.01, 0.05, 5.0  # [s], [rad/s], deviations: how gyro and attitude must agree in the mean
-DEVIATIONS = 8.0  # standard deviations of a sensor's noise that a sample may be off
-# Beside the noise, a sample may be off by the first from where it must be; by the second per second between samples
-# (a blow of 25 mN s on a wing turns the body by 200 rad/s2 more than is known); by the third per second without any.
-REACH = {
-    "position": (0.03, 0.0, 1.0),  # [m]
-    "attitude": (0.06, 0.0, 1.0),  # [rad]
-    "velocity": (0.05, 60.0, 3.0),  # [m/s]
-    "gyro": (0.05, 200.0, 10.0),  # [rad/s]
-    "joint_angle": (0.2, 0.0, 0.0),  # [rad]
-    "joint_rate": (5.0, 0.0, 0.0),  # [rad/s]
-    "crank_angle": (0.3, 0.0, 3.0),  # [rad]
-}
-
-
-class Senses(NamedTuple):
-    """Memory of the seven channels, in the order of `CHANNELS`; rows (22,) hold all, as `EDGES` divides them.
-
-    Constants: `joints` (2, 4) places of the joints in q and v, `series` of the linkage, `start`, `course` (3,) position
-    and velocity of the course, `level` (4,) its attitude, `swing` as in `Nominal`, `rate` () of the crank, `wrench`
-    (6,), `steering` (2,), `inertia` (3,) as in `Nominal`, `tick` () [s], `first` () the crank's angle at the start
-    [rad], `share` (7,) by which an offset follows a sample, `correct` (2,) what an attitude missed by 1 rad adds to the
-    followed one [rad] and to the rate [rad/s], `trust` (2,) share by which the doubt follows, and its limit [rad/s],
-    `delay`, `period`, `still` (7,) in ticks: how late a sample is, how long one lasts, and after how long one that has
-    not changed is taken for a new one; `reach` (7, 2) tolerance, and what is added to it in a tick.
-
-    State: `ticks` (1,), `age` (7,) ticks since the last good sample, `faults` (7, 3), `raw` (22,) samples, `offset`
-    (22,) of estimates from carriers, `followed` (4,) attitude that follows the measured one, `turned` (3,) rate that
-    moments made, `carriers` (delays + 1, 22), the newest at row `ticks` modulo their number.
-
-    Results: `beyond` (7,) ticks by which the last good sample is older than its period; `estimate` (22,), and the same
-    as `q`, `v` and in `estimate[21]` the crank angle; `error` (6,) position off the course [m], world axes, and
-    attitude off the level one [rad]. Scratch: the rest.
-    """
-
-    joints: Annotated[Integers, "2, 4"]
-    series: Annotated[Array, "harmonics, 4"]
-    start: Annotated[Array, "3"]
-    course: Annotated[Array, "3"]
-    level: Annotated[Array, "4"]
-    swing: Annotated[Array, "2 * waves, 12"]
-    rate: Annotated[Array, ""]
-    wrench: Annotated[Array, "6"]
-    steering: Annotated[Array, "2"]
-    inertia: Annotated[Array, "3"]
-    tick: Annotated[Array, ""]
-    first: Annotated[Array, ""]
-    delay: Annotated[Integers, "7"]
-    period: Annotated[Integers, "7"]
-    still: Annotated[Integers, "7"]
-    reach: Annotated[Array, "7, 2"]
-    share: Annotated[Array, "7"]
-    correct: Annotated[Array, "2"]
-    trust: Annotated[Array, "2"]
-    ticks: Annotated[Integers, "1"]
-    age: Annotated[Integers, "7"]
-    faults: Annotated[Integers, "7, 3"]
-    raw: Annotated[Array, "22"]
-    offset: Annotated[Array, "22"]
-    followed: Annotated[Array, "4"]
-    turned: Annotated[Array, "3"]
-    doubt: Annotated[Array, "3"]
-    carriers: Annotated[Array, "rows, 22"]
-    beyond: Annotated[Integers, "7"]
-    estimate: Annotated[Array, "22"]
-    q: Annotated[Array, "nq"]
-    v: Annotated[Array, "nv"]
-    error: Annotated[Array, "6"]
-    whole: Annotated[Integers, "7"]
-    now: Annotated[Array, "22"]
-    candidate: Annotated[Array, "22"]
-    reference: Annotated[Array, "12"]
-    closed: Annotated[Array, "3, 2"]
-    a: Annotated[Array, "4"]
-    b: Annotated[Array, "4"]
-
-
-senses_in = memory_layout(Senses, "waves", "harmonics", "rows", "nq", "nv")
 
 
 class SensedMotion:
@@ -156,16 +97,16 @@ class SensedMotion:
         for row, name, one, period in zip(fields.reach, CHANNELS, fitted, periods, strict=True):
             off, per_period, since = REACH[name]
             noise = max(one.noise) + one.quantum + one.walk
-            row[:] = DEVIATIONS * noise + off + per_period * period, since * dt
+            row[:] = MOST_DEVIATIONS * noise + off + per_period * period, since * dt
             anchored = name not in ("velocity", "gyro")
             fields.share[CHANNELS.index(name)] = 1.0 - np.exp(-period / ANCHOR) if anchored else 1.0
         first = min(2.0 * RATE_POLES * periods[ATTITUDE], 0.8)
         fields.correct[:] = first, first**2 / 4.0 / periods[ATTITUDE]
-        attitude, gyro = fitted[ATTITUDE], fitted[GYRO]
-        punctual = attitude.delay == gyro.delay == 0.0 and periods[ATTITUDE] == periods[GYRO]
-        fields.trust[0] = part = 1.0 - np.exp(-periods[GYRO] / DOUBTED)
+        attitude, gyro = fitted[ATTITUDE], fitted[GYRO_CHANNEL]
+        punctual = attitude.delay == gyro.delay == 0.0 and periods[ATTITUDE] == periods[GYRO_CHANNEL]
+        fields.trust[0] = part = 1.0 - np.exp(-periods[GYRO_CHANNEL] / DOUBTED)
         spread = first / periods[ATTITUDE] * np.sqrt(part / 2.0) * max(attitude.noise)
-        fields.trust[1] = SLACK + SURE * spread if punctual else np.inf
+        fields.trust[1] = SLACK + SURE_OF_SAMPLE * spread if punctual else np.inf
         self.q, self.v, self.error, self.faults = fields.q, fields.v, fields.error, fields.faults
         self.beyond = fields.beyond
 
@@ -214,7 +155,7 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
             turn = within_half_a_turn(now[21] - late[21] - offset[21])
             offset[21] += share(s, CRANK) * turn
             estimate[21] = ahead
-    close_linkage(s, at)
+    close_for_crank(s, at)
     turn_on(s, at, thrust, push)
 
     seen = is_good(s, ATTITUDE)
@@ -233,12 +174,12 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
                 estimate[3 + i] = now[3 + i] if s.delay[ATTITUDE] == 0 else s.b[i]
             for i in range(4):
                 offset[3 + i] /= sqrt(norm)
-    add_channel(s, GYRO, at)
+    add_channel(s, GYRO_CHANNEL, at)
     if seen:
         follow_attitude(s)
     velocity(s, at)
     add_channel(s, POSITION, at)
-    add_channel(s, JOINTS, at)
+    add_channel(s, JOINT_CHANNEL, at)
     add_channel(s, RATES, at)
 
     for i in range(7):
@@ -282,7 +223,7 @@ def carry(s: Senses, at: Array) -> None:
     else:
         before = s.carriers[(s.ticks[0] - 1) % s.carriers.shape[0]]
         dt = s.tick[()]
-        rotate(estimate[3:7], estimate[7:10], s.a)
+        rotate_vector(estimate[3:7], estimate[7:10], s.a)
         for i in range(3):
             at[i] = before[i] + dt * s.a[i]
         x, y, z = estimate[10], estimate[11], estimate[12]
@@ -310,7 +251,7 @@ def follow_attitude(s: Senses) -> None:
     twice, wrong = 2.0 if s.b[3] >= 0.0 else -2.0, False
     for i in range(3):
         s.a[i] = 0.5 * s.correct[0] * twice * s.b[i]
-        if s.age[GYRO] > 0:
+        if s.age[GYRO_CHANNEL] > 0:
             s.offset[10 + i] += s.correct[1] * twice * s.b[i]
             s.estimate[10 + i] += s.correct[1] * twice * s.b[i]
             s.doubt[i] = 0.0
@@ -320,8 +261,8 @@ def follow_attitude(s: Senses) -> None:
             s.doubt[i] += s.trust[0] * (said - s.doubt[i])
             wrong = wrong or abs(s.doubt[i]) > s.trust[1]
     if wrong:
-        s.faults[GYRO, 2] += 1
-        s.age[GYRO] = s.period[GYRO]
+        s.faults[GYRO_CHANNEL, 2] += 1
+        s.age[GYRO_CHANNEL] = s.period[GYRO_CHANNEL]
         for i in range(3):
             s.offset[10 + i] += s.doubt[i]
             s.estimate[10 + i] += s.doubt[i]
@@ -333,7 +274,7 @@ def follow_attitude(s: Senses) -> None:
 
 
 @inner
-def close_linkage(s: Senses, at: Array) -> None:
+def close_for_crank(s: Senses, at: Array) -> None:
     """Write the carriers that follow from the crank, and the estimates that follow from them."""
     add_waves(s.swing, s.estimate[21], s.reference)
     joints_at(s.series, s.estimate[21], s.closed)
@@ -375,7 +316,7 @@ def velocity(s: Senses, at: Array) -> None:
         return
     product(estimate[3:7], at[3:7], -1.0, s.b)
     product(s.b, late[3:7], 1.0, s.a)  # the attitude when the sample was taken
-    rotate(s.a, now[7:10], s.b)
+    rotate_vector(s.a, now[7:10], s.b)
     for i in range(3):
         s.a[i] = s.b[i] + at[7 + i] - late[7 + i]
     turn_back(estimate[3:7], s.a, s.candidate[7:10])
@@ -386,98 +327,3 @@ def velocity(s: Senses, at: Array) -> None:
         for i in range(3):
             s.offset[7 + i] = s.b[i] - late[7 + i]
             estimate[7 + i] = now[7 + i] if s.delay[VELOCITY] == 0 else s.candidate[7 + i]
-
-
-@inner
-def add_channel(s: Senses, c: int, at: Array) -> None:
-    """Judge a channel whose estimate is its offset plus its carrier."""
-    if not is_good(s, c):
-        return
-    late, off = s.carriers[taken_at(s, c)], 0.0
-    for i in range(EDGES[c], EDGES[c + 1]):
-        s.candidate[i] = s.now[i] if s.delay[c] == 0 else s.now[i] + (at[i] - late[i])
-        off = max(off, abs(s.candidate[i] - s.estimate[i]))
-    if believed(s, c, off):
-        part = share(s, c)
-        for i in range(EDGES[c], EDGES[c + 1]):
-            s.estimate[i] = s.candidate[i]
-            s.offset[i] += part * (s.now[i] - late[i] - s.offset[i])
-
-
-@inner
-def taken_at(s: Senses, c: int) -> int:
-    """Return the row of the carriers when a channel's sample was taken."""
-    return int((s.ticks[0] - min(s.delay[c], s.ticks[0])) % s.carriers.shape[0])
-
-
-@inner
-def is_good(s: Senses, c: int) -> bool:
-    """Return whether a channel shows a sample that is new and finite; count what it shows in its place."""
-    finite, changed, norm = True, s.ticks[0] == 0, 0.0
-    for i in range(EDGES[c], EDGES[c + 1]):
-        finite = finite and isfinite(s.now[i])
-        changed = changed or s.now[i] != s.raw[i]
-        norm += s.now[i] * s.now[i]
-    if not finite or (c == ATTITUDE and abs(norm - 1.0) > 0.02):
-        s.faults[c, 0] += 1
-        return False
-    if changed or s.age[c] >= s.still[c]:
-        return True
-    if s.age[c] >= s.period[c] and s.ticks[0] >= s.delay[c] + s.period[c]:
-        s.faults[c, 1] += 1
-    return False
-
-
-@inner
-def believed(s: Senses, c: int, off: float) -> bool:
-    """Return whether a good sample that is off by so much is believed; count it if not."""
-    jumps = off > s.reach[c, 0] + s.reach[c, 1] * s.age[c]
-    if jumps and s.ticks[0] > 0 and s.age[c] * s.tick[()] < JUMP_BELIEVED + s.period[c] * s.tick[()]:
-        s.faults[c, 2] += 1
-        return False
-    s.age[c] = 0
-    s.whole[c] = 1 if jumps or s.ticks[0] == 0 else 0
-    return True
-
-
-@inner
-def share(s: Senses, c: int) -> float:
-    """Return the share by which a channel's offset follows its sample: all of it at first and after a jump."""
-    return 1.0 if s.whole[c] == 1 else float(s.share[c])
-
-
-@inner
-def within_half_a_turn(angle: float) -> float:
-    """Return an angle less whole turns, between -pi and pi [rad]."""
-    return (angle + pi) % (2.0 * pi) - pi
-
-
-@inner
-def product(a: Array, b: Array, sign: float, out: Array) -> None:
-    """Write the product (4,) of quaternions xyzw a and b, or a and the conjugate of b where the sign is -1."""
-    x, y, z = sign * b[0], sign * b[1], sign * b[2]
-    first = a[3] * x + a[0] * b[3] + a[1] * z - a[2] * y
-    second = a[3] * y - a[0] * z + a[1] * b[3] + a[2] * x
-    third = a[3] * z + a[0] * y - a[1] * x + a[2] * b[3]
-    fourth = a[3] * b[3] - a[0] * x - a[1] * y - a[2] * z
-    out[0], out[1], out[2], out[3] = first, second, third, fourth
-
-
-@inner
-def rotate(q: Array, v: Array, out: Array) -> None:
-    """Write a vector (3,) of the body's axes in the world's, by the attitude xyzw q."""
-    x, y, z, w = q[0], q[1], q[2], q[3]
-    a, b, c = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
-    first, second = v[0] + w * a + y * c - z * b, v[1] + w * b + z * a - x * c
-    out[2] = v[2] + w * c + x * b - y * a
-    out[0], out[1] = first, second
-
-
-@inner
-def turn_back(q: Array, v: Array, out: Array) -> None:
-    """Write a vector (3,) of the world's axes in the body's, by the attitude xyzw q."""
-    x, y, z, w = -q[0], -q[1], -q[2], q[3]
-    a, b, c = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
-    first, second = v[0] + w * a + y * c - z * b, v[1] + w * b + z * a - x * c
-    out[2] = v[2] + w * c + x * b - y * a
-    out[0], out[1] = first, second

@@ -10,14 +10,12 @@ import numpy as np
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.margins import Margins, loop_margins, noise_slew, wrong_plant_ms
-from aerobat_pin.control.monitor import State
+from aerobat_pin.control.monitor import AXES, LoopState
 from aerobat_pin.control.nominal import control_of
 from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import euler_angles
 from aerobat_pin.scenario import Scenario
-
-AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class ControlSummary:
     margins: dict[str, Margins]
     wrong_plant_ms: dict[str, float]
     noise_slew: float
-    said: State
+    said: LoopState
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry as plain values."""

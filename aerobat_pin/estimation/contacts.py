@@ -6,13 +6,15 @@ falls below `END_SHARE` of it. Its probability follows from the force's deviatio
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
+from aerobat_pin.records import Record
 
 ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
 
@@ -106,3 +108,12 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
         )
         for point, (onset, end) in edges.items()
     )
+
+
+def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> dict[str, tuple[Stance, ...]]:
+    """Return observer -> stances at each point; empty unless the record is of a robot with joints that walks."""
+    robot = record.robot
+    if record.map.base.held or not (robot.free and robot.joints and robot.limits_forces):
+        return {}
+    found = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
+    return {name: stances for name, stances in found.items() if stances}

@@ -17,7 +17,7 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record, imu_arm, rotation_matrices
 
-AXES = "change of axes"  # name of the known force
+CHANGE_OF_AXES = "change of axes"  # name of the known force
 
 
 def change_of_axes(model: pin.Model, data: pin.Data, q: Array, before: Array, after: Array, dt: float) -> Array:
@@ -57,4 +57,4 @@ def with_zeroed_velocity(record: Record, inputs: KnownInputs, first: int) -> Kno
             before = v[k].copy()
             before[:3] += R[k].T @ (u[k] - since[k - 1])
             force[k - 1] = change_of_axes(model, data, inputs.q[k], before, v[k], inputs.time[k] - inputs.time[k - 1])
-    return replace(inputs, v=v, known={**inputs.known, AXES: force})
+    return replace(inputs, v=v, known={**inputs.known, CHANGE_OF_AXES: force})

@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation import stream_kernels as kernels
+from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.expected import expected_from, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
 from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, built_observers, points_of, rows_of
+from aerobat_pin.estimation.stream_kernels import build_interval
 from aerobat_pin.estimation.stream_memory import new_rings
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.numerics import Array, fields_of, guarded
@@ -95,7 +96,7 @@ class OnlineEstimator:
         lead = [key for key in LEADING if key in self._requests]
         self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
         self._memory = new_rings(chosen, self.robot, names, tuple(self._requests.values()), self._values, wait)
-        self._rings = fields_of(kernels.rings_in, self._memory)
+        self._rings = fields_of(ring_kernels.rings_in, self._memory)
         self._epoch: float | None = None
         self._estimates = self._starts = self._failed = 0
         self._rows, _ = rows_of(chosen, self.robot, names, self._requests)
@@ -111,15 +112,17 @@ class OnlineEstimator:
         """What became of the samples so far."""
         rings, keys = self._rings, list(self._requests)
         newest = {
-            key: float(rings.time[c, (rings.head[c] + rings.held[c] - 1) % kernels.LENGTH])
+            key: float(rings.time[c, (rings.head[c] + rings.held[c] - 1) % ring_kernels.LENGTH])
             for c, key in enumerate(keys)
             if rings.held[c]
         }
         latest = max(newest.values(), default=0.0)
-        stalled = [key for key in keys if key not in newest or latest - newest[key] > kernels.STALL]
-        samples = {key: dict(zip(kernels.FATES, rings.tally[c].tolist(), strict=True)) for c, key in enumerate(keys)}
+        stalled = [key for key in keys if key not in newest or latest - newest[key] > ring_kernels.STALL]
+        samples = {
+            key: dict(zip(ring_kernels.FATES, rings.tally[c].tolist(), strict=True)) for c, key in enumerate(keys)
+        }
         now = rings.now
-        settled = bool(now[kernels.LAST] - now[kernels.BEGAN] >= self._wait)  # False while they are NaN
+        settled = bool(now[ring_kernels.LAST] - now[ring_kernels.BEGAN] >= self._wait)  # False while they are NaN
         return StreamHealth(
             self._estimates,
             self._starts,
@@ -134,8 +137,8 @@ class OnlineEstimator:
         """Forget all samples and start again with the next ones; what is counted stays."""
         rings = self._rings
         rings.head[:], rings.held[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
-        rings.now[: kernels.COUNT] = np.nan
-        rings.now[kernels.BROKEN] = 0.0
+        rings.now[: ring_kernels.COUNT] = np.nan
+        rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
@@ -151,7 +154,7 @@ class OnlineEstimator:
 
         Nothing of a sample raises: `health` counts those that cannot be used, and why.
         """
-        since, put, memory = self._since_epoch(time), kernels.put, self._memory
+        since, put, memory = self._since_epoch(time), ring_kernels.put, self._memory
         for c, reader, buffer in self._readers:
             try:
                 buffer[:] = reader(values)
@@ -199,8 +202,8 @@ class OnlineEstimator:
             if isinstance(observer, KalmanObserver) and observer.doubted_forces:
                 raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
         self._together = ObserversTogether(self._observers)
-        kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
-        kernels.build(self._memory, self._leading)
+        ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
+        build_interval(self._memory, self._leading)
         self._rings.tally[:] = 0
 
     def _advance(self) -> list[OnlineSample]:
@@ -209,28 +212,28 @@ class OnlineEstimator:
         memory, leading, build, rings, together = (
             self._memory,
             self._leading,
-            kernels.build,
+            build_interval,
             self._rings,
             self._together,
         )
         while code := build(memory, leading):
             q, v, tau, now = rings.q, rings.v, rings.tau, rings.now
-            if code == kernels.START:
+            if code == ring_kernels.STREAM_START:
                 self._starts += 1
                 together.start(q, v)
                 continue
-            dt, end = float(now[kernels.DT]), float(now[kernels.LAST])
+            dt, end = float(now[ring_kernels.DT]), float(now[ring_kernels.LAST])
             if self._learns:
                 self._learn_size()
-            if code == kernels.REZEROED:
+            if code == ring_kernels.REZEROED:
                 tau = tau + change_of_axes(together.model, together.data, q, rings.before, v, dt)
             samples = together.take(q, v, tau, dt)
             if None in samples:
                 self._failed += 1
-                now[kernels.LAST] = np.nan
+                now[ring_kernels.LAST] = np.nan
             else:
                 self._estimates += 1
-            settled, epoch = bool(end - now[kernels.BEGAN] >= self._wait), self._epoch or 0.0
+            settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
             for observer, sample in zip(self._observers, samples, strict=True):
                 if sample is None:
                     continue
@@ -252,7 +255,7 @@ class OnlineEstimator:
 
     def _learn_size(self) -> None:
         """Expect errors in proportion to the efforts: anew whenever twice as many intervals have shown their size."""
-        count = int(self._rings.now[kernels.COUNT])
+        count = int(self._rings.now[ring_kernels.COUNT])
         if count & (count - 1) == 0:
             expected = self._expected(np.sqrt(self._rings.squares / count))
             for observer in self._observers:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.estimation.compared import Compared
-from aerobat_pin.estimation.contacts import Stance, stances_of
+from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores
@@ -117,19 +117,13 @@ class Result:
 
     @cached_property
     def stances(self) -> dict[str, tuple[Stance, ...]]:
-        """Observer -> when each point is in contact with the ground; empty unless a robot with joints walks on it."""
-        if self.record is None or self.record.map.base.held:
-            return {}
-        robot = self.record.robot
-        if not (robot.free and robot.joints and robot.limits_forces):
-            return {}
-        found = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in self.stored.items()}
-        return {name: stances for name, stances in found.items() if stances}
+        """Observer -> when each point is in contact with the ground, of a robot that walks."""
+        return {} if self.record is None else stances_on_ground(self.record, self.stored)
 
     @property
     def model(self) -> ModelCheck | None:
         """Whether the belief is still that of its calibration; None without one."""
-        return None if self.calibration is None else self.calibration.model
+        return self.calibration.model if self.calibration else None
 
     @property
     def verdicts(self) -> dict[str, list[str]]:

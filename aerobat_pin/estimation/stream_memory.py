@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation import stream_kernels as kernels
+from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array, fields_of, new_memory
 from aerobat_pin.records import Map, PlainRobot, Request, axes_of, imu_arm
@@ -32,13 +32,13 @@ def new_rings(
     Raises:
         MapError: the wait is below 0, or too long.
     """
-    if not 0.0 <= wait < kernels.JUMP:
-        raise MapError(f"online: wait = {wait}: at least 0 s and less than {kernels.JUMP:g} s was expected")
+    if not 0.0 <= wait < ring_kernels.CLOCK_JUMP:
+        raise MapError(f"online: wait = {wait}: at least 0 s and less than {ring_kernels.CLOCK_JUMP:g} s was expected")
     rubbing = values.joints if values.friction is not None or len(values.scale) else ()
     width = max(4, *(len(request.names) for request in asked))
     model = robot.model
-    memory = new_memory(kernels.rings_in, len(asked), width, int(model.nq), int(model.nv), len(rubbing))
-    rings = fields_of(kernels.rings_in, memory)
+    memory = new_memory(ring_kernels.rings_in, len(asked), width, int(model.nq), int(model.nv), len(rubbing))
+    rings = fields_of(ring_kernels.rings_in, memory)
     rings.slot[:] = -1
     for c, request in enumerate(asked):
         count = len(request.names)
@@ -49,7 +49,7 @@ def new_rings(
             mix = turn if mix is None else turn @ mix
         if mix is not None:
             rings.mixed[c], rings.mix[c, :count, :count], rings.shift[c, :count] = 1, mix, shift
-        rings.slot[kernels.STREAM_KEYS.index(request.key)] = c
+        rings.slot[ring_kernels.STREAM_KEYS.index(request.key)] = c
         if request.key.startswith("joints."):
             row = ("joints.position", "joints.velocity", "joints.effort").index(request.key)
             index = robot.q_index if row == 0 else robot.v_index
@@ -67,8 +67,8 @@ def new_rings(
         rings.setting[4] = float(not keys["base.velocity"].names[0].startswith(f"{base.topic}.linear"))
     if base.rate is not None and base.rate.columns and base.rate.axes == "world":
         rings.setting[5] = 1.0
-    rings.now[: kernels.COUNT] = np.nan
-    rings.now[kernels.BROKEN] = 0.0
+    rings.now[: ring_kernels.COUNT] = np.nan
+    rings.now[ring_kernels.BROKEN] = 0.0
     rings.arm[:], rings.gravity[:], rings.neutral[:] = imu_arm(chosen), model.gravity.linear, robot.neutral()
     for joint, place in chosen.joints.held.items():
         rings.neutral[robot.q_index(joint)] = place

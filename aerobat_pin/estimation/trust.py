@@ -12,7 +12,7 @@ from aerobat_pin.observers import Estimate, MomentumObserver
 
 DIFFERENCE = 6  # order of the differences in which a force that changes slowly leaves nothing, and noise everything
 GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
-STRETCH = 32  # samples in which noise is told from that of other stretches
+NOISE_STRETCH = 32  # samples in which noise is told from that of other stretches
 BURST = 0.95  # share of the time in which a component's noise is smaller than what it is judged by
 LARGEST_NOISE = 0.5  # share of a component's rms above which its noise is named
 
@@ -80,12 +80,14 @@ def local_noise(components: Array) -> Array:
     Noise of velocity sensors reaches a force by the geometry of the moment, and may be ten times as large in an eighth
     of a wing beat as elsewhere.
     """
-    if len(components) <= 2 * STRETCH:
+    if len(components) <= 2 * NOISE_STRETCH:
         return np.broadcast_to(sample_noise(components), components.shape)
-    count = (len(components) - DIFFERENCE) // STRETCH
-    change = np.abs(np.diff(components, n=DIFFERENCE, axis=0))[: count * STRETCH]
-    size = GAUSSIAN * np.median(change.reshape(count, STRETCH, -1), axis=1) / sqrt(comb(2 * DIFFERENCE, DIFFERENCE))
-    return np.asarray(size[np.minimum(np.arange(len(components)) // STRETCH, count - 1)])
+    count = (len(components) - DIFFERENCE) // NOISE_STRETCH
+    change = np.abs(np.diff(components, n=DIFFERENCE, axis=0))[: count * NOISE_STRETCH]
+    size = (
+        GAUSSIAN * np.median(change.reshape(count, NOISE_STRETCH, -1), axis=1) / sqrt(comb(2 * DIFFERENCE, DIFFERENCE))
+    )
+    return np.asarray(size[np.minimum(np.arange(len(components)) // NOISE_STRETCH, count - 1)])
 
 
 def _noisy_components(estimate: Estimate) -> list[str]:

@@ -125,12 +125,12 @@ class Applications:
         model, data = self.model, self.model.createData()
         blocks = [np.zeros((0, model.nv))]
         for application in self.given:
-            frame = frame_jacobian(model, data, np.asarray(q, float), *frame_axes(model, application))
+            frame = frame_jacobian(model, data, np.asarray(q, float), *axes_of_application(model, application))
             blocks.append(application.directions @ frame)
         return np.concatenate(blocks)
 
 
-def frame_axes(model: pin.Model, application: Application) -> tuple[int, pin.ReferenceFrame]:
+def axes_of_application(model: pin.Model, application: Application) -> tuple[int, pin.ReferenceFrame]:
     """Return the index of an application's frame, and in which axes Pinocchio gives the Jacobian of its components."""
     axes = pin.ReferenceFrame.LOCAL if application.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     return frame_id(model, application.frame), axes

@@ -27,7 +27,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers.applications import Applications, frame_axes
+from aerobat_pin.observers.applications import Applications, axes_of_application
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER, RISE, SECOND_ORDER
 from aerobat_pin.observers.kernels.posterior import LEAST_SPARE, MEMORY_OF_K
@@ -77,19 +77,13 @@ def sample_robot(
     q: Array,
     v: Array,
 ) -> Samples:
-    """Return momentum, drift and Jacobians at samples q (m + 1, nq) and v (m + 1, nv).
+    """Return momentum, drift and Jacobians of the components at samples q (m + 1, nq) and v (m + 1, nv).
 
-    Args:
-        model: the robot.
-        data: Pinocchio's results of the model.
-        compute: lets Pinocchio compute M, C, g, the world Jacobians and the placements at one sample.
-        applications: where the unknown components act.
-        q: configurations.
-        v: velocities.
+    `compute` lets Pinocchio compute M, C, g, the world Jacobians and the placements at one sample.
     """
     M, Ct, g = data.M, data.C.T, data.g
     p, b = np.empty_like(v), np.empty_like(v)
-    frames = [frame_axes(model, one) for one in applications.given]
+    frames = [axes_of_application(model, one) for one in applications.given]
     J = [np.empty((len(v), 6, model.nv)) for _ in frames]
     for i, (q_i, v_i, p_i, b_i) in enumerate(zip(q, v, p, b, strict=True)):
         compute(model, data, q_i, v_i)
@@ -132,7 +126,7 @@ def observe_record(equations: Equations, samples: Samples, time: Array, u: Array
 def _observe(equations: Equations, samples: Samples, time: Array, u: Array) -> Observed:
     """Return the estimate over a record whose stamps increase."""
     dt, rows = np.diff(time), equations.rows
-    phi = mean_residual(samples, time, u)
+    phi = mean_residuals(samples, time, u)
     v, J = (0.5 * (values[1:] + values[:-1]) for values in (samples.v, samples.J))  # in mid-interval, to second order
     projection = Projection.of(rows, J, v, samples.J[1:], samples.v[1:])
     best = projection.components(rows.of(phi, v))
@@ -142,18 +136,18 @@ def _observe(equations: Equations, samples: Samples, time: Array, u: Array) -> O
     deviation = k = None
     r, f = phi, best
     if not equations.project_first:
-        r = f = low_pass(equations, dt, phi)
+        r = f = filter_means(equations, dt, phi)
     if equations.expected is not None:
         f, deviation, k = posterior(equations, dt, J, v, r)
     elif not equations.project_first:
         f = projection.components(rows.of(r, v))
     if equations.project_first:
-        f = low_pass(equations, dt, f)
+        f = filter_means(equations, dt, f)
         r = _generalized(J, f)
     return Observed(r, f, unexplained, projection.pivot, deviation, k)
 
 
-def mean_residual(samples: Samples, time: Array, u: Array) -> Array:
+def mean_residuals(samples: Samples, time: Array, u: Array) -> Array:
     """Return phi (m, nv), the mean of the unknown generalised force J^T f over each interval. Raises ShapeError."""
     p, b, dt = samples.p, samples.b, np.diff(time)[:, None]
     phi = (p[1:] - p[:-1]) / dt - 0.5 * (b[1:] + b[:-1]) - u
@@ -278,7 +272,7 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
     return f, deviation, k
 
 
-def low_pass(equations: Equations, dt: Array, values: Array) -> Array:
+def filter_means(equations: Equations, dt: Array, values: Array) -> Array:
     """Return values (m, n), constant over each interval dt (m,) [s], behind the filter, which begins at 0."""
     if len(equations.basis):
         return _filtered(equations, dt, values @ equations.basis) @ equations.basis.T

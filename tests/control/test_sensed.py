@@ -13,7 +13,7 @@ from support.commands import aerobat
 
 from aerobat_pin.control import FAILED, Controller
 from aerobat_pin.control.monitor import AT_LIMITS, Monitor
-from aerobat_pin.control.sensed import CHANNELS
+from aerobat_pin.control.sensed_channels import CHANNELS
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import ClosedLoop, Plant
 from aerobat_pin.numerics import Array

@@ -42,7 +42,7 @@ from aerobat_pin.estimation import (
     estimate,
     read_calibration,
 )
-from aerobat_pin.estimation.calibration.checked_part import checked_part
+from aerobat_pin.estimation.calibration.checked_part import part_to_check
 from aerobat_pin.estimation.calibration.identify import Identified
 from aerobat_pin.estimation.known_forces import mean_motion
 from aerobat_pin.observers import JointFriction
@@ -196,7 +196,7 @@ def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
 def checked_flight(found: Calibration, free: FreeFlight, more: tuple[str, ...] = (), flight: str = "no force") -> Any:
     """Return a flight beside a calibration: what no force explains, and what was predicted."""
     record = found.applied(flight_record(flown(flight, 1, more)[0], free.plugged()))
-    return checked_part(found, record, seen_with(found, free, flight, 1, more).inputs)
+    return part_to_check(found, record, seen_with(found, free, flight, 1, more).inputs)
 
 
 def test_the_motors_torque_alone_is_calibrated_at_the_crank() -> None:

@@ -18,7 +18,7 @@ from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate
 from aerobat_pin.estimation.expected import expected_of
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
-from aerobat_pin.estimation.stream_kernels import LENGTH
+from aerobat_pin.estimation.stream_rings import LENGTH
 from aerobat_pin.observers import Expected
 from aerobat_pin.records import Map, open_record, parse_map
 

@@ -179,7 +179,7 @@ class Calibration:
         return Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
 
 
-TRAIN, REGULAR = 4, 0.1  # gaps between contacts that make a train, and by how many cycles most of them may differ
+TRAIN, REGULAR_TRAIN = 4, 0.1  # gaps between contacts that make a train, and by how many cycles most of them may differ
 
 
 class CalibrationWatch:
@@ -232,7 +232,7 @@ class CalibrationWatch:
         for frame in dict.fromkeys(one.frame for one in self._contacts):
             onsets = [one.onset for one in self._contacts if one.frame == frame]
             gaps = np.abs(np.diff(np.interp(onsets, time, turns)))
-            if len(gaps) >= TRAIN and np.mean(np.abs(gaps - np.median(gaps)) < REGULAR) > 0.5:
+            if len(gaps) >= TRAIN and np.mean(np.abs(gaps - np.median(gaps)) < REGULAR_TRAIN) > 0.5:
                 yield (
                     f"{len(onsets)} contacts at {frame}, one every {np.median(gaps):.2f} cycles: an error of the "
                     "belief, or a force that swings with the cycle"

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.calibration.checked_part import CheckedPart, checked_part, error_factors, part_of
-from aerobat_pin.estimation.calibration.name_cause import Named, corrected, moved, named_cause
+from aerobat_pin.estimation.calibration.checked_part import CheckedPart, error_factors, part_to_check, slice_of_part
+from aerobat_pin.estimation.calibration.name_cause import Named, cause_corrected, cause_moves, named_cause
 from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -20,7 +20,7 @@ from aerobat_pin.observers import Observer
 
 InputsAt = Callable[[int, int], KnownInputs]
 MOST_STEPS = 2  # of a search for the size of a cause
-MOST_CHECKED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
+MOST_JUDGED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
 
     if series is not None and len(record.parts) == 1 and record.robot.remembers:
         whole = inputs(*record.parts[0])
-        part = checked_part(calibration, record, whole)
+        part = part_to_check(calibration, record, whole)
         named = None if part is None or part.check.ratio is None else named_cause(part, series, forces)
         if part is None or part.check.ratio is None:
             return CheckedModel(None if part is None else part.check, inputs, factors)
@@ -75,11 +75,11 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
 
         def with_cause(one: Named) -> CheckedPart:
             spread = np.concatenate([left_over, one.factors], axis=2)
-            return part_of(record, corrected(whole, one, forces), spread)
+            return slice_of_part(record, cause_corrected(whole, one, forces), spread)
 
         better = with_cause(named)
         for _ in range(MOST_STEPS):
-            if better.check.verdict != "changed" or not moved(forces, named.cause.name, named.values):
+            if better.check.verdict != "changed" or not cause_moves(forces, named.cause.name, named.values):
                 break
             nearer = named_cause(better, series, forces, named)
             trial = None if nearer is None else with_cause(nearer)
@@ -101,8 +101,8 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
         return CheckedModel(check, between, lambda _: spread, better.growth)
     checks = []
     for first, last in record.parts:
-        for begin, end in blocks_of(first, min(last, first + MOST_CHECKED)):
-            part = checked_part(calibration, record, inputs(begin, end))
+        for begin, end in blocks_of(first, min(last, first + MOST_JUDGED)):
+            part = part_to_check(calibration, record, inputs(begin, end))
             if part is None or part.check.ratio is None:
                 return CheckedModel(None if part is None else part.check, inputs, factors)
             checks.append((part.check.size, part.check.expected, end - begin))

@@ -17,7 +17,7 @@ from aerobat_pin.observers import Estimate, ForceLevelObserver, row_names, slow_
 from aerobat_pin.records import Record
 
 LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
-NEAR = 0.1  # [s] over which errors near an instant are averaged
+NEAR_TIME = 0.1  # [s] over which errors near an instant are averaged
 
 
 def error_factors(calibration: Calibration, record: Record, inputs: KnownInputs) -> Array | None:
@@ -51,7 +51,7 @@ class CheckedPart:
         """How many times as large as predicted (m,) the errors are: over all of the stretch, or near each instant."""
         told, time = self.found.redundancy, self.inputs.time
         seen = np.sum(slow_part(time, self.found.unexplained) ** 2, axis=1) - told.redundant * told.sensors**2
-        count = max(1, round(NEAR / typical_step(time)))
+        count = max(1, round(NEAR_TIME / typical_step(time)))
         window = np.ones(min(count, len(seen))) / count
         near = np.convolve(seen, window, "same") / (told.redundant * self.check.expected**2)
         return np.maximum(self.check.factor, np.sqrt(np.maximum(near, 0.0)))
@@ -67,13 +67,13 @@ class CheckedPart:
         return ModelCheck(told.belief / expected, told.belief, expected)
 
 
-def checked_part(calibration: Calibration, record: Record, inputs: KnownInputs) -> CheckedPart | None:
+def part_to_check(calibration: Calibration, record: Record, inputs: KnownInputs) -> CheckedPart | None:
     """Return a stretch with what no force explains of it; None where the calibration does not say what it leaves."""
     factors = error_factors(calibration, record, inputs)
-    return None if factors is None or not points_of(record.map) else part_of(record, inputs, factors)
+    return None if factors is None or not points_of(record.map) else slice_of_part(record, inputs, factors)
 
 
-def part_of(record: Record, inputs: KnownInputs, factors: Array) -> CheckedPart:
+def slice_of_part(record: Record, inputs: KnownInputs, factors: Array) -> CheckedPart:
     """Return a stretch of whose rows something with these factors (m, nv, r) is left."""
     observer = ForceLevelObserver(record.robot.model, points_of(record.map), AT_ONCE, inputs.rows)
     found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)

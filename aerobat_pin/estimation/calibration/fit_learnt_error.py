@@ -26,7 +26,7 @@ from aerobat_pin.estimation.calibration.learnt_error import (
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
-FLOOR = 0.05  # of the error's size: least rms of what a series leaves
+LEAST_SERIES_NOISE = 0.05  # of the error's size: least rms of what a series leaves
 HIGHEST = 0.5  # cycles above the highest harmonic, up to which the flights are fitted
 NOISE_ABOVE = 150.0  # [Hz]: where nothing but noise of the sensors is left; of slow records the upper half
 MEDIAN_OF_SQUARE = 0.455  # of a normal variable of deviation 1
@@ -69,8 +69,8 @@ def fit_learnt_error(
     centre, scale = np.mean(values, axis=0), np.mean([one.scale for one in conditions], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
-    size = _sizes(conditions, targets, order)
-    flights = [_flight(*one, order, centre, scale) for one in zip(conditions, targets, steps, strict=True)]
+    size = _error_sizes(conditions, targets, order)
+    flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, steps, strict=True)]
     count, width = (1 + len(centre)) * (2 * order + 1), 2 * order + 1
     prior = np.concatenate([_prior(order, len(centre)), *(_of_flight(one.distance, order) for one in flights)])
     terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
@@ -95,7 +95,7 @@ def fit_learnt_error(
 
 def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, float]:
     """Return mean, covariance and b for unit prior variances, all over the size of the error."""
-    rest = FLOOR**2
+    rest = LEAST_SERIES_NOISE**2
     for step in range(STEPS + 1):
         variance = noise + rest
         weighted = terms / variance[:, None]
@@ -104,11 +104,11 @@ def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, f
         if step < STEPS:
             square = (target - terms @ mean) ** 2 + np.sum((terms @ covariance) * terms, axis=1)
             share = rest / variance
-            rest = max(float(np.mean(share**2 * square + rest * (1.0 - share))), FLOOR**2)
+            rest = max(float(np.mean(share**2 * square + rest * (1.0 - share))), LEAST_SERIES_NOISE**2)
     return mean, covariance, rest
 
 
-def _flight(condition: Condition, target: Array, step: float, order: int, centre: Array, scale: Array) -> _Flight:
+def _flight_terms(condition: Condition, target: Array, step: float, order: int, centre: Array, scale: Array) -> _Flight:
     from scipy.fft import dst
 
     count = len(target)
@@ -138,7 +138,7 @@ def _of_flight(daily: float, order: int) -> Array:
     return np.asarray(daily / (max(order, 1) * falling(order)))
 
 
-def _sizes(conditions: Sequence[Condition], targets: Sequence[Array], order: int) -> Array:
+def _error_sizes(conditions: Sequence[Condition], targets: Sequence[Array], order: int) -> Array:
     """Return the rms size (nv,) of what repeats itself with the phase, in rows like each."""
     terms = np.concatenate([series(one.phase, order) for one in conditions])
     target = np.concatenate(targets)

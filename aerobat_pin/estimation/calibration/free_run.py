@@ -35,7 +35,7 @@ LEFT_BEHIND = 8.0  # typical sizes of what the calibration leaves: a longer or l
 LEAST_LEFT_BEHIND = 0.02  # of the robot's weight
 STEADY = 3.0  # times the error of the belief: forces that are larger are hardly made up by it
 TOLD_BY = 2  # spare rows from which what is left can be told from forces
-PAUSE, MOST = 0.05, 6  # [s] between pushes that are told apart, and how many are told
+PAUSE, MOST_TOLD = 0.05, 6  # [s] between pushes that are told apart, and how many are told
 FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
 
 
@@ -187,8 +187,10 @@ def pushes(run: FreeRun) -> Iterator[str]:
         above = np.flatnonzero(size > 0.5 * size.max())
         apart = np.flatnonzero(np.diff(time[above]) > PAUSE)
         firsts, lasts = above[[0, *(apart + 1)]], above[[*apart, len(above) - 1]]
-        times = ", ".join(f"{time[a]:.2f} to {time[b + 1]:.2f} s" for a, b in zip(firsts[:MOST], lasts, strict=False))
-        more = f" and {len(firsts) - MOST} more times" if len(firsts) > MOST else ""
+        times = ", ".join(
+            f"{time[a]:.2f} to {time[b + 1]:.2f} s" for a, b in zip(firsts[:MOST_TOLD], lasts, strict=False)
+        )
+        more = f" and {len(firsts) - MOST_TOLD} more times" if len(firsts) > MOST_TOLD else ""
         yield f"{run.name}: something pushed, most from {times}{more}, with up to {1e3 * size.max():.0f} mN a row"
 
 

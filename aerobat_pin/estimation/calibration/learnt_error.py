@@ -27,7 +27,7 @@ from aerobat_pin.records import Condition
 BEND = 9.0  # square of the harmonic from which errors are expected to fall
 LINEAR = 2.0  # c: an error may change this often its own size where a state changes by its unit
 DAILY = 0.02  # kappa: share of the error that differs from flight to flight at the same state
-NEARLY = 2.0  # times the deviation where an error is known best: up to this thresholds stay as they are
+NEARLY_KNOWN = 2.0  # times the deviation where an error is known best: up to this thresholds stay as they are
 CURVED = 1.0  # q: share of it that is not linear in the state, where rho is 1
 
 
@@ -90,7 +90,7 @@ class LearntError:
         rows = self.learnt_rows
         least = DAILY**2 * self._share * self.size**2 + self.remainder**2
         times = np.sqrt(np.mean(self.deviation(condition)[:, rows] ** 2 / least[rows], axis=1))
-        return np.asarray(np.maximum(times / NEARLY, 1.0))
+        return np.asarray(np.maximum(times / NEARLY_KNOWN, 1.0))
 
     @property
     def _share(self) -> float:

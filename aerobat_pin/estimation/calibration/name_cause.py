@@ -33,7 +33,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MomentumObserver, slow_part
 from aerobat_pin.records import Condition, Suspect
 
-SURE = 4.0  # z from which a cause is named
+SURE_OF_CAUSE = 4.0  # z from which a cause is named
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def named_cause(
         if before is not None and before.cause.name != name:
             continue
         start = np.zeros(len(group)) if before is None else before.values
-        slopes = np.stack([_slope(part.inputs, forces, name, k, group, start) for k in range(len(group))], axis=2)
+        slopes = np.stack([_cause_slope(part.inputs, forces, name, k, group, start) for k in range(len(group))], axis=2)
         G = np.stack([slow_part(time, geometry.unexplained(one)) for one in np.moveaxis(slopes, 2, 0)], axis=2)
         normal = np.einsum("nkp,nkq->pq", G, G)
         if np.linalg.matrix_rank(normal) < len(group):
@@ -84,7 +84,7 @@ def named_cause(
         rest, theta = x + G @ change, start + change
         covariance = _covariance(part, series, H) + _cycle_sums(condition, H, rest)
         z = np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group))
-        if z < SURE:
+        if z < SURE_OF_CAUSE:
             continue
         share = 1.0 - float(np.sum(rest**2) / np.sum(x**2)) if before is None else before.cause.share
         numbers = theta.tolist(), np.sqrt(np.diag(covariance)).tolist()
@@ -96,23 +96,23 @@ def named_cause(
     return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
+def cause_corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
     """Return the inputs of a whole part as they are with the cause: another motion, or one more known force."""
     name = named.cause.name
-    if moved(forces, name, named.values):
-        _, found = _changed(inputs, forces, name, named.values, inertial=False)
+    if cause_moves(forces, name, named.values):
+        _, found = _changed_run(inputs, forces, name, named.values, inertial=False)
         return replace(found, source={**found.source, "correction": name})
     known = {**inputs.known, "correction": named.force}
     return replace(inputs, known=known, source={**inputs.source, "correction": name})
 
 
-def moved(forces: KnownForces, name: str, values: Array) -> bool:
+def cause_moves(forces: KnownForces, name: str, values: Array) -> bool:
     """Return whether a cause changes the motion, and not the robot."""
     block = forces.record.block(*forces.record.parts[0])
     return forces.record.robot.suspected(name, values, block)[1] is not block
 
 
-def _changed(
+def _changed_run(
     inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool
 ) -> tuple[pin.Model, KnownInputs]:
     """Return model and inputs of a whole part as they would be with a cause."""
@@ -124,7 +124,7 @@ def _changed(
     return robot.model, inputs_of_block(record, block, replace(forces, record=record), inputs.rows)
 
 
-def _slope(
+def _cause_slope(
     inputs: KnownInputs, forces: KnownForces, name: str, k: int, group: Sequence[Suspect], start: Array
 ) -> Array:
     """Return the change (m, nv) of R - e with a parameter of a cause about its `start`, per unit."""
@@ -132,7 +132,7 @@ def _slope(
     before, after = (
         MomentumObserver(model, (), AT_ONCE).run(one.time, one.q, one.v, one.tau, one.known).residual
         for model, one in (
-            _changed(inputs, forces, name, values, inertial=inertial) for values in (start, start + step)
+            _changed_run(inputs, forces, name, values, inertial=inertial) for values in (start, start + step)
         )
     )
     return np.asarray((after - before) / group[k].step)

@@ -16,7 +16,7 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, typical_step
 
-SPACING = 0.004  # [s] between the instants at which the geometry is evaluated
+GEOMETRY_SPACING = 0.004  # [s] between the instants at which the geometry is evaluated
 LEAST_SEEN = 1.0e-5  # of the largest singular value: fainter patterns of forces leave no trace
 
 
@@ -39,7 +39,7 @@ class RowGeometry:
     @classmethod
     def of(cls, observer: Observer, inputs: KnownInputs) -> RowGeometry:
         """Return the geometry of an observer's rows and forces along a motion."""
-        at = np.arange(0, len(inputs.tau), max(1, round(SPACING / typical_step(inputs.time))))
+        at = np.arange(0, len(inputs.tau), max(1, round(GEOMETRY_SPACING / typical_step(inputs.time))))
         middle = 0.5 * (inputs.v[at] + inputs.v[at + 1])
         rows = np.stack([observer.believed.map(v) for v in middle])
         seen = np.stack([observer.applications.jacobian(inputs.q[k]) for k in at]) @ rows

@@ -23,14 +23,11 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import (
-    DOUBLE,
     Array,
     add_product,
     add_row_product,
-    array_at,
     copy_values,
     factorise,
-    inner,
     kernel,
     mirror,
 )
@@ -48,7 +45,7 @@ from aerobat_pin.observers.kalman.learning import (
     set_walk_by_gain,
 )
 from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
-from aerobat_pin.observers.kalman.noisy_sample import write_noisy_sample
+from aerobat_pin.observers.kalman.noisy_sample import next_in_record, repeat_interval, write_noisy_sample
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (
@@ -285,29 +282,6 @@ def start_filter(memory: Array, v: Array) -> None:
     """Write the first sample of a stream."""
     kalman = kalman_in(memory)
     write_noisy_sample(kalman.observer, kalman.filter, v, kalman.filter.samples[0])
-
-
-@inner
-def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
-    """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
-
-    Passing these views from Python instead would cost a fiftieth of the whole computation.
-    """
-    record, nv = observer.record, observer.sizes.nv
-    k = record[2]
-    record[2] += 1
-    return array_at(record[0] + DOUBLE * k * nv, (nv,)), array_at(record[1] + DOUBLE * k * rows * nv, (rows, nv))
-
-
-@inner
-def repeat_interval(samples: Array, out: Array, k: int) -> None:
-    """Handle a repeated time stamp: copy the previous result to interval k, and its first sample to its last."""
-    if k > 0:
-        copy_values(out[k - 1], out[k])
-    else:
-        out[k] = 0.0
-    for row in range(samples.shape[1]):
-        copy_values(samples[k, row], samples[k + 1, row])
 
 
 @kernel

@@ -26,7 +26,7 @@ import ctypes
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import DOUBLE, Array, Integers, add_product, array_at, inner
+from aerobat_pin.numerics import DOUBLE, Array, Integers, add_product, array_at, copy_values, inner
 from aerobat_pin.observers.kalman.memory import Filter
 from aerobat_pin.observers.kernels.memory import ObserverMemory
 from aerobat_pin.observers.kernels.residual import dynamics_of, write_momentum_and_jacobian
@@ -163,3 +163,26 @@ def put_momentum(Y: Array, x: float, y: float, z: float, a: float, b: float, c: 
     momentum[3] = Y[4] * a + Y[5] * b + Y[7] * c + t * fz - u * fy
     momentum[4] = Y[5] * a + Y[6] * b + Y[8] * c + u * fx - s * fz
     momentum[5] = Y[7] * a + Y[8] * b + Y[9] * c + s * fy - t * fx
+
+
+@inner
+def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
+    """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
+
+    Passing these views from Python instead would cost a fiftieth of the whole computation.
+    """
+    record, nv = observer.record, observer.sizes.nv
+    k = record[2]
+    record[2] += 1
+    return array_at(record[0] + DOUBLE * k * nv, (nv,)), array_at(record[1] + DOUBLE * k * rows * nv, (rows, nv))
+
+
+@inner
+def repeat_interval(samples: Array, out: Array, k: int) -> None:
+    """Handle a repeated time stamp: copy the previous result to interval k, and its first sample to its last."""
+    if k > 0:
+        copy_values(out[k - 1], out[k])
+    else:
+        out[k] = 0.0
+    for row in range(samples.shape[1]):
+        copy_values(samples[k, row], samples[k + 1, row])

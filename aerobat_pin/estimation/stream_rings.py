@@ -1,0 +1,223 @@
+"""Rings of a stream: `put` takes a sample of a channel into its ring, in the order of stamps.
+
+A ring keeps the `LENGTH` newest samples of a channel; `stream_kernels` makes an observer's inputs of them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from aerobat_pin.numerics import Array, Integers, inner, kernel, memory_layout
+
+LENGTH = 2048  # samples that a ring keeps; a power of two
+CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree
+CONFIRM = 3
+STALL = 0.1  # [s] behind the newest stamp of all channels, after which a channel is named as stalled
+SLOW_CHANNEL = 2.5  # usual steps of a slow channel, beyond which it has a hole
+SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
+LARGEST_SAMPLE = 1.0e6  # SI: no sample of a robot is larger
+UNIT_TOLERANCE = 0.05  # of a quaternion's length, as in records
+
+# What became of a sample: columns of `Rings.tally`.
+TAKEN, INSERTED, REFUSED, DUPLICATE, TOO_LATE, OUTLIER, CLOCK_STEP = range(7)
+FATES = ("taken", "inserted", "refused", "duplicate", "late", "outlier", "clock_step")
+# What `build_interval` found: nothing yet; a time without a past; an interval; one at whose end u begins at zero again.
+NO_ESTIMATE, STREAM_START, INTERVAL, REZEROED = range(4)
+# Channels by what they are: rows of `Rings.slot`.
+ANGLE, RATE, EFFORT_RING, PLACE_RING, TURN_RING, SPEED, GYRO_RING, FORCE = range(8)
+STREAM_KEYS = (
+    "joints.position",
+    "joints.velocity",
+    "joints.effort",
+    "base.position",
+    "base.quaternion",
+    "base.velocity",
+    "base.rate",
+    "base.acceleration",
+)
+# Cells of `Rings.now` [s], and then the velocity u of the accelerometer (3,) [m/s] in world axes.
+LAST, LAST_SEEN, CLOCK_ORIGIN, INDEX, BEGAN, ZERO, BROKEN, DT, COUNT, U = range(10)
+
+
+class Rings(NamedTuple):
+    """Data of a stream between calls."""
+
+    channels: int
+    width: int  # largest number of columns of a channel
+    nq: int
+    nv: int
+    rubbing: int  # number of joints with friction
+    head: Annotated[Integers, "channels"]  # index of the oldest sample
+    held: Annotated[Integers, "channels"]  # number of samples
+    columns: Annotated[Integers, "channels"]
+    mixed: Annotated[Integers, "channels"]  # 1 if `mix` applies
+    slot: Annotated[Integers, "8"]  # which channel is the joints' position and so on; -1 for none
+    places: Annotated[Integers, "3, width"]  # indices of joints in q, of joints in v, and of driven joints in v
+    rubbed: Annotated[Integers, "rubbing"]  # indices in v of joints with friction
+    tally: Annotated[Integers, "channels, 7"]  # number of samples by what became of them
+    skipped: Annotated[Integers, "1"]  # number of times inside holes, for which there is no estimate
+    setting: Annotated[Array, "8"]  # longest hole, wait, rate, epoch; whether the twist has world axes: linear, angular
+    now: Annotated[Array, "12"]
+    delay: Annotated[Array, "channels"]
+    factor: Annotated[Array, "channels, width"]
+    mix: Annotated[Array, "channels, width, width"]
+    shift: Annotated[Array, "channels, width"]
+    usual: Annotated[Array, "channels"]  # usual step of a channel [s]
+    pending: Annotated[Array, "channels, 2"]  # stamps in a row that are off but agree: their number, and the latest
+    friction: Annotated[Array, "6, rubbing"]  # coulomb, viscous, inertia, offset, rate, factor of the effort
+    arm: Annotated[Array, "3"]  # place of the accelerometer in the base [m]
+    gravity: Annotated[Array, "3"]
+    neutral: Annotated[Array, "nq"]
+    q: Annotated[Array, "nq"]  # written by `build`, like all that follow
+    v: Annotated[Array, "nv"]
+    before: Annotated[Array, "nv"]  # velocity at the start of the interval, and where u was zeroed that before it
+    tau: Annotated[Array, "nv"]
+    squares: Annotated[Array, "nv"]  # sum of the squares of all mean efforts
+    sample: Annotated[Array, "width"]  # scratch
+    frame: Annotated[Array, "5, 4"]  # scratch
+    time: Annotated[Array, f"channels, {LENGTH}"]
+    value: Annotated[Array, f"channels, {LENGTH}, width"]
+
+
+rings_in = memory_layout(Rings, "channels", "width", "nq", "nv", "rubbing")
+
+
+@inner
+def stamp_at(rings: Rings, c: int, i: int) -> float:
+    """Return the stamp [s] of the i-th oldest sample of a channel."""
+    return float(rings.time[c, (rings.head[c] + i) & (LENGTH - 1)])
+
+
+@inner
+def bracket(rings: Rings, c: int, t: float) -> int:
+    """Return the sample of a channel (two or more) at whose stamp the line through a time begins."""
+    low, high = 0, rings.held[c] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if stamp_at(rings, c, middle) <= t:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@inner
+def longest_step(rings: Rings, c: int) -> float:
+    """Return the step of a channel [s] beyond which it has a hole."""
+    usual = rings.usual[c]
+    return float(max(rings.setting[0], SLOW_CHANNEL * usual if usual > rings.setting[0] else 0.0))
+
+
+@inner
+def write_cell(rings: Rings, c: int, i: int, at: float) -> None:
+    """Write the scratch sample as the i-th oldest of a channel."""
+    k = (rings.head[c] + i) & (LENGTH - 1)
+    rings.time[c, k] = at
+    for j in range(rings.columns[c]):
+        rings.value[c, k, j] = rings.sample[j]
+
+
+@inner
+def make_room(rings: Rings, c: int) -> None:
+    """Drop the oldest sample of a channel whose ring is full."""
+    if rings.held[c] == LENGTH:
+        rings.head[c] = (rings.head[c] + 1) & (LENGTH - 1)
+        rings.held[c] -= 1
+
+
+@inner
+def usable(rings: Rings, c: int, given: Array) -> bool:
+    """Write a sample of the columns in SI units to the scratch; return False if it cannot be one."""
+    count, sample = rings.columns[c], rings.sample
+    if given.shape[0] != count:
+        return False
+    for j in range(count):
+        sample[j] = rings.factor[c, j] * given[j]
+        if rings.mixed[c] > 0:
+            sample[j] = 0.0
+            for k in range(count):
+                sample[j] += rings.mix[c, j, k] * (rings.factor[c, k] * given[k])
+            sample[j] += rings.shift[c, j]
+        if not abs(sample[j]) <= LARGEST_SAMPLE:  # NaN too
+            return False
+    if c == rings.slot[TURN_RING]:
+        square = 0.0
+        for j in range(count):
+            square += sample[j] ** 2
+        if not abs(np.sqrt(square) - 1.0) <= UNIT_TOLERANCE:
+            return False
+        for j in range(count):
+            sample[j] /= np.sqrt(square)
+    return True
+
+
+@inner
+def place_sample(rings: Rings, c: int, at: float) -> int:
+    """Place the scratch sample with a stamp [s] in its ring; return what became of it."""
+    if not abs(at) <= 1.0e12:
+        return REFUSED
+    count = rings.held[c]
+    if count == 0:
+        write_cell(rings, c, 0, at)
+        rings.held[c] = 1
+        return TAKEN
+    step = at - stamp_at(rings, c, count - 1)
+    if abs(step) > CLOCK_JUMP:
+        near = rings.pending[c, 0] > 0.0 and 0.0 < at - rings.pending[c, 1] <= CLOCK_JUMP
+        rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if near else 1.0
+        rings.pending[c, 1] = at
+        if rings.pending[c, 0] < CONFIRM:
+            return OUTLIER
+        rings.head[c], rings.held[c], rings.usual[c] = 0, 1, 0.0
+        write_cell(rings, c, 0, at)
+        rings.pending[c, 0] = 0.0
+        rings.now[LAST] = rings.now[LAST_SEEN] = rings.now[CLOCK_ORIGIN] = np.nan
+        return CLOCK_STEP
+    rings.pending[c, 0] = 0.0
+    if step > 0.0:
+        usual = rings.usual[c]
+        if usual == 0.0:
+            rings.usual[c] = step
+        else:
+            rings.usual[c] = min(max(step, usual / SETTLE_STEP), usual * SETTLE_STEP)
+        make_room(rings, c)
+        write_cell(rings, c, rings.held[c], at)
+        rings.held[c] += 1
+        return TAKEN
+    if step == 0.0:
+        return DUPLICATE
+    return insert_sample(rings, c, at)
+
+
+@inner
+def insert_sample(rings: Rings, c: int, at: float) -> int:
+    """Place the scratch sample before newer ones, unless there has been an estimate behind its stamp [s]."""
+    i = rings.held[c]
+    while i > 0 and stamp_at(rings, c, i - 1) > at:
+        i -= 1
+    if i > 0 and stamp_at(rings, c, i - 1) == at:
+        return DUPLICATE
+    if at <= rings.now[LAST_SEEN] or (i == 0 and rings.held[c] == LENGTH):
+        return TOO_LATE
+    if rings.held[c] == LENGTH:
+        make_room(rings, c)
+        i -= 1
+    rings.held[c] += 1
+    for k in range(rings.held[c] - 1, i, -1):
+        a, b = (rings.head[c] + k) & (LENGTH - 1), (rings.head[c] + k - 1) & (LENGTH - 1)
+        rings.time[c, a] = rings.time[c, b]
+        for j in range(rings.columns[c]):
+            rings.value[c, a, j] = rings.value[c, b, j]
+    write_cell(rings, c, i, at)
+    return INSERTED
+
+
+@kernel
+def put(memory: Array, c: int, time: float, given: Array) -> int:
+    """Take a sample of a channel, its columns (k,) as the map names them, at a time [s]; return what became of it."""
+    rings = rings_in(memory)
+    fate = place_sample(rings, c, time - rings.delay[c]) if usable(rings, c, given) else REFUSED
+    rings.tally[c, fate] += 1
+    return fate
