@@ -48,7 +48,7 @@ mutants: $(VENV)/.installed-test
 	$(BIN)/python tests/mutants.py $(ARGS)
 
 bench: $(VENV)/.installed
-	PYTHONPATH=tests $(BIN)/python benchmarks/bench.py $(ARGS)
+	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 # Thousands of bad inputs through all doors, and the page of their counts; ARGS="--count 5000 --seeds 1 2 3".
 reliability: $(VENV)/.installed-test

@@ -35,7 +35,6 @@ import pinocchio as pin
 from against import against
 from measure import Call, Figure, Part, figure, interleaved
 from raw_figures import raw_figures
-from support.walking_log import table, table_map, urdf, walk
 from sweeping import sweep_figures
 
 from aerobat_pin.aerobat import known_inputs
@@ -227,6 +226,9 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
 
 def stream_figures(rounds: int) -> Iterator[Figure]:
     """An estimate of a stream: a quadruped's seven channels pushed by name, processor time."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+    from support.walking_log import table, table_map, urdf, walk
+
     rows = [(float(row["t"]), row) for row in table(walk()).to_dict("records")]
     names = ("force_level", "momentum", "second_order", "super_twisting")
     with tempfile.TemporaryDirectory() as name:

@@ -241,8 +241,7 @@ class Result:
         if self.calibration is not None:
             lines.append(self.calibration.words)
             lines += [f"warning: calibration: {line}" for line in self.calibration.warnings]
-        if self.model is not None:
-            lines.append(str(self.model))
+        lines += [str(self.model)] * (self.model is not None)
         for words, names in self.verdicts.items():
             lines.append(words if len(self.verdicts) == 1 else f"{', '.join(names)}: {words}")
         return "\n".join([*lines, *self.hints])
