@@ -58,8 +58,9 @@ CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
 }
 WORDS = """Each law has gains of its own, within the same limits: Ms at most 2.4 on each of four wrong plants, a delay
 margin of at least 23 ms, 27 N/s of slew by the sensors' noise (steering and pushes add to it). What was run
-to find them stands in `benchmarks/closed_loop_search.py`: minutes, not until nothing got better, so
-differences of some per cent mean nothing.
+to find them stands in `benchmarks/closed_loop_search.py`: minutes, not until nothing got better. PD + I can
+be tuned better (gains that leave 12 mm of a push are known), and its gains were looked for once more
+after two of the seeds shown here; so part of the observer's lead over it on pushes and wind is still tuning.
 
 What the observer gives: it leaves two thirds of a push on a wing, 40 % of a side wind and of whatever else lasts or is
 slower than 1 Hz. What it costs: a sensor's constant error and a velocity that is late unnoticed look like a push to

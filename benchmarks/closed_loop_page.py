@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from aerobat_pin.visualization import style
 
 TITLES = {
-    "fair": "Three laws, tuned alike",
+    "fair": "Three laws, within the same limits",
     "margins": "Margins, and other thrusters than believed",
     "impact": "A blow of 25 mN s on the left wing",
     "cost": "Time and memory of the loop",

@@ -8,11 +8,12 @@ minimised is the geometric mean of y (z, in the gust upwards) over `FLOWN`, with
 not show. The best so far and the state of the random numbers stand in `closed_loop_gains.json`, so that a stopped
 search goes on.
 
-What was run for the gains that are kept, on a machine that was busy: 4 minutes for the observer's law (12 candidates, 5
-flown; the first point is that of a longer search that is not kept), 9 minutes for PD with integral, none for PD. The
-search of PD with integral had not come to its end: its gains of roll, sideways and lead are those of a scan of 530
-candidates by the linear model of `margins` (least response to a step sideways, within the same limits); its first point
-on the other axes is an observer of first order beside PD, written as PID: kp + K kd, kd + K J, K kp.
+What was run for the gains that are kept, on a machine that was busy: 3 minutes for the observer's law (12 candidates, 5
+flown; the first point is that of a longer search that is not kept), 9 minutes for PD with integral, 1 for PD, in which
+none was better than its first guess. The search of PD with integral had not come to its end: its gains of roll,
+sideways and lead are those of a scan of 530 candidates by the linear model of `margins` (least response to a step
+sideways, within the same limits); its first point on the other axes is an observer of first order beside PD, written
+as PID: kp + K kd, kd + K J, K kp.
 """
 
 from __future__ import annotations
