@@ -205,6 +205,7 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     return parse_scenario(with_settings(values, settings), str(source))
 
 
+@guarded()
 def scenario_of_run(folder: Path, settings: Iterable[str] = ()) -> Scenario:
     """Read the scenario in the folder of a run, and apply settings.
 

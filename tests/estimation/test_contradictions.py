@@ -146,7 +146,9 @@ def test_warnings_stand_in_terminal_report_and_metrics(
     assert call(monkeypatch, *words) == 0
     text, *more = json.loads((tmp_path / "found" / "metrics.json").read_text())["warnings"]
     assert text.startswith("gyro against attitude: in 0.1 s they differ by ")
-    assert any(line.startswith("momentum: belief off by about ") for line in more)  # a gyro in deg/s is no force's doing
+    assert any(
+        line.startswith("momentum: belief off by about ") for line in more
+    )  # a gyro in deg/s is no force's doing
     assert f"warning: {text}\n" in capsys.readouterr().out
     scenario = load_scenario("real_log_demo", ['observers.names=["momentum"]'])
     experiment = run_recorded(wrong, scenario)
