@@ -89,7 +89,7 @@ def test_an_estimate_that_is_mostly_noise_says_so() -> None:
     noisy, smooth = (warnings_about(experiment.estimates[name]) for name in ("force_level", "smoother"))
     [warning] = [text for text in noisy if "noise" in text]
     assert "left_force_point.Fx 2" in warning
-    assert "Fy" not in warning
+    assert "Fy" in warning  # in bursts: an octant of the crank has ten times the noise of the rest
     assert not [text for text in smooth if "noise" in text]
     error = experiment.scores.observers["force_level"].points["left"]["Fx"].rmse
     found = sample_noise(experiment.estimates["force_level"].components)[0]
