@@ -347,8 +347,8 @@ seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
 typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
-SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes found_events
-belief_of described log_with_motion shipped_description"""
+SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
+found_events belief_of described log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
