@@ -65,6 +65,7 @@ def test_a_map_gives_every_file(
     words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.mcap"]
     (folder / "runs" / "walk-estimate").mkdir(parents=True)
     (folder / "runs" / "walk-estimate" / "report.html").write_text("of an earlier run")
+    (folder / "runs" / "walk-estimate" / "estimate.nc").write_text("of an earlier run")
     assert call(monkeypatch, *words) == 2
     assert call(monkeypatch, *words, "--force") == 0
     assert (folder / "again.mcap").is_file()

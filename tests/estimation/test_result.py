@@ -15,6 +15,7 @@ from aerobat_pin.experiments import Experiment, write
 from aerobat_pin.records import open_record, parse_map, series_of
 
 EVERYWHERE = {
+    "contacts",
     "version",
     "scenario",
     "seed",
