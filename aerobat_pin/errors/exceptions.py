@@ -111,6 +111,10 @@ class OutputWarning(UserWarning):
     """Results were written, but not in one step."""
 
 
+class ExtraError(AerobatError, ImportError):
+    """A package that one of the extras brings is not installed. The message says which."""
+
+
 class BrowserError(AerobatError, RuntimeError):
     """No browser can take pictures of a replay. The message says what to install."""
 

@@ -24,6 +24,7 @@ from .online_sample import OnlineSample as OnlineSample
 from .online_sample import StreamHealth as StreamHealth
 from .result import Result as Result
 from .result import versions as versions
+from .ros_node import ForceNode as ForceNode
 from .run_observers import blocks_of as blocks_of
 from .run_observers import observers_of as observers_of
 from .scores import FORCE_AXES as FORCE_AXES

@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
-from aerobat_pin.records import Record
+from aerobat_pin.records import Map, PlainRobot, Record
 
 ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
 
@@ -68,6 +69,24 @@ def contact_probability(force: Array, deviation: Array, weight: float) -> Array:
     return np.asarray(ndtr((force - LIKELY_SHARE * weight) / np.maximum(deviation, 1e-12)))
 
 
+class ContactWatch:
+    """The same, while forces arrive: which of some points are in contact.
+
+    Args:
+        weight: of the robot [N].
+    """
+
+    def __init__(self, weight: float) -> None:
+        self.weight = weight
+        self._least = np.array(ONSET_SHARE * weight)
+
+    def take(self, force: Array) -> NDArray[np.bool_]:
+        """Return whether points with vertical forces (k,) [N] are in contact now."""
+        on = np.asarray(force > self._least)
+        self._least = np.where(on, END_SHARE, ONSET_SHARE) * self.weight
+        return on
+
+
 def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
     """Return the contacts of every point, in blocks of an estimate one after the other; none for other components.
 
@@ -110,10 +129,15 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
     )
 
 
+def walks_on(robot: PlainRobot, chosen: Map) -> bool:
+    """Return whether a robot has legs to stand on, as far as its model and its map tell."""
+    return robot.free and bool(robot.joints) and robot.limits_forces and not chosen.base.held
+
+
 def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> dict[str, tuple[Stance, ...]]:
     """Return observer -> stances at each point; empty unless the record is of a robot with joints that walks."""
     robot = record.robot
-    if record.map.base.held or not (robot.free and robot.joints and robot.limits_forces):
+    if not walks_on(robot, record.map):
         return {}
     found = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
     return {name: stances for name, stances in found.items() if stances}

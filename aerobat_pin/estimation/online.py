@@ -20,6 +20,7 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
+from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.expected import expected_from, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.moving_axes import change_of_axes
@@ -106,6 +107,21 @@ class OnlineEstimator:
         self._wait = TIME_CONSTANTS_TO_SETTLE / float(chosen.observer.gain)
         self._tilt = 0.0 if chosen.robot.wrenches else tilt_of(chosen)
         self._share_data()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the map reads: columns, such as `/imu.angular_velocity.x` of a topic `/imu`."""
+        return tuple(name for request in self._requests.values() for name in request.names)
+
+    @property
+    def observers(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(observer.name for observer in self._observers)
+
+    @property
+    def walks(self) -> bool:
+        """Whether the robot has legs to stand on, so that its points can be in contact with the ground."""
+        return walks_on(self.robot, self._map)
 
     @property
     def health(self) -> StreamHealth:

@@ -81,3 +81,10 @@ class StreamHealth:
     def count(self, fate: str) -> int:
         """Return the number of samples of all channels of which something became, such as `refused`."""
         return sum(found[fate] for found in self.samples.values())
+
+    def __str__(self) -> str:
+        """Say the counts in a line."""
+        tallies = {fate for tally in self.samples.values() for fate in tally} - {"taken", "inserted"}
+        lost = [f"{self.count(fate)} {fate}" for fate in sorted(tallies) if self.count(fate)]
+        left_out = f"; samples left out: {', '.join(lost)}" if lost else ""
+        return f"{self.estimates} estimates, {self.starts} starts{left_out}"

@@ -1,0 +1,197 @@
+"""A ROS 2 node around a stream: the topics that a map names come in, forces, contacts and the stream's health go out.
+
+| topic | type | holds |
+|---|---|---|
+| `/aerobat/<observer>/<point>/force` | geometry_msgs/WrenchStamped | the estimate [N, N m], world axes |
+| `/aerobat/<observer>/<point>/deviation` | geometry_msgs/WrenchStamped | its standard deviations [N, N m] |
+| `/aerobat/<observer>/contacts` | sensor_msgs/JointState | of a robot that walks: `name` the points, `position` 1 for \
+contact, else 0, `effort` its probability |
+| `/diagnostics` | diagnostic_msgs/DiagnosticArray | `OnlineEstimator.health`, once a second |
+
+The stamp is the end of the estimate's interval. Topics are heard with the type that they have, and best effort, so that
+publishers of any reliability are; one that comes later, or comes again, is heard from then on.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerobat_pin.errors import ExtraError, raising
+from aerobat_pin.estimation.calibration.calibration import Calibration
+from aerobat_pin.estimation.contacts import ContactWatch, contact_probability
+from aerobat_pin.estimation.online import OnlineEstimator
+from aerobat_pin.estimation.online_sample import OnlineSample
+from aerobat_pin.records import Map, stamp
+
+QUEUE = 1000  # messages of a topic that wait at most: two seconds of 500 Hz
+READ_PACKAGES = ("sensor_msgs", "geometry_msgs", "nav_msgs", "std_msgs")
+LOOK_PERIOD, SAY_PERIOD = 0.1, 1.0  # [s] between looks for topics, and between diagnostics
+OTHER_SIGNS = re.compile(r"\W")
+
+
+class ForceNode:
+    """The node; `spin` runs it until Ctrl-C. Its kernels are compiled before it hears anything.
+
+    Args:
+        chosen: the map.
+        folder: where relative paths of the map begin.
+        say: called with a line when a topic is heard for the first time, and when one cannot be.
+        name: of the node, and where its topics begin.
+        calibration: see `OnlineEstimator`, like `wait`.
+        wait: by how much messages may arrive late [s].
+
+    Raises:
+        ExtraError: rclpy, or a package of messages, is not installed.
+        CalibrationError, MapError, LogError: see `OnlineEstimator`.
+    """
+
+    def __init__(
+        self,
+        chosen: Map,
+        folder: Path,
+        say: Callable[[str], None],
+        name: str = "aerobat",
+        calibration: Calibration | None = None,
+        *,
+        wait: float = 0.0,
+    ) -> None:
+        rclpy, quality = _imported("rclpy"), _imported("rclpy.qos")
+        signals = _imported("rclpy.signals").SignalHandlerOptions.NO
+        self._wrench = _imported("geometry_msgs.msg").WrenchStamped
+        self._contact = _imported("sensor_msgs.msg").JointState
+        self._diagnostic = _imported("diagnostic_msgs.msg")
+        self._quality = quality.QoSProfile(depth=QUEUE, reliability=quality.ReliabilityPolicy.BEST_EFFORT)
+        self.estimator = OnlineEstimator(chosen, folder, self._publish, calibration, wait=wait)
+        self._say, self._name = say, name
+        self._wanted = {column.partition(".")[0] for column in self.estimator.columns}
+        self._publishers: dict[str, Any] = {}
+        self._watches: dict[str, ContactWatch] = {}
+        self._stamps: dict[float, Any] = {}  # time [s] -> the stamp that it was
+        self._estimates = 0
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, signal_handler_options=signals)
+        self.node = rclpy.create_node(name, context=self._context)
+        self.node.create_timer(LOOK_PERIOD, self._look)
+        self.node.create_timer(SAY_PERIOD, self._diagnose)
+
+    def spin(self) -> None:
+        """Run until Ctrl-C, SIGTERM or SIGHUP."""
+        executor = _imported("rclpy.experimental").EventsExecutor(context=self._context)
+        executor.add_node(self.node)
+        with suppress(KeyboardInterrupt), raising():
+            while True:  # `spin` of this executor does not let Python handle signals
+                executor.spin_once(timeout_sec=LOOK_PERIOD)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def _look(self) -> None:
+        """Hear the topics that somebody publishes by now."""
+        if not self._wanted:
+            return
+        for topic, kinds in self.node.get_topic_names_and_types():
+            if topic not in self._wanted:
+                continue
+            self._wanted.discard(topic)
+            package, _, kind = kinds[0].partition("/msg/")
+            if len(kinds) > 1 or package not in READ_PACKAGES:
+                self._say(f"{topic} cannot be heard: its type is {' and '.join(kinds)}")
+                continue
+            message_class = getattr(_imported(f"{package}.msg"), kind)
+            self.node.create_subscription(message_class, topic, partial(self._hear, topic), self._quality)
+            self._say(f"hears {topic} ({kinds[0]})")
+
+    def _hear(self, topic: str, message: Any) -> None:
+        """Take a message, and remember its stamp as it is: a double has Unix time to 2e-7 s only."""
+        if (time := stamp(message)) > 0.0:
+            self._stamps[time] = message.header.stamp
+        if len(self._stamps) > 2 * QUEUE:
+            del self._stamps[next(iter(self._stamps))]
+        self.estimator.message(topic, message)
+
+    def _publish(self, found: OnlineSample) -> None:
+        """Publish an estimate, and which point is in contact."""
+        at = self._stamps.get(found.end)
+        if at is None:
+            at = self.node.get_clock().now().to_msg()
+            at.sec, at.nanosec = divmod(round(found.end * 1e9), 10**9)
+        self._send(found, "force", found.components, at)
+        if found.deviation:
+            self._send(found, "deviation", found.deviation, at)
+        up = {label[:-3]: label for label in found.components if label.endswith(".Fz")}
+        if not self.estimator.walks or not up:
+            return
+        watch = self._watches.setdefault(found.observer, ContactWatch(self.estimator.robot.weight))
+        force = np.array([found.components[label] for label in up.values()])
+        message = self._contact()
+        message.header.stamp, message.header.frame_id, message.name = at, "world", list(up)
+        message.position = watch.take(force).astype(float).tolist()
+        if found.deviation:
+            deviation = np.array([found.deviation[label] for label in up.values()])
+            message.effort = contact_probability(force, deviation, watch.weight).tolist()
+        self._publisher(self._contact, found.observer, "contacts").publish(message)
+
+    def _send(self, found: OnlineSample, what: str, values: dict[str, float], at: Any) -> None:
+        """Publish the components of each point as a wrench."""
+        messages: dict[str, Any] = {}
+        for label, value in values.items():
+            point, _, component = label.rpartition(".")
+            if point not in messages:
+                messages[point] = self._wrench()
+                messages[point].header.stamp, messages[point].header.frame_id = at, "world"
+            part = messages[point].wrench.force if component[0] == "F" else messages[point].wrench.torque
+            setattr(part, component[1], value)
+        for point, message in messages.items():
+            self._publisher(self._wrench, found.observer, point, what).publish(message)
+
+    def _publisher(self, kind: Any, *parts: str) -> Any:
+        topic = "/".join(["", self._name, *(OTHER_SIGNS.sub("_", part) for part in parts)])
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(kind, topic, QUEUE)
+        return self._publishers[topic]
+
+    def _diagnose(self) -> None:
+        """Publish the health of the stream."""
+        health, kind = self.estimator.health, self._diagnostic.DiagnosticStatus
+        fates = {fate for tally in health.samples.values() for fate in tally}
+        values = {"estimates": health.estimates, "starts": health.starts, "skipped": health.skipped}
+        values |= {"failed": health.failed} | {fate: health.count(fate) for fate in sorted(fates)}
+        idle, self._estimates = health.estimates == self._estimates, health.estimates
+        level, said = kind.OK, "estimates"
+        if health.stalled:
+            level, said = kind.WARN, f"no samples of {', '.join(health.stalled)}"
+        elif self._wanted:
+            level, said = kind.WARN, f"nobody publishes {', '.join(sorted(self._wanted))}"
+        elif not health.settled:
+            level, said = kind.WARN, "the observers have just started"
+        if idle:
+            level = kind.STALE
+            said = "no estimates in the last second" if said == "estimates" else said
+        pairs = [self._diagnostic.KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        status = kind(level=level, name=f"{self._name}: stream", message=said, values=pairs)
+        message = self._diagnostic.DiagnosticArray(status=[status])
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        if "diagnostics" not in self._publishers:
+            array = self._diagnostic.DiagnosticArray
+            self._publishers["diagnostics"] = self.node.create_publisher(array, "/diagnostics", 10)
+        self._publishers["diagnostics"].publish(message)
+
+
+def _imported(module: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ExtraError(
+            f"node: {module} cannot be imported ({error}): ROS 2's own installation, sourced, or "
+            "`pip install 'aerobat-pinocchio[ros2]'` (Linux, Python 3.11 to 3.13) was expected"
+        ) from error

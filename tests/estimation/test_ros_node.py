@@ -1,0 +1,108 @@
+"""`aerobat node` with real ROS 2: forces, contacts and health of a walk, over the network of this machine."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from support.pages import ROOT
+from support.walking_log import FEET, bag_map, urdf, walk
+
+from aerobat_pin.errors import ExtraError
+from aerobat_pin.estimation import ForceNode, OnlineEstimator, OnlineSample
+from aerobat_pin.estimation.contacts import END_SHARE, ONSET_SHARE, ContactWatch, touching
+from aerobat_pin.records import load_map
+
+SAMPLES = 600  # `make evidence` publishes for minutes
+BEGIN = 1_700_000_000.0
+
+
+@pytest.fixture
+def chosen(tmp_path: Path) -> Path:
+    """Return the map of the walk's topics, in a folder with the robot."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    values = bag_map(Path("quadruped.urdf"))
+    del values["check"]
+    values["observer"] = {"names": ["momentum"], "gain": 1000.0}
+    (tmp_path / "map.toml").write_text(tomli_w.dumps(values))
+    return tmp_path / "map.toml"
+
+
+def streamed(chosen: Path) -> list[OnlineSample]:
+    """Return what a stream makes of the same numbers, without ROS."""
+    walked, stream, found = walk(), OnlineEstimator(load_map(chosen), chosen.parent), []
+    for k, t in enumerate((BEGIN + walked.time[:SAMPLES]).tolist()):
+        whole = round((t - BEGIN) * 1e9)
+        stamp = BEGIN + whole // 10**9 + 1e-9 * (whole % 10**9)
+        q, v, turn = walked.q[k], walked.v[k], dict(zip("xyzw", walked.q[k, 3:7], strict=True))
+        values = {f"/joint_states.position.{name}": x for name, x in zip(walked.joints, q[7:], strict=True)}
+        values |= {f"/joint_states.velocity.{name}": x for name, x in zip(walked.joints, v[6:], strict=True)}
+        values |= {f"/joint_states.effort.{name}": x for name, x in zip(walked.joints, walked.tau[k], strict=True)}
+        values |= {f"/imu.angular_velocity.{axis}": x for axis, x in zip("xyz", v[3:6], strict=True)}
+        if k % 2 == 0:
+            values |= {f"/odom.position.{axis}": x for axis, x in zip("xyz", q[:3], strict=True)}
+            values |= {f"/odom.orientation.{axis}": x for axis, x in turn.items()}
+            values |= {f"/odom.linear.{axis}": x for axis, x in zip("xyz", v[:3], strict=True)}
+        found += stream.push(stamp, values)
+    return found
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="no package of ROS 2 for this Python and system")
+def test_a_node_loses_nothing_and_says_what_the_stream_says(chosen: Path) -> None:
+    """At 500 Hz over three topics with Unix stamps: every sample is taken, forces are equal to the bit."""
+    here = dict(os.environ, ROS_DOMAIN_ID=str(os.getpid() % 100 + 1), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+    here["PYTHONPATH"] = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
+    expected = streamed(chosen)  # compiles what the node needs
+    command = [sys.executable, "-m", "aerobat_pin", "node", "--map", str(chosen), "--name", "forces"]
+    node = subprocess.Popen(command, env=here, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        program, out = ROOT / "tests" / "support" / "ros_walk.py", chosen.parent / "out.json"
+        talk = [sys.executable, str(program), "forces", str(out), "500", str(SAMPLES)]
+        subprocess.run(talk, env=here, check=True, timeout=400, capture_output=True)
+    finally:
+        node.send_signal(signal.SIGINT)
+        said, errors = node.communicate(timeout=60)
+    assert node.returncode == 0, errors
+    assert f"{len(expected)} estimates, 1 starts\n" in said
+    assert "hears /odom (nav_msgs/msg/Odometry)" in said
+    found = json.loads(out.read_text())
+    for foot in FEET:
+        forces = np.array(found["forces"][foot])
+        wanted = [[one.components[f"{foot}.F{axis}"] for axis in "xyz"] for one in expected]
+        np.testing.assert_array_equal(forces[:, 1:], wanted)
+        np.testing.assert_allclose(forces[:, 0] * 500.0, np.round(forces[:, 0] * 500.0), rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(forces[:, 0], [one.end - BEGIN for one in expected], rtol=0.0, atol=3e-7)
+    weight = 9.81 * 9.6
+    up = np.array([[one.components[f"{foot}.Fz"] for foot in FEET] for one in expected])
+    assert found["contacts"] == [
+        [foot for foot, on in zip(FEET, row, strict=True) if on]
+        for row in np.transpose([touching(column, weight) for column in up.T]).tolist()
+    ]
+    counts = {key: int(value) for key, value in found["health"].items()}
+    assert counts["estimates"] == len(expected) >= SAMPLES - 3
+    assert [counts[fate] for fate in ("refused", "duplicate", "late", "outlier", "clock_step", "failed")] == [0] * 6
+
+
+def test_contacts_are_the_same_a_sample_at_a_time() -> None:
+    """By hysteresis, for forces that pass both levels in both directions."""
+    rng, weight = np.random.default_rng(4), 100.0
+    force = weight * rng.uniform(0.5 * END_SHARE, 1.5 * ONSET_SHARE, (400, 3))
+    watch = ContactWatch(weight)
+    live = np.array([watch.take(row) for row in force])
+    np.testing.assert_array_equal(live.T, [touching(column, weight) for column in force.T])
+    assert 0.2 < live.mean() < 0.8
+
+
+def test_without_ros_the_command_says_what_to_install(chosen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anything is compiled."""
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    with pytest.raises(ExtraError, match=r"node: rclpy cannot be imported .*'aerobat-pinocchio\[ros2\]'"):
+        ForceNode(load_map(chosen), chosen.parent, print)
