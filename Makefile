@@ -62,6 +62,7 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/learnt_error.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py --write docs/legs.md
 	PYTHONPATH=tests $(BIN)/python benchmarks/stream_faults.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
 
 # The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
 tools: $(VENV)/.installed-test

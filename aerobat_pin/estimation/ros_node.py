@@ -120,39 +120,39 @@ class ForceNode:
         self.estimator.message(topic, message)
 
     def _publish(self, found: OnlineSample) -> None:
-        """Publish an estimate, and which point is in contact."""
+        """Publish an estimate, and which point is in contact, as far as somebody listens."""
         at = self._stamps.get(found.end)
         if at is None:
             at = self.node.get_clock().now().to_msg()
             at.sec, at.nanosec = divmod(round(found.end * 1e9), 10**9)
-        self._send(found, "force", found.components, at)
-        if found.deviation:
-            self._send(found, "deviation", found.deviation, at)
-        up = {label[:-3]: label for label in found.components if label.endswith(".Fz")}
-        if not self.estimator.walks or not up:
+        force, deviation = found.components, found.deviation
+        points: dict[str, list[str]] = {}
+        for label in force:
+            points.setdefault(label.rpartition(".")[0], []).append(label)
+        for point, labels in points.items():
+            for what, values in (("force", force), ("deviation", deviation)):
+                publisher = self._publisher(self._wrench, found.observer, point, what)
+                if values and publisher.get_subscription_count():
+                    message = self._wrench()
+                    message.header.stamp, message.header.frame_id = at, "world"
+                    for label in labels:
+                        part = message.wrench.force if label[-2] == "F" else message.wrench.torque
+                        setattr(part, label[-1], values[label])
+                    publisher.publish(message)
+        if not self.estimator.walks or not all(f"{point}.Fz" in force for point in points):
             return
+        publisher = self._publisher(self._contact, found.observer, "contacts")
         watch = self._watches.setdefault(found.observer, ContactWatch(self.estimator.robot.weight))
-        force = np.array([found.components[label] for label in up.values()])
-        message = self._contact()
-        message.header.stamp, message.header.frame_id, message.name = at, "world", list(up)
-        message.position = watch.take(force).astype(float).tolist()
-        if found.deviation:
-            deviation = np.array([found.deviation[label] for label in up.values()])
-            message.effort = contact_probability(force, deviation, watch.weight).tolist()
-        self._publisher(self._contact, found.observer, "contacts").publish(message)
-
-    def _send(self, found: OnlineSample, what: str, values: dict[str, float], at: Any) -> None:
-        """Publish the components of each point as a wrench."""
-        messages: dict[str, Any] = {}
-        for label, value in values.items():
-            point, _, component = label.rpartition(".")
-            if point not in messages:
-                messages[point] = self._wrench()
-                messages[point].header.stamp, messages[point].header.frame_id = at, "world"
-            part = messages[point].wrench.force if component[0] == "F" else messages[point].wrench.torque
-            setattr(part, component[1], value)
-        for point, message in messages.items():
-            self._publisher(self._wrench, found.observer, point, what).publish(message)
+        up = np.array([force[f"{point}.Fz"] for point in points])
+        on = watch.take(up)
+        if publisher.get_subscription_count():
+            message = self._contact()
+            message.header.stamp, message.header.frame_id, message.name = at, "world", list(points)
+            message.position = on.astype(float).tolist()
+            if deviation:
+                sigma = np.array([deviation[f"{point}.Fz"] for point in points])
+                message.effort = contact_probability(up, sigma, watch.weight).tolist()
+            publisher.publish(message)
 
     def _publisher(self, kind: Any, *parts: str) -> Any:
         topic = "/".join(["", self._name, *(OTHER_SIGNS.sub("_", part) for part in parts)])

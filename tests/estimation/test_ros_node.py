@@ -65,7 +65,7 @@ def test_a_node_loses_nothing_and_says_what_the_stream_says(chosen: Path) -> Non
     node = subprocess.Popen(command, env=here, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         program, out = ROOT / "tests" / "support" / "ros_walk.py", chosen.parent / "out.json"
-        talk = [sys.executable, str(program), "forces", str(out), "500", str(SAMPLES)]
+        talk = [sys.executable, str(program), "forces", str(out), "500", str(SAMPLES), "100"]
         subprocess.run(talk, env=here, check=True, timeout=400, capture_output=True)
     finally:
         node.send_signal(signal.SIGINT)

@@ -55,7 +55,8 @@ def test_the_lines_shown_beside_the_equations_stand_in_the_reference() -> None:
 
 def test_the_first_estimate_of_a_record_waits_for_no_compiler(tmp_path: Path) -> None:
     """With an empty kernel cache: every observer but the filters on an arm, and a drone's log by its map."""
-    there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(PACKAGE.parent / "tests")}
+    paths = os.pathsep.join([str(PACKAGE.parent), str(PACKAGE.parent / "tests")])
+    there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": paths}
     command = [sys.executable, "-c", FIRST_ESTIMATE, str(tmp_path)]
     made = subprocess.run(command, capture_output=True, text=True, env=there, check=False)
     assert made.returncode == 0, made.stderr[-2000:]

@@ -1,9 +1,10 @@
 """A program: publish the quadruped's walk on real ROS 2 topics, and keep the forces that a node makes of it.
 
-    python ros_walk.py NAME OUT.json RATE SAMPLES
+    python ros_walk.py NAME OUT.json RATE SAMPLES AHEAD
 
-The times are those of the walk, as Unix stamps. RATE [Hz] is how fast samples are published; the pose comes with every
-second one.
+Stamps are Unix times, 2 ms apart; behind its end the walk begins again. RATE [Hz] is how fast samples are published;
+the pose comes with every second one. Where AHEAD samples have been published whose forces have not come, as it happens
+while other programs use all processors, publishing waits.
 """
 
 from __future__ import annotations
@@ -25,14 +26,7 @@ from sensor_msgs.msg import Imu, JointState
 from support.walking_log import FEET, walk
 
 BEGIN = 1_700_000_000
-MOST_AHEAD = 100  # samples that are published before the forces of the first of them have come
-
-
-def stamped(message: Any, t: float) -> Any:
-    """Return a message with a stamp [s] since the begin."""
-    whole = round(t * 1e9)
-    message.header.stamp.sec, message.header.stamp.nanosec = BEGIN + whole // 10**9, whole % 10**9
-    return message
+STEP = 2_000_000  # [ns]
 
 
 def fill(target: Any, names: str, values: np.ndarray) -> None:
@@ -44,13 +38,11 @@ def fill(target: Any, names: str, values: np.ndarray) -> None:
 def messages(k: int) -> tuple[Any, ...]:
     """Return the messages of a sample: joints, IMU, pose and twist."""
     walked = walk()
-    t, q, v = float(walked.time[k]), walked.q[k], walked.v[k]
-    state = stamped(JointState(name=list(walked.joints)), t)
+    q, v = walked.q[k], walked.v[k]
+    state, imu, odom = JointState(name=list(walked.joints)), Imu(), Odometry()
     state.position, state.velocity, state.effort = q[7:].tolist(), v[6:].tolist(), walked.tau[k].tolist()
-    imu = stamped(Imu(), t)
     fill(imu.orientation, "xyzw", q[3:7])
     fill(imu.angular_velocity, "xyz", v[3:6])
-    odom = stamped(Odometry(), t)
     fill(odom.pose.pose.position, "xyz", q[:3])
     fill(odom.pose.pose.orientation, "xyzw", q[3:7])
     fill(odom.twist.twist.linear, "xyz", v[:3])
@@ -58,11 +50,8 @@ def messages(k: int) -> tuple[Any, ...]:
     return state, imu, odom
 
 
-def main(name: str, out: str, rate: float, samples: int) -> None:
-    """Publish, listen, and write the forces that came, and how late after their joints [s].
-
-    Where the node falls behind, as it does while other programs use all processors, publishing waits for it.
-    """
+def main(name: str, out: str, rate: float, samples: int, ahead: int) -> None:
+    """Publish, listen, and write the forces that came, and how late after their joints [s]."""
     rclpy.init()
     node = rclpy.create_node("walk")
     publishers = [
@@ -78,8 +67,9 @@ def main(name: str, out: str, rate: float, samples: int) -> None:
     def hear(foot: str, message: WrenchStamped) -> None:
         at, force = message.header.stamp, message.wrench.force
         came[foot].append((at.sec - BEGIN + 1e-9 * at.nanosec, force.x, force.y, force.z))
-        if foot == FEET[-1]:
-            late.append(time.perf_counter() - sent[at.sec * 10**9 + at.nanosec])
+        begun = sent.pop((at.sec - BEGIN) * 10**9 + at.nanosec, None) if foot == FEET[-1] else None
+        if begun is not None:
+            late.append(time.perf_counter() - begun)
 
     for foot in FEET:
         topic = f"/{name}/momentum/{foot}/force"
@@ -99,16 +89,18 @@ def main(name: str, out: str, rate: float, samples: int) -> None:
     while any(publisher.get_subscription_count() == 0 for publisher in publishers):
         listen(0.05)
     listen(1.0)  # a subscription that is counted is not yet served
-    ready = [messages(k) for k in range(samples)]
+    ready = [messages(k) for k in range(min(samples, len(walk().time)))]
     begin = time.perf_counter()
-    for k, one in enumerate(ready):
-        while k - len(late) > MOST_AHEAD:
+    for k in range(samples):
+        one, (second, rest) = ready[k % len(ready)], divmod(k * STEP, 10**9)
+        for message in one:
+            message.header.stamp.sec, message.header.stamp.nanosec = BEGIN + second, rest
+        while k - len(late) > ahead:
             waited = time.perf_counter()
             listen(0.002)
             begin += time.perf_counter() - waited
         listen(begin + k / rate - time.perf_counter())
-        at = one[0].header.stamp
-        sent[at.sec * 10**9 + at.nanosec] = time.perf_counter()
+        sent[k * STEP] = time.perf_counter()
         for publisher, message in zip(publishers, one[: 2 + (k + 1) % 2], strict=False):
             publisher.publish(message)
     listen(2.5)  # until diagnostics have said the last count
@@ -120,4 +112,4 @@ def main(name: str, out: str, rate: float, samples: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], float(sys.argv[3]), int(sys.argv[4]))
+    main(sys.argv[1], sys.argv[2], float(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5]))
