@@ -120,8 +120,8 @@ def main() -> None:
 PAGE_TEXT = """# The ROS 2 node, measured
 
 A quadruped's joints and IMU at 500 Hz and its pose at 250 Hz, published in Python with Fast DDS on one machine; four
-forces and contacts come back ([recordings.md](recordings.md), "While messages arrive"). Late is the time from a sample's
-publication until its last force is heard; every estimate waits for a pose, so half of the samples wait 2 ms for the next.
+forces and contacts come back ([recordings.md](recordings.md), "While messages arrive"). Late is the time from publishing
+a sample until its last force is heard; every estimate waits for a pose, so half of the samples wait 2 ms for the next.
 
 | run | samples | lost | late, median [ms] | 99 % [ms] | the node's processor time a sample [us] |
 |---|---|---|---|---|---|
