@@ -99,28 +99,38 @@ def main() -> None:
         talker.wait()
         before = processor_time(network.node)
         lines.append(
-            row("a publisher that was killed, and begins again", network.published(4.0), again,
-                processor_time(network.node) - before)
+            row(
+                "a publisher that was killed, and begins again",
+                network.published(4.0),
+                again,
+                processor_time(network.node) - before,
+            )
         )
         said = network.stop()
         network.start()
         network.published(2.0)
         before = processor_time(network.node)
         lines.append(
-            row("a node that was ended, and begins again", network.published(4.0), again,
-                processor_time(network.node) - before)
+            row(
+                "a node that was ended, and begins again",
+                network.published(4.0),
+                again,
+                processor_time(network.node) - before,
+            )
         )
         network.stop()
     load = os.getloadavg()[1]
-    PAGE.write_text(PAGE_TEXT.format(table="\n".join(lines), said=said, load=load, cores=os.cpu_count(),
-                                     day=datetime.date.today()), encoding="utf-8")
+    PAGE.write_text(
+        PAGE_TEXT.format(table="\n".join(lines), said=said, load=load, cores=os.cpu_count(), day=datetime.date.today()),
+        encoding="utf-8",
+    )
     print(PAGE.read_text(encoding="utf-8"))
 
 
 PAGE_TEXT = """# The ROS 2 node, measured
 
 A quadruped's joints and IMU at 500 Hz and its pose at 250 Hz, published in Python with Fast DDS on one machine; four
-forces and contacts come back ([recordings.md](recordings.md), "While messages arrive"). Late is the time from publishing
+forces and contacts come back ([recordings.md](recordings.md), "While messages arrive"). Late is the time from sending
 a sample until its last force is heard; every estimate waits for a pose, so half of the samples wait 2 ms for the next.
 
 | run | samples | lost | late, median [ms] | 99 % [ms] | the node's processor time a sample [us] |
