@@ -41,14 +41,11 @@ def write_figures_and_pages(made: Experiment | Result, folder: Path, progress: P
     """
     figures = draw_all(made)
     (folder / "figures").mkdir()
-    for i, (name, figure) in enumerate(figures.items()):
-        if progress is not None:
-            progress("drawing figures", i / len(figures))
-        style.save_figure(figure, folder / "figures" / name)
+    show = progress or (lambda stage, share: None)
+    style.save_figures(figures, folder / "figures", lambda share: show("drawing figures", share))
     report = report_html(made, {name: folder / "figures" / f"{name}.png" for name in figures})
     (folder / "report.html").write_text(report, encoding="utf-8")
-    if progress is not None:
-        progress("writing the replay", 0.0)
+    show("writing the replay", 0.0)
     recording = replay_result(made)
     recording.report = "report.html"
     (folder / "replay.html").write_text(recording.html(recording.rate), encoding="utf-8")

@@ -9,8 +9,12 @@ sky blue.
 from __future__ import annotations
 
 import io
+import os
+import signal
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +60,7 @@ RC: Any = {
     "svg.hashsalt": "aerobat",
     "text.parse_math": False,  # names in a stranger's log or robot can have dollar signs
 }
+COPIED: list[Figure] = []  # that copies of this process draw
 METADATA: Any = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 
@@ -77,8 +82,50 @@ def render_figure(figure: Figure, kind: str) -> bytes:
 
 def save_figure(figure: Figure, stem: Path) -> None:
     """Write a figure to the files `stem`.png and `stem`.pdf."""
-    for kind in ("png", "pdf"):
-        stem.with_suffix(f".{kind}").write_bytes(render_figure(figure, kind))
+    for kind, content in _rendered(figure).items():
+        stem.with_suffix(f".{kind}").write_bytes(content)
+
+
+def save_figures(figures: Mapping[str, Figure], folder: Path, progress: Callable[[float], None]) -> None:
+    """Write figures to `<name>.png` and `<name>.pdf` in a folder, drawn by as many processes as there are processors.
+
+    Args:
+        figures: name -> figure.
+        folder: an existing folder.
+        progress: called with the share that is written.
+    """
+    processes = min(len(os.sched_getaffinity(0)), len(figures))
+    for done, (name, files) in enumerate(zip(figures, _drawn(list(figures.values()), processes), strict=True)):
+        progress(done / len(figures))
+        for kind, content in files.items():
+            (folder / f"{name}.{kind}").write_bytes(content)
+
+
+def _drawn(figures: list[Figure], processes: int) -> Iterator[dict[str, bytes]]:
+    """Yield the files of each figure; the processes are copies of this one, so figures need not be sent to them."""
+    if processes < 2:
+        yield from map(_rendered, figures)
+        return
+    COPIED[:] = figures
+    with ProcessPoolExecutor(processes, get_context("fork"), _end_by_signals) as pool:
+        yield from pool.map(_rendered_copy, range(len(figures)))
+
+
+def _end_by_signals() -> None:
+    """Let a copy end at once: what the handlers of this process clean up is not its own."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _rendered_copy(index: int) -> dict[str, bytes]:
+    return _rendered(COPIED[index])
+
+
+def _rendered(figure: Figure) -> dict[str, bytes]:
+    """Return kind -> content of a figure as PNG and PDF, laid out once."""
+    files = {"png": render_figure(figure, "png")}
+    figure.set_layout_engine("none")
+    return files | {"pdf": render_figure(figure, "pdf")}
 
 
 def share_limits(axes: Iterable[Axes]) -> None:
