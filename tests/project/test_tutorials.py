@@ -26,7 +26,7 @@ CHECKS = {
     "03-your-robot": "np.allclose(estimate.force[-1, 0], [3.0, 0.0, 0.0], atol=0.05) and known.rank == 3",
     "04-your-wing": 'flight["aerodynamic_lift_over_weight"] > 0.1',
     "05-a-sweep": "r2.loc[0.0, 1000.0] > r2.loc[0.01, 1000.0]",
-    "06-closing-the-loop": 'sideways["gust_closed_loop"] < sideways["without"] < timid < 0.1 and not roll.stable',
+    "06-closing-the-loop": 'sideways["gust_closed_loop"] < timid < sideways["without"] < 0.1 and not roll.stable',
 }
 
 
