@@ -60,6 +60,7 @@ DEFINITIONS = {
 }
 HEAD_SHARE = 0.25  # of an arrow's length
 SHAFT, HEAD_WIDTH = 0.01, 0.02  # diameters [m]
+SHOWN_FOR = 100_000_000  # [ns]
 
 
 def register_scene(store: Any) -> None:
@@ -70,41 +71,27 @@ def register_scene(store: Any) -> None:
         store.register(get_types_from_msg("\n".join(fields), f"{PACKAGE}/{kind}"))
 
 
-def scene_update(store: Any, time: float, arrows: Mapping[str, tuple[Array, Array, tuple[float, float, float]]]) -> Any:
-    """Return a message with an entity for each arrow.
+def scene_arrow(name: str, stamp: Mapping[str, int], start: Array, along: Array, colour: Mapping[str, float]) -> Any:
+    """Return the fields of an entity with one arrow.
 
     Args:
-        store: a type store with the types of `register_scene`.
-        time: stamp [s].
-        arrows: id -> where the arrow begins (3,), its vector (3,), both in world axes [m], and its colour.
+        name: the entity's id.
+        stamp: `sec` and `nanosec`.
+        start: (3,) where the arrow begins, world axes [m].
+        along: (3,) the arrow, world axes [m].
+        colour: shares of `r`, `g`, `b` and `a`.
     """
-    types, whole = store.types, round(time * 1e9)
-    entities = []
-    for name, (start, along, (red, green, blue)) in arrows.items():
-        length = float(np.linalg.norm(along))
-        turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), along) if length else pin.Quaternion.Identity()
-        x, y, z = (float(value) for value in start)
-        pose = types["geometry_msgs/msg/Pose"](
-            position=types["geometry_msgs/msg/Point"](x=x, y=y, z=z),
-            orientation=types["geometry_msgs/msg/Quaternion"](x=turn.x, y=turn.y, z=turn.z, w=turn.w),
-        )
-        arrow = types[f"{PACKAGE}/ArrowPrimitive"](
-            pose=pose,
-            shaft_length=(1.0 - HEAD_SHARE) * length,
-            shaft_diameter=SHAFT,
-            head_length=HEAD_SHARE * length,
-            head_diameter=HEAD_WIDTH,
-            color=types[f"{PACKAGE}/Color"](r=red, g=green, b=blue, a=1.0),
-        )
-        entities.append(
-            types[f"{PACKAGE}/SceneEntity"](
-                timestamp=types["builtin_interfaces/msg/Time"](sec=whole // 10**9, nanosec=whole % 10**9),
-                frame_id="world",
-                id=name,
-                lifetime=types["builtin_interfaces/msg/Duration"](sec=0, nanosec=100_000_000),
-                frame_locked=False,
-                metadata=[],
-                **{**{part: [] for part in PRIMITIVES}, "arrows": [arrow]},
-            )
-        )
-    return types[f"{PACKAGE}/SceneUpdate"](deletions=[], entities=entities)
+    length = float(np.linalg.norm(along))
+    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), along) if length else pin.Quaternion.Identity()
+    arrow = {
+        "pose": {
+            "position": dict(zip("xyz", start.tolist(), strict=True)),
+            "orientation": {axis: float(getattr(turn, axis)) for axis in "xyzw"},
+        },
+        "shaft_length": (1.0 - HEAD_SHARE) * length,
+        "shaft_diameter": SHAFT,
+        "head_length": HEAD_SHARE * length,
+        "head_diameter": HEAD_WIDTH,
+        "color": colour,
+    }
+    return {"timestamp": stamp, "frame_id": "world", "id": name, "lifetime": {"nanosec": SHOWN_FOR}, "arrows": [arrow]}

@@ -12,7 +12,7 @@ import xarray as xr
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result, blocks_of
-from aerobat_pin.experiments.mcap_file import Telling, joint_rows, write_telling
+from aerobat_pin.experiments.mcap_messages import McapStretch, joint_rows, write_mcap_stretches
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 
@@ -25,10 +25,10 @@ def write_mcap(found: Result, path: Path) -> None:
         for columns in _force_columns(estimate.head).values():
             for block in estimate.blocks():
                 largest = max(largest, _largest_force(block.components[:, columns]))
-    write_telling(_tellings(found, largest), path)
+    write_mcap_stretches(_mcap_stretches(found, largest), path)
 
 
-def _tellings(found: Result, largest: float) -> Iterator[Telling]:
+def _mcap_stretches(found: Result, largest: float) -> Iterator[McapStretch]:
     """Yield the stretches of an estimated recording, short enough for memory."""
     record = found.record
     assert record is not None
@@ -46,7 +46,7 @@ def _tellings(found: Result, largest: float) -> Iterator[Telling]:
                 forces[f"/truth/{one.frame}"] = (one.frame, one.values[low : low + last - first])
             tau = found.forces.torque(block) if found.forces and "joints.effort" in record.channels else None
             model = record.robot.model
-            yield Telling(model, block.time, block.q, block.v, tau, forces, joint_rows(model), largest)
+            yield McapStretch(model, block.time, block.q, block.v, tau, forces, joint_rows(model), largest)
 
 
 def _force_columns(estimate: Estimate) -> dict[str, list[int]]:
@@ -94,4 +94,4 @@ def write_flight_mcap(model: pin.Model, log: FlightLog, estimates: xr.Dataset, p
         for point in map(str, log.truth["point"].values):
             forces[f"/truth/{point}"] = (point, log.truth["force_W"].sel(point=point).values)
     largest = max((_largest_force(force) for _, force in forces.values()), default=0.0)
-    write_telling([Telling(model, log.time, q, v, None, forces, joint_rows(model), largest)], path)
+    write_mcap_stretches([McapStretch(model, log.time, q, v, None, forces, joint_rows(model), largest)], path)

@@ -33,7 +33,6 @@ from .map_tables import KnownSection as KnownSection
 from .map_tables import Map as Map
 from .map_tables import QuaternionSection as QuaternionSection
 from .mcap_checksums import mcap_is_sealed as mcap_is_sealed
-from .mcap_checksums import seal_mcap as seal_mcap
 from .messages import entries as entries
 from .messages import stamp as stamp
 from .netcdf import read_netcdf as read_netcdf

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.experiments import estimate_dataset, run, write_flight_mcap
-from aerobat_pin.experiments.mcap_file import LONGEST_MARKER
+from aerobat_pin.experiments.mcap_messages import LONGEST_MARKER
 from aerobat_pin.scenario import load_scenario
 
 DURATION = 0.3  # [s]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from aerobat_pin.records.mcap_checksums import DATA_END, MAGIC, RECORD_HEAD, _mcap_records
+from aerobat_pin.records.mcap_checksums import MAGIC, RECORD_HEAD, _mcap_records
+
+DATA_END = 0x0F  # opcode
 
 
 def _text(text: bytes) -> bytes:

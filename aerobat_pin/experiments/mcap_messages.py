@@ -1,0 +1,188 @@
+"""Write forces, joints, pose and arrows as an MCAP file in the form of a ROS 2 bag.
+
+| topic | type | content |
+|---|---|---|
+| `/force/<observer>/<point>` | geometry_msgs/WrenchStamped | force on the robot, world axes, at mid-interval |
+| `/truth/<point>` | geometry_msgs/WrenchStamped | the force sensor's, or a simulation's true force |
+| `/joint_states` | sensor_msgs/JointState | angles and rates, and efforts where they are known |
+| `/pose` | geometry_msgs/PoseStamped | of a free base, world axes |
+| `/scene` | foxglove_msgs/SceneUpdate | the forces as arrows at their points, 30 a second, for Foxglove |
+| `/arrows` | visualization_msgs/MarkerArray | the same for RViz |
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import OutputError, write_files
+from aerobat_pin.experiments.scene_update import SHOWN_FOR, register_scene, scene_arrow
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import FREE_NQ, FREE_NV
+
+ARROWS_PER_SECOND = 30.0
+LONGEST_MARKER = 0.5  # [m] of the largest force
+TRUE_COLOUR = {"r": 0.0, "g": 0.0, "b": 0.0, "a": 1.0}
+ESTIMATE_COLOUR = {"r": 0.835, "g": 0.369, "b": 0.0, "a": 1.0}
+
+
+@dataclass(frozen=True)
+class McapStretch:
+    """A stretch of samples without a hole, and the forces there.
+
+    Attributes:
+        model: the robot.
+        time: (m + 1,) samples [s].
+        q: (m + 1, nq) configurations.
+        v: (m + 1, nv) velocities.
+        tau: (m, nv) joint torques; None if they are not known.
+        forces: topic -> frame and (m, 3 or 6) force and moment, world axes [N, N m].
+        joints: joint -> index in q and in v.
+        largest: the largest force of the record [N], which scales the arrows.
+    """
+
+    model: pin.Model
+    time: Array
+    q: Array
+    v: Array
+    tau: Array | None
+    forces: Mapping[str, tuple[str, Array]]
+    joints: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    largest: float = 0.0
+
+
+def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
+    """Write one MCAP file. Raises OutputError if it cannot be written, or if a package of the extra is missing."""
+    try:
+        from mcap.writer import CompressionType, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise OutputError(f"{path}: writing MCAP needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    register_scene(store)
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder, "forces.mcap")
+        with made.open("wb") as file:
+            writer = Writer(file, compression=CompressionType.NONE, enable_data_crcs=True)
+            writer.start("ros2", "aerobat")
+            topics = _Topics(writer, store)
+            for stretch in stretches:
+                _write_stretch(topics, stretch)
+            writer.finish()
+        write_files({path: made})
+
+
+class _Topics:
+    """Writes messages; a topic's schema and channel are made with its first one."""
+
+    def __init__(self, writer: Any, store: Any) -> None:
+        self._writer, self._store = writer, store
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def put(self, topic: str, time: float, kind: str, values: Mapping[str, Any]) -> None:
+        if kind not in self._schemas:
+            text, _ = self._store.generate_msgdef(kind, ros_version=2)
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text.encode())
+        if topic not in self._channels:
+            quality = {"offered_qos_profiles": ""}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], quality)
+        raw, stamp = self._store.serialize_cdr(_message(self._store, kind, values), kind), round(time * 1e9)
+        self._writer.add_message(self._channels[topic], stamp, bytes(raw), stamp)
+
+
+def _message(store: Any, kind: str, values: Mapping[str, Any]) -> Any:
+    """Return a message with these fields; the others are zero or empty."""
+    fields = store.get_msgdef(kind).fields
+    return store.types[kind](**{name: _message_field(store, node, values.get(name)) for name, node in fields})
+
+
+def _message_field(store: Any, node: tuple[Any, Any], value: Any) -> Any:
+    """Return a field of a type of rosbags: a number or text, a message, or a list of one of them."""
+    sort, about = node
+    if sort.name == "NAME":
+        return _message(store, about, value or {})
+    if sort.name == "BASE":
+        return value if value is not None else "" if about[0] == "string" else 0
+    inner, kind = about[0]
+    if inner.name == "NAME":
+        return [_message(store, kind, entry) for entry in value or ()]
+    return list(value or ()) if kind[0] == "string" else np.array([] if value is None else value, kind[0])
+
+
+def _write_stretch(topics: _Topics, part: McapStretch) -> None:
+    middle = 0.5 * (part.time[1:] + part.time[:-1])
+    free = part.model.njoints > 1 and part.model.joints[1].shortname() == "JointModelFreeFlyer"
+    every = max(1, round(1.0 / ARROWS_PER_SECOND / float(np.median(np.diff(part.time)))))
+    data = part.model.createData()
+    for k, moment in enumerate(middle.tolist()):
+        _put_motion(topics, part, k, free)
+        for topic, (_, force) in part.forces.items():
+            wrench = {"force": _xyz(force[k, :3]), "torque": _xyz(force[k, 3:6]) if force.shape[1] == 6 else {}}
+            topics.put(topic, moment, "geometry_msgs/msg/WrenchStamped", {"header": _header(moment), "wrench": wrench})
+        if k % every == 0 and part.largest > 0.0:
+            pin.framesForwardKinematics(part.model, data, part.q[k])
+            _put_arrows(topics, part, data, k, moment)
+
+
+def _put_motion(topics: _Topics, part: McapStretch, k: int, free: bool) -> None:
+    time, q, v = float(part.time[k]), part.q[k], part.v[k]
+    if free:
+        pose = {"position": _xyz(q[:3]), "orientation": dict(zip("xyzw", q[3:FREE_NQ].tolist(), strict=True))}
+        topics.put("/pose", time, "geometry_msgs/msg/PoseStamped", {"header": _header(time), "pose": pose})
+    if part.joints:
+        columns, rows = (list(indices) for indices in zip(*part.joints.values(), strict=True))
+        state = {"header": _header(time, ""), "name": list(part.joints), "position": q[columns], "velocity": v[rows]}
+        if part.tau is not None:
+            state["effort"] = part.tau[min(k, len(part.tau) - 1)][rows]
+        topics.put("/joint_states", time, "sensor_msgs/msg/JointState", state)
+
+
+def _put_arrows(topics: _Topics, part: McapStretch, data: pin.Data, k: int, time: float) -> None:
+    markers, entities = [], []
+    for number, (topic, (frame, force)) in enumerate(part.forces.items()):
+        start = data.oMf[part.model.getFrameId(frame)].translation
+        along = LONGEST_MARKER / part.largest * force[k, :3]
+        colour = TRUE_COLOUR if topic.startswith("/truth") else ESTIMATE_COLOUR
+        entities.append(scene_arrow(topic, _stamp(time), start, along, colour))
+        markers.append(
+            {
+                "header": _header(time),
+                "ns": topic,
+                "id": number,
+                "pose": {"orientation": {"w": 1.0}},
+                "scale": {"x": 0.01, "y": 0.02, "z": 0.02},
+                "color": colour,
+                "lifetime": {"nanosec": SHOWN_FOR},
+                "points": [_xyz(start), _xyz(start + along)],
+            }
+        )
+    topics.put("/scene", time, "foxglove_msgs/msg/SceneUpdate", {"entities": entities})
+    topics.put("/arrows", time, "visualization_msgs/msg/MarkerArray", {"markers": markers})
+
+
+def _stamp(time: float) -> dict[str, int]:
+    return dict(zip(("sec", "nanosec"), divmod(round(time * 1e9), 10**9), strict=True))
+
+
+def _header(time: float, frame: str = "world") -> dict[str, Any]:
+    return {"stamp": _stamp(time), "frame_id": frame}
+
+
+def _xyz(values: Array) -> dict[str, float]:
+    return dict(zip("xyz", values.tolist(), strict=True))
+
+
+def joint_rows(model: pin.Model) -> dict[str, tuple[int, int]]:
+    """Return joint -> index in q and in v, for the joints with one coordinate."""
+    return {
+        name: (int(joint.idx_q), int(joint.idx_v))
+        for joint, name in zip(model.joints.tolist()[1:], model.names.tolist()[1:], strict=True)
+        if joint.nq == joint.nv == 1 and joint.nv < FREE_NV
+    }
