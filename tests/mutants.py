@@ -17,10 +17,11 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from aerobat_pin.numerics.jit import KERNEL_SOURCES
+from aerobat_pin.numerics.jit import sources_stamp
 
 ROOT = Path(__file__).resolve().parents[1]
 COPIED = ("aerobat_description", "aerobat_pin", "tests", "pyproject.toml")
+KERNEL_SOURCES = {name for name, _, _ in sources_stamp()}
 LONGEST = 600  # [s] for the tests of one mutant
 
 

@@ -12,10 +12,10 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.air_from_scenario import wind_of
 from aerobat_pin.aerobat.believed_air import WARM_UP_ANGLES, AirAlongMotion
-from aerobat_pin.aerobat.believed_air_kernels import air_at, stream_in
+from aerobat_pin.aerobat.believed_air_kernels import Stream, air_at
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array, fields_of, guarded, new_memory
+from aerobat_pin.numerics import Array, fields_of, guarded, new_state
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import AirSection
 
@@ -37,8 +37,8 @@ class AirStream:
         self._in_air, self._wind = self._along.in_air, wind_of(air)
         self._gusty = air.gust is not None and any(air.gust.amplitude)
         self._steps = 1
-        self._memory = new_memory(stream_in, self._in_air.memory.ctypes.data, robot.model.nq, robot.model.nv)
-        self._stream = fields_of(stream_in, self._memory)
+        self._memory = new_state(Stream, air=self._in_air.memory, nq=robot.model.nq, nv=robot.model.nv)
+        self._stream = fields_of(self._memory, Stream)
         self._stream.dt[...] = dt
 
     @guarded(q=("nq",), v=("nv",))

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from aerobat_pin.aerodynamics import add_mass, air_loads, place_links, robot_in
+from aerobat_pin.aerodynamics import RobotState, add_mass, air_loads, place_links
 from aerobat_pin.numerics import (
+    ELSEWHERE,
     HALF_STEPS,
     Array,
     add_stage,
-    array_at,
     copy_values,
+    fields_of,
+    inlined,
+    inner,
     kernel,
-    layout_of,
-    merged,
-    next_size,
     next_state,
-    rewind,
 )
 from aerobat_pin.robot import climb
 
@@ -25,12 +24,18 @@ BASE, PLACE = 6, 7  # rows of the base in v and in q
 
 @kernel
 def advance_air_stage(memory: Array, wind: Array, acceleration: Array, dt: float, place: int, means: Array) -> None:
+    """Do what `advance_air` does; `memory` is the state of the robot in its air."""
+    advance_air(fields_of(memory, RobotState), wind, acceleration, dt, place, means)
+
+
+@inner
+def advance_air(robot: RobotState, wind: Array, acceleration: Array, dt: float, place: int, means: Array) -> None:
     """Evaluate the Runge-Kutta stages at one place of a step, and add their forces to the mean over the step.
 
     Pinocchio's `nonLinearEffects` must have been called for the robot's motion at this place.
 
     Args:
-        memory: memory of the robot and its aerodynamic model, see `robot_in`. Before place 0, `state` and `start` are
+        robot: the robot in its air. Before place 0, `state` and `start` are
             the aerodynamic states at the step's start; after place 2, those at its end.
         wind: (2, 3) velocity of the air and its time derivative, world axes [m/s, m/s2].
         acceleration: (nv,) mean acceleration of the robot over the step; used at place 1 only.
@@ -38,7 +43,6 @@ def advance_air_stage(memory: Array, wind: Array, acceleration: Array, dt: float
         place: 0 at the start of the step, 1 in its middle, 2 at its end.
         means: (2, nv) sums to which the generalised forces are added: aerodynamic, and of the added mass.
     """
-    robot = robot_in(memory)
     air, mass, tree, found, links = robot.air, robot.added_mass, robot.tree, robot.found, robot.links
     H, h, loads, rates, start, state = robot.H, robot.h, robot.loads, robot.rates, robot.start, robot.state
     liMi, twists, wrenches, nv = found.liMi, links.twists, links.wrenches, means.shape[1]
@@ -64,14 +68,14 @@ def advance_air_stage(memory: Array, wind: Array, acceleration: Array, dt: float
 
 
 class Stream(NamedTuple):
-    """Memory of a stream; the robot in air has a memory of its own, at the address `air`.
+    """State of a stream; the robot in its air has a state of its own.
 
     `q`, `v`, `wind` are those of the sample before; `last_wind` is the newest one, which the caller writes where it
     changes. `dt` is the time between samples [s], `acceleration` and `means` belong to the interval, `velocity` and
     `here` to an instant in it.
     """
 
-    air: int
+    air: Annotated[RobotState, ELSEWHERE]
     dt: Annotated[Array, ""]
     q: Annotated[Array, "nq"]
     v: Annotated[Array, "nv"]
@@ -83,16 +87,6 @@ class Stream(NamedTuple):
     here: Annotated[Array, "2, 3"]
 
 
-stream_fields = layout_of(Stream, "air", "nq", "nv")
-
-
-@merged
-def stream_in(memory: Array) -> Stream:
-    """Lay out a stream's memory. Sizes: address of the memory of the robot in air, nq, nv."""
-    cursor = rewind(memory)
-    return stream_fields(cursor, next_size(cursor), next_size(cursor), next_size(cursor))
-
-
 @kernel
 def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Array) -> None:
     """Add the forces at a place of an interval to its means, and move on by half a step.
@@ -100,7 +94,7 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
     Pinocchio's `nonLinearEffects` must have been called for the motion at this place.
 
     Args:
-        memory: see `stream_in`.
+        memory: the stream's state.
         q: (nq,) configuration at the interval's end.
         v: (nv,) velocity there.
         half: number of half steps from the interval's start to this place.
@@ -108,8 +102,8 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
         middle: (nq,) configuration at the next place, on the straight line between the samples; its joints are put on
             the cubic, and `velocity` is the velocity there. Not used where that is the end, or after it.
     """
-    stream = stream_in(memory)
-    air, length, nv = array_at(stream.air, (1,)), float(stream.dt[()]) / count, v.shape[0]
+    stream = fields_of(memory, Stream)
+    air, length, nv = stream.air, float(stream.dt[()]) / count, v.shape[0]
     means, here = stream.means, stream.here
     if half == 0:
         for i in range(nv):
@@ -117,9 +111,9 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
             means[0, i], means[1, i] = 0.0, 0.0
         blend_winds(stream, 0.0)
     if half % 2 == 1:
-        advance_air_stage(air, here, stream.acceleration, length, 1, means)
+        advance_air(air, here, stream.acceleration, length, 1, means)
     elif half > 0:
-        advance_air_stage(air, here, stream.acceleration, length, 2, means)
+        advance_air(air, here, stream.acceleration, length, 2, means)
     if half == 2 * count:
         for i in range(nv):
             means[0, i] /= count
@@ -130,7 +124,7 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
             copy_values(stream.last_wind[i], stream.wind[i])
         return
     if half % 2 == 0:
-        advance_air_stage(air, here, stream.acceleration, length, 0, means)
+        advance_air(air, here, stream.acceleration, length, 0, means)
     share = 0.5 * (half + 1) / count
     blend_winds(stream, share)
     if half + 1 < 2 * count:
@@ -142,7 +136,7 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
             middle[PLACE + i] -= share * (1.0 - share) * ((1.0 - share) * bend - share * twist)
 
 
-@merged
+@inlined
 def blend_winds(stream: Stream, share: float) -> None:
     """Write the wind at a share of the interval to `here`."""
     for i in range(2):

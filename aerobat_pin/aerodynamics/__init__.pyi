@@ -11,12 +11,11 @@ from .robot_air import air_loads as air_loads
 from .robot_air import air_memory as air_memory
 from .robot_in_air import LINK_COUNT as LINK_COUNT
 from .robot_in_air import RobotInAir as RobotInAir
-from .robot_in_air import RobotMemory as RobotMemory
-from .robot_in_air import robot_in as robot_in
+from .robot_in_air import RobotState as RobotState
 from .strip_forces import STRIP_ROWS as STRIP_ROWS
+from .strip_forces import AirConstants as AirConstants
 from .strip_forces import Pieces as Pieces
 from .strip_forces import StripLoads as StripLoads
-from .strip_forces import air_in as air_in
 from .strip_forces import strips_of as strips_of
 from .wind import LARGEST_AIRSPEED as LARGEST_AIRSPEED
 from .wind import Gust as Gust

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from aerobat_pin.numerics import Array, copy_values, inner
+from aerobat_pin.numerics import ELSEWHERE, Array, copy_values, inner
 from aerobat_pin.robot import Tree, chain
 
 
@@ -15,11 +15,11 @@ class PinocchioResults(NamedTuple):
     translation, joint twists `v` (njoints, 6), and accelerations `a_gf` (njoints, 6), which include gravity.
     """
 
-    M: Array
-    nle: Array
-    liMi: Array
-    v: Array
-    a_gf: Array
+    M: Annotated[Array, "nv, nv", ELSEWHERE]
+    nle: Annotated[Array, "nv", ELSEWHERE]
+    liMi: Annotated[Array, "joints, 12", ELSEWHERE]
+    v: Annotated[Array, "joints, 6", ELSEWHERE]
+    a_gf: Annotated[Array, "joints, 6", ELSEWHERE]
 
 
 class Links(NamedTuple):

@@ -29,11 +29,10 @@ from aerobat_pin.aerodynamics.strip_forces import (
     Strips,
     Surfaces,
     add_surfaces,
-    air_in,
     strip_loads,
     strip_rows,
 )
-from aerobat_pin.numerics import Array, fields_of, fill, guarded, inner, new_memory
+from aerobat_pin.numerics import Array, fields_of, fill, guarded, inner, new_state
 from aerobat_pin.robot import LINKS, Wing
 
 SMALLEST_SHARE = 1e-6  # a smaller share of a strip is a joint that lies on the strip's edge, up to rounding
@@ -184,7 +183,7 @@ def air_memory(
         surfaces: aerodynamic constants of body, tail and fin; when omitted, these have no forces.
         tail_span: span over which the downwash at the tail is averaged [m]; 0 for no downwash there.
     """
-    memory = new_memory(air_in, line.strips, len(pieces.strip))
+    memory = new_state(AirConstants, n=line.strips, p=len(pieces.strip))
     force_factor = 0.5 * line.air_density * line.chord * line.width
     values = AirConstants(
         quasi_steady,
@@ -198,7 +197,7 @@ def air_memory(
         np.zeros(line.strips) if tail_span == 0.0 else line.mean_downwash(tail_span),
         surfaces,
     )
-    fill(fields_of(air_in, memory), values)
+    fill(fields_of(memory, AirConstants), values)
     return memory
 
 

@@ -10,41 +10,36 @@ import pinocchio as pin
 from aerobat_pin.aerodynamics.added_mass import AddedMass, factored
 from aerobat_pin.aerodynamics.links import Links, PinocchioResults
 from aerobat_pin.aerodynamics.robot_air import RobotAir, air_loads
-from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants, air_in
+from aerobat_pin.aerodynamics.strip_forces import STRIP_ROWS, AirConstants
 from aerobat_pin.numerics import (
+    ELSEWHERE,
     HALF_STEPS,
     Array,
-    addresses,
-    array_at,
     check_views,
     copy_values,
     fields_of,
     fill,
     guarded,
     kernel,
-    layout_of,
-    merged,
     motions,
-    new_memory,
-    next_size,
+    new_state,
     next_state,
     placements,
-    rewind,
 )
 from aerobat_pin.robot import LINKS, Aerobat, Tree, tree_of
 
 LINK_COUNT = len(LINKS)
 
 
-class RobotMemory(NamedTuple):
-    """Memory of a robot in its air.
+class RobotState(NamedTuple):
+    """State of the kernels of a robot in its air, whose constants `air` are a state of their own.
 
     `gravity` () [m/s2]. `H` (nv, nv) and `h` (nv,) are scratch arrays for inertia and bias. `loads` (9, N) are the
     strips' loads. For a Runge-Kutta step of the aerodynamic state (S,): its `rates` (4, S) at the stages, the state at
     the step's `start` (S,), and the current `state` (S,).
     """
 
-    air: AirConstants
+    air: Annotated[AirConstants, ELSEWHERE]
     added_mass: AddedMass
     gravity: Annotated[Array, ""]
     tree: Tree
@@ -58,37 +53,13 @@ class RobotMemory(NamedTuple):
     state: Annotated[Array, "states"]
 
 
-robot_fields = layout_of(RobotMemory, "air", "found", "link_count", "nv", "strip_rows", "n", "states")
-
-
-@merged
-def robot_in(memory: Array) -> RobotMemory:
-    """Lay out a robot in its air.
-
-    Sizes: addresses of the memory of `air_in` and of Pinocchio's M, nle, liMi, v, a_gf; then nv, njoints, number of
-    strips, number of aerodynamic states.
-    """
-    cursor = rewind(memory)
-    air, M, nle, liMi = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
-    v, a_gf, nv, joints = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
-    n, states = next_size(cursor), next_size(cursor)
-    found = PinocchioResults(
-        M=array_at(M, (nv, nv)),
-        nle=array_at(nle, (nv,)),
-        liMi=array_at(liMi, (joints, 12)),
-        v=array_at(v, (joints, 6)),
-        a_gf=array_at(a_gf, (joints, 6)),
-    )
-    return robot_fields(cursor, air_in(array_at(air, (1,))), found, LINK_COUNT, nv, STRIP_ROWS, n, states)
-
-
 @kernel
 def warm_up(memory: Array, twists: Array, dt: float) -> None:
     """Integrate the aerodynamic state, which is stored in `memory`, over n steps of size dt [s].
 
     `twists` (2 n + 1, 5, 6) are the twists of the links relative to the air at every half step.
     """
-    robot = robot_in(memory)
+    robot = fields_of(memory, RobotState)
     air, wrenches, loads = robot.air, robot.links.wrenches, robot.loads
     rates, start, state = robot.rates, robot.start, robot.state
     for i in range(twists.shape[0] // 2):
@@ -117,10 +88,11 @@ class RobotInAir:
         model, data = robot.model, self.data
         liMi, v, a_gf = placements(data.liMi), motions(data.v), motions(data.a_gf)
         check_views(model, data, placements(data.oMi), liMi, v, a_gf)
-        places = addresses(air.memory, data.M, data.nle, liMi, v, a_gf)
-        sizes = (int(model.nv), model.njoints, air.line.strips, air.state_size)
-        self.memory = new_memory(robot_in, *places.tolist(), *sizes)
-        self.fields = fields_of(robot_in, self.memory)
+        results = {"data": data, "M": data.M, "nle": data.nle, "liMi": liMi, "v": v, "a_gf": a_gf}
+        sizes = {"nv": model.nv, "joints": model.njoints, "n": air.line.strips, "states": air.state_size}
+        counts = {"link_count": LINK_COUNT, "strip_rows": STRIP_ROWS}
+        self.memory = new_state(RobotState, air=air.memory, **results, **sizes, **counts)
+        self.fields = fields_of(self.memory, RobotState)
         fill(self.fields.added_mass, factored(air.added_mass))
         fill(self.fields.tree, tree_of(model))
         self.fields.gravity[...] = -model.gravity.linear[2]

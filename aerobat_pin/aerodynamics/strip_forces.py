@@ -37,7 +37,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.numerics import Array, Integers, guarded, inner, memory_layout
+from aerobat_pin.numerics import Array, Integers, guarded, inner
 
 EPS1, EPS2 = JONES_EPS
 LAG1, LAG2 = JONES_PSI[0] * EPS1, JONES_PSI[1] * EPS2
@@ -98,7 +98,7 @@ class AirConstants(NamedTuple):
     Numbers (): `quasi_steady` is 1 for the quasi-steady model and 0 for the lifting line, `density` [kg/m3],
     `lift_slope` [1/rad], `profile_drag` is the coefficient cd0, `slope_over_limit` is the lift slope divided by the
     limit of the lift coefficient, 0 for no limit. `downwash` (N, N) is the operator D [1/m], `tail_downwash` (N,)
-    its mean over the tail's span. Sizes of its memory: numbers of strips and of their pieces.
+    its mean over the tail's span.
     """
 
     quasi_steady: Annotated[Scalar, ""]
@@ -111,9 +111,6 @@ class AirConstants(NamedTuple):
     downwash: Annotated[Array, "n, n"]
     tail_downwash: Annotated[Array, "n"]
     surfaces: Surfaces
-
-
-air_in = memory_layout(AirConstants, "n", "p")
 
 
 class StripLoads(NamedTuple):

@@ -26,8 +26,7 @@ from aerobat_pin.numerics import (
     fields_of,
     inner,
     kernel,
-    memory_layout,
-    new_memory,
+    new_state,
     shaped,
     solve_positive,
 )
@@ -58,9 +57,6 @@ class Limited(NamedTuple):
     linear: Annotated[Array, "m"]
 
 
-allocation_in = memory_layout(Limited, "m")
-
-
 class Allocation:
     """Thrusts for a wanted wrench.
 
@@ -75,8 +71,8 @@ class Allocation:
     def __init__(self, thrusters: ThrusterSet, factor: float = 1.0) -> None:
         """Weigh the rows and factorise what does not change."""
         self.map, self.limit = factor * thrusters.map, thrusters.limit.copy()
-        self._memory = new_memory(allocation_in, len(self.limit))
-        fields = fields_of(allocation_in, self._memory)
+        self._memory = new_state(Limited, m=len(self.limit))
+        fields = fields_of(self._memory, Limited)
         self.fill(fields)
         self.free = fields.free
 
@@ -108,7 +104,7 @@ class Allocation:
 @kernel
 def allocate(memory: Array, wrench: Array, thrust: Array) -> None:
     """Write the thrusts (m,) for a wanted wrench (6,)."""
-    limited_thrusts(allocation_in(memory), wrench, thrust)
+    limited_thrusts(fields_of(memory, Limited), wrench, thrust)
 
 
 @inner

@@ -27,13 +27,13 @@ from aerobat_pin.control.disturbance import (
     observer_gains,
     sample_variance,
 )
-from aerobat_pin.control.law import law_in, law_wrench, write_commands
+from aerobat_pin.control.law import Law, law_wrench, write_commands
 from aerobat_pin.control.monitor import LoopState, Monitor
 from aerobat_pin.control.nominal import PITCHING, control_of, nominal_flight, waves
 from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
-from aerobat_pin.numerics import Array, fields_of, guarded, new_memory
+from aerobat_pin.numerics import Array, fields_of, guarded, new_state
 from aerobat_pin.robot import BASE_SIZE, Aerobat, believed_robot
 from aerobat_pin.scenario import ControlSection, Scenario
 
@@ -119,8 +119,8 @@ class Controller:
             self._observer = DisturbanceObserver(robot, scenario, nominal, self.dt)
         self.sensed = SensedMotion(scenario, robot, nominal)
         self._monitor = Monitor(self.thrusters.limit, step, self.sensed)
-        self._memory = new_memory(law_in, len(self.thrusters.limit), len(nominal.swing) // 2)
-        self._law = law = fields_of(law_in, self._memory)
+        self._memory = new_state(Law, m=len(self.thrusters.limit), waves=len(nominal.swing) // 2)
+        self._law = law = fields_of(self._memory, Law)
         self.disturbance, self.wanted, self.unrealised = law.disturbance, law.wanted, law.unrealised
         self._fill()
         self._restart()

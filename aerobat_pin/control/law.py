@@ -31,7 +31,7 @@ from typing import Annotated, NamedTuple
 
 from aerobat_pin.control.allocation import Limited, limited_thrusts
 from aerobat_pin.control.nominal import PITCHING
-from aerobat_pin.numerics import Array, inner, kernel, memory_layout
+from aerobat_pin.numerics import Array, fields_of, inner, kernel
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
 
@@ -88,9 +88,6 @@ class Law(NamedTuple):
     limited: Limited
 
 
-law_in = memory_layout(Law, "m", "waves")
-
-
 @kernel
 def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: float, out: Array) -> None:
     """Write the wrench that is wanted for a sample, before lead and steering; integrals and nose move on.
@@ -103,7 +100,7 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
         crank_angle: as its sensor shows it [rad].
         out: (6,) written, at the body's centre of mass and in body axes [N, N m].
     """
-    law = law_in(memory)
+    law = fields_of(memory, Law)
     gains, force, nominal, centre = law.gains, law.force, law.nominal, law.centre
     reference, push = law.reference, law.disturbance
     x, y, z, w = q[3], q[4], q[5], q[6]
@@ -176,7 +173,7 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
 @kernel
 def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
     """Write `wanted`, `command` and `unrealised` for the wrench (6,) that a law wants."""
-    law = law_in(memory)
+    law = fields_of(memory, Law)
     wanted, slow, lead = law.wanted, law.slow, law.lead[()]
     for i in range(6):
         if law.begun[()] == 0.0:

@@ -22,7 +22,7 @@ import numpy as np
 
 from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.control.sensed_channels import CHANNELS, FAULTS
-from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, memory_layout, new_memory
+from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state
 
 STATE_WORDS = ("OK", "DEGRADED", "SATURATED", "UNSTABLE", "LOST")
 FAILED = ("UNSTABLE", "LOST")  # the flight is no success: the command line ends with exit code 2
@@ -55,8 +55,8 @@ class LoopState:
     unused: dict[str, dict[str, int]]
 
 
-class WatchMemory(NamedTuple):
-    """Memory of the monitor.
+class WatchState(NamedTuple):
+    """State of the monitor.
 
     Constants: `limit` (m,) of the thrusters [N], `samples` (1,) in a window, `silent` () in ticks.
 
@@ -88,7 +88,6 @@ class WatchMemory(NamedTuple):
     swings: Annotated[Array, "6"]
 
 
-watch_in = memory_layout(WatchMemory, "m")
 OFF, TILT = 7, 8
 DEGRADED, SATURATED, UNSTABLE, LOST = 1, 2, 3, 4
 
@@ -104,8 +103,8 @@ class Monitor:
 
     def __init__(self, limit: Array, dt: float, sensed: SensedMotion) -> None:
         """Begin with a flight of which nothing is known."""
-        self._memory = new_memory(watch_in, len(limit))
-        self._fields = fields = fields_of(watch_in, self._memory)
+        self._memory = new_state(WatchState, m=len(limit))
+        self._fields = fields = fields_of(self._memory, WatchState)
         fields.limit[:], fields.samples[:], fields.swings[:] = limit, round(WATCHED_TIME / dt), SWINGS
         fields.silent[:] = np.ceil(SILENT / dt)
         self._dt, self._sensed = dt, sensed
@@ -171,7 +170,7 @@ class Monitor:
 @kernel
 def watch(memory: Array, q: Array, error: Array, beyond: Integers, command: Array, unrealised: Array) -> None:
     """Take configuration, errors (6,), ticks without a sample (7,), commands (m,) and unrealised wrench (6,)."""
-    w = watch_in(memory)
+    w = fields_of(memory, WatchState)
     m = w.limit.shape[0]
     for c in range(7):
         if beyond[c] > w.silent[0]:
@@ -214,7 +213,7 @@ def watch(memory: Array, q: Array, error: Array, beyond: Integers, command: Arra
 
 
 @inner
-def worsen(w: WatchMemory, word: int, why: int, size: float) -> None:
+def worsen(w: WatchState, word: int, why: int, size: float) -> None:
     """Remember a word that is worse than the one so far, from the begin of its window; LOST from this sample."""
     if word > w.word[0]:
         w.word[0], w.why[0], w.size[()] = word, why, size

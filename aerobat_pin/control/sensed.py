@@ -45,14 +45,13 @@ from aerobat_pin.control.sensed_channels import (
     is_good,
     product,
     rotate_vector,
-    senses_in,
     share,
     taken_at,
     turn_back,
     within_half_a_turn,
 )
 from aerobat_pin.linkage import joint_series, joints_at
-from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_memory
+from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_state
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, SensorSection
 
@@ -78,9 +77,9 @@ class SensedMotion:
         fitted = [getattr(sensors, name) or SensorSection() for name in CHANNELS]
         delay = [round(one.delay / dt) for one in fitted]
         series = joint_series(robot.linkage)
-        sizes = len(nominal.swing) // 2, len(series), max(delay) + 1, robot.model.nq, robot.model.nv
-        self._memory = new_memory(senses_in, *sizes)
-        self._fields = fields = fields_of(senses_in, self._memory)
+        sizes = {"waves": len(nominal.swing) // 2, "harmonics": len(series), "rows": max(delay) + 1}
+        self._memory = new_state(Senses, nq=robot.model.nq, nv=robot.model.nv, **sizes)
+        self._fields = fields = fields_of(self._memory, Senses)
         fields.joints[:], fields.series[:] = (robot.idx_q, robot.idx_v), series
         fields.start[:], fields.course[:], fields.level[:] = flight.position, flight.velocity, nominal.quaternion
         fields.swing[:], fields.rate[...] = nominal.swing, 2.0 * pi * scenario.crank.frequency
@@ -131,7 +130,7 @@ class SensedMotion:
 @kernel
 def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, push: Array) -> None:
     """Take a sample, see `SensedMotion.take`."""
-    s = senses_in(memory)
+    s = fields_of(memory, Senses)
     now, estimate, offset = s.now, s.estimate, s.offset
     row = s.ticks[0] % s.carriers.shape[0]
     at = s.carriers[row]

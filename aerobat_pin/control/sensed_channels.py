@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, pi
 from typing import Annotated, NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, inner, memory_layout
+from aerobat_pin.numerics import Array, Integers, inner
 
 CHANNELS = ("position", "attitude", "velocity", "gyro", "joint_angle", "joint_rate", "crank_angle")
 FAULTS = ("invalid", "held", "jumped")  # not finite or no rotation; not changed when it should have; out of reach
@@ -34,7 +34,7 @@ REACH = {
 
 
 class Senses(NamedTuple):
-    """Memory of the seven channels, in the order of `CHANNELS`; rows (22,) hold all, as `EDGES` divides them.
+    """State of the seven channels, in the order of `CHANNELS`; rows (22,) hold all, as `EDGES` divides them.
 
     Constants: `joints` (2, 4) places of the joints in q and v, `series` of the linkage, `start`, `course` (3,) position
     and velocity of the course, `level` (4,) its attitude, `swing` as in `Nominal`, `rate` () of the crank, `wrench`
@@ -93,9 +93,6 @@ class Senses(NamedTuple):
     closed: Annotated[Array, "3, 2"]
     a: Annotated[Array, "4"]
     b: Annotated[Array, "4"]
-
-
-senses_in = memory_layout(Senses, "waves", "harmonics", "rows", "nq", "nv")
 
 
 @inner

@@ -27,7 +27,7 @@ from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
 from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, built_observers, points_of, rows_of
 from aerobat_pin.estimation.stream_kernels import build_interval
-from aerobat_pin.estimation.stream_memory import new_rings
+from aerobat_pin.estimation.stream_state import new_rings
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.numerics import Array, fields_of, guarded
 from aerobat_pin.observers import Expected, KalmanObserver, ObserversTogether, SmootherObserver
@@ -97,7 +97,7 @@ class OnlineEstimator:
         lead = [key for key in LEADING if key in self._requests]
         self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
         self._memory = new_rings(chosen, self.robot, names, tuple(self._requests.values()), self._values, wait)
-        self._rings = fields_of(ring_kernels.rings_in, self._memory)
+        self._rings = fields_of(self._memory, ring_kernels.Rings)
         self._epoch: float | None = None
         self._estimates = self._starts = self._failed = 0
         self._rows, _ = rows_of(chosen, self.robot, names, self._requests)

@@ -39,10 +39,9 @@ from aerobat_pin.estimation.stream_rings import (
     U,
     bracket,
     longest_step,
-    rings_in,
     stamp_at,
 )
-from aerobat_pin.numerics import Array, inner, kernel, merged
+from aerobat_pin.numerics import Array, fields_of, inlined, inner, kernel
 from aerobat_pin.records import ZEROED
 
 
@@ -220,7 +219,7 @@ def next_time(rings: Rings, leading: int, begin: float, ready: float) -> float:
     return stamp_at(rings, leading, i) if i < count and stamp_at(rings, leading, i) <= ready else np.nan
 
 
-@merged
+@inlined
 def breaks(rings: Rings, t: float) -> int:
     """Return 2 if a time [s] is inside a hole of a channel, 1 if a hole is behind the last estimate, else 0."""
     found, last = 0, rings.now[LAST]
@@ -244,7 +243,7 @@ def breaks(rings: Rings, t: float) -> int:
 @kernel
 def build_interval(memory: Array, leading: int) -> int:
     """Write the observers' next inputs; return what they are, or that there are none yet."""
-    rings = rings_in(memory)
+    rings = fields_of(memory, Rings)
     now = rings.now
     begin, ready = -np.inf, np.inf
     for c in range(rings.channels):

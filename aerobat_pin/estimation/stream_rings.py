@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, Integers, inner, kernel, memory_layout
+from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
 CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree
@@ -79,9 +79,6 @@ class Rings(NamedTuple):
     frame: Annotated[Array, "5, 4"]  # scratch
     time: Annotated[Array, f"channels, {LENGTH}"]
     value: Annotated[Array, f"channels, {LENGTH}, width"]
-
-
-rings_in = memory_layout(Rings, "channels", "width", "nq", "nv", "rubbing")
 
 
 @inner
@@ -217,7 +214,7 @@ def insert_sample(rings: Rings, c: int, at: float) -> int:
 @kernel
 def put(memory: Array, c: int, time: float, given: Array) -> int:
     """Take a sample of a channel, its columns (k,) as the map names them, at a time [s]; return what became of it."""
-    rings = rings_in(memory)
+    rings = fields_of(memory, Rings)
     fate = place_sample(rings, c, time - rings.delay[c]) if usable(rings, c, given) else REFUSED
     rings.tally[c, fate] += 1
     return fate

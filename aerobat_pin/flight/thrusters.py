@@ -19,7 +19,7 @@ import numpy as np
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import ScenarioError, ShapeError
-from aerobat_pin.numerics import Array, Integers, fields_of, guarded, kernel, memory_layout, new_memory
+from aerobat_pin.numerics import Array, Integers, fields_of, guarded, kernel, new_state
 from aerobat_pin.scenario import ThrustersSection
 
 
@@ -71,8 +71,8 @@ class LaggedThrust:
     def __init__(self, thrusters: ThrusterSet, section: ThrustersSection, dt: float, start: Array) -> None:
         """Start in a steady state."""
         waiting, self._fault, self._until_fault = round(section.delay / dt), section.fault, -1
-        self._memory = new_memory(propellers_in, len(thrusters.limit), waiting)
-        fields = fields_of(propellers_in, self._memory)
+        self._memory = new_state(Propellers, m=len(thrusters.limit), n=waiting)
+        fields = fields_of(self._memory, Propellers)
         self.thrust, self.mean = fields.thrust, fields.mean
         fields.map[:], fields.limit[:], fields.factor[:] = thrusters.map, thrusters.limit, section.factor
         fields.kept[...] = kept = float(np.exp(-dt / section.lag)) if section.lag > 0.0 else 0.0
@@ -100,7 +100,7 @@ class LaggedThrust:
 
 
 class Propellers(NamedTuple):
-    """Memory of m thrusters, see `LaggedThrust`.
+    """State of m thrusters, see `LaggedThrust`.
 
     `kept` () is the share of a difference that is there after an interval, `lagging` () its mean over it. `waiting`
     (n, m) are the n commands that are on their way, `turn` (1,) which of them is next.
@@ -117,13 +117,10 @@ class Propellers(NamedTuple):
     turn: Annotated[Integers, "1"]
 
 
-propellers_in = memory_layout(Propellers, "m", "n")
-
-
 @kernel
 def follow(memory: Array, command: Array, wrench: Array) -> None:
     """Follow a command (m,) over an interval, and write the mean wrench (6,)."""
-    fields = propellers_in(memory)
+    fields = fields_of(memory, Propellers)
     thrust, waiting, turn = fields.thrust, fields.waiting, fields.turn[0]
     for i in range(6):
         wrench[i] = 0.0

@@ -7,6 +7,7 @@ place. The tests compare each kernel with an independent implementation in numpy
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -23,51 +24,14 @@ from aerobat_pin.numerics.kernel_cache import KernelCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Integers = NDArray[np.intp]
-KERNEL_SOURCES = (
-    "aerobat/believed_air_kernels.py",
-    "aerobat/raw/dynamics_kernels.py",
-    "aerobat/raw/recursion.py",
-    "aerobat/raw/rows_kernels.py",
-    "aerodynamics/added_mass.py",
-    "aerodynamics/lifting_line.py",
-    "aerodynamics/links.py",
-    "aerodynamics/quasi_steady.py",
-    "aerodynamics/robot_air.py",
-    "aerodynamics/robot_in_air.py",
-    "aerodynamics/strip_forces.py",
-    "control/allocation.py",
-    "control/disturbance.py",
-    "control/law.py",
-    "control/monitor.py",
-    "control/sensed.py",
-    "control/sensed_channels.py",
-    "estimation/stream_kernels.py",
-    "estimation/stream_rings.py",
-    "flight/attitude_hold.py",
-    "flight/crank.py",
-    "flight/plant/kernels.py",
-    "flight/plant/memory.py",
-    "flight/thrusters.py",
-    "linkage/joint_series.py",
-    "numerics/jit.py",
-    "numerics/lie_runge_kutta.py",
-    "numerics/matrix_products.py",
-    "numerics/memory.py",
-    "numerics/pinocchio_views.py",
-    "numerics/small_matrices.py",
-    "observers/kalman/kernels.py",
-    "observers/kalman/learning.py",
-    "observers/kalman/memory.py",
-    "observers/kalman/noisy_sample.py",
-    "observers/kalman/smoother_kernels.py",
-    "observers/kernels/filters.py",
-    "observers/kernels/memory.py",
-    "observers/kernels/posterior.py",
-    "observers/kernels/projection.py",
-    "observers/kernels/residual.py",
-    "robot/link_kernels.py",
-)
 OURS = "aerobat_pin."
+MARKS = (
+    b"\n@kernel\n",
+    b"\n@inner\n",
+    b"\n@inlined\n",
+    b": Annotated[Array, ",
+    b": Annotated[Integers, ",
+)  # kernels, states
 
 
 def kernel(function: Function) -> Function:
@@ -80,11 +44,8 @@ def inner(function: Function) -> Function:
     return _compiled(function, no_cpython_wrapper=True)
 
 
-def merged(function: Function) -> Function:
-    """Make a kernel that is inlined in the kernels that call it, so that unused variables in it cost nothing.
-
-    All memory layouts are such kernels. Python reads them with `memory.fields_of`, which needs no compilation.
-    """
+def inlined(function: Function) -> Function:
+    """Make a kernel that is inlined in the kernels that call it, so that unused variables in it cost nothing."""
     return _compiled(function, forceinline=True)
 
 
@@ -106,10 +67,18 @@ def _compiled(function: Function, **more: Any) -> Function:
 
 @cache
 def sources_stamp() -> tuple[tuple[str, int, int], ...]:
-    """Return name, time and size of every file with kernel code; a change in any file invalidates all kernels."""
-    package = Path(__file__).parents[1]
-    files = (package / name for name in KERNEL_SOURCES)
-    return tuple((str(file.relative_to(package)), file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+    """Return name, time and size of every file that kernels are made of; a change in any invalidates all kernels.
+
+    They are those with a kernel or the table of a state, and those from which these import constants.
+    """
+    package, files = Path(__file__).parents[1], {Path(__file__)}
+    for file in package.rglob("*.py"):
+        text = file.read_bytes()
+        if any(mark in text for mark in MARKS):
+            imported = re.findall(rb"^from aerobat_pin\.(\S+) import", text, re.MULTILINE)
+            files |= {file, *(package / f"{name.decode().replace('.', '/')}.py" for name in imported)}
+    stats = ((file.relative_to(package), file.stat()) for file in sorted(files) if file.exists())
+    return tuple((str(name), stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 
 
 def is_compiled(entry: Any) -> bool:

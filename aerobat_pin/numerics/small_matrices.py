@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.numerics.jit import inner, kernel, merged
+from aerobat_pin.numerics.jit import inlined, inner, kernel
 
 
 @inner
@@ -30,7 +30,7 @@ def dot(a: Array, b: Array) -> float:
     return (one + two) + (three + four)
 
 
-@merged
+@inlined
 def solve_factored(L: Array, b: Array) -> None:
     """Solve L L^T x = b for a lower triangle L (n, n); x overwrites b."""
     n = b.shape[0]

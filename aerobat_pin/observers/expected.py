@@ -67,7 +67,7 @@ class Expected:
         return np.asarray(np.sqrt(self.row_error**2 + self.stiction**2 / 3.0 * at_rest))
 
     def write(self, table: Array) -> None:
-        """Write it into `ObserverMemory.posterior` (8, nv + c + 1)."""
+        """Write it into `ObserverState.posterior` (8, nv + c + 1)."""
         c, nv = len(self.force), len(self.row_error)
         table[posterior.INFORMATION, :c] = self.force**-2.0
         table[posterior.ROW_VARIANCE, :nv] = self.row_error**2

@@ -27,7 +27,7 @@ from aerobat_pin.numerics import (
     guarded,
     lock,
     motions,
-    new_memory,
+    new_state,
     number,
     placements,
 )
@@ -37,7 +37,7 @@ from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
-from aerobat_pin.observers.kernels.memory import ObserverMemory, ObserverSizes, observer_in
+from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.reference import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
@@ -122,8 +122,8 @@ class Observer:
         )
         self._nv, self._count = nv, count
         self._width = nv + count if self.expected is None else nv + 2 * count + 1
-        self._memory = new_memory(observer_in, *self._sizes)
-        self._fill(fields_of(observer_in, self._memory))
+        self._memory = new_state(ObserverState, **self._sizes._asdict())
+        self._fill(fields_of(self._memory, ObserverState))
         self._update: Any = kernels.update_observer
         self._time = float("nan")
         self._latest = self._result(np.zeros(self._width), self._nv, self._count)
@@ -143,7 +143,7 @@ class Observer:
             f"  rows '{self.believed.name}', gain {gain} 1/s\n  looks for {found}"
         )
 
-    def _fill(self, memory: ObserverMemory) -> None:
+    def _fill(self, memory: ObserverState) -> None:
         """Write the constants into a new memory."""
         self._look_at(self.data, memory)
         memory.directions[:], memory.slope[:] = np.reshape(self._directions, (-1, 2)), self.slope
@@ -153,7 +153,7 @@ class Observer:
             self.expected.write(memory.posterior)
         memory.components[:], memory.support[:] = self.applications.table, self.applications.support
 
-    def _look_at(self, data: pin.Data, memory: ObserverMemory) -> None:
+    def _look_at(self, data: pin.Data, memory: ObserverState) -> None:
         """Let the kernels read Pinocchio's results in some data."""
         check_views(self.model, data, oMi := placements(data.oMi), placements(data.liMi), motions(data.v))
         memory.robot[:] = addresses(data.M, data.C, data.g, data.J, oMi)
@@ -165,7 +165,7 @@ class Observer:
             raise ObserverError("expect: this observer was made without sizes that are expected")
         expected.refuse_unusable(self._count, self._nv)
         self.expected = expected
-        expected.write(fields_of(observer_in, self._memory).posterior)
+        expected.write(fields_of(self._memory, ObserverState).posterior)
 
     @guarded()
     def reset(self, q: ArrayLike, v: ArrayLike, time: float = 0.0) -> None:

@@ -13,7 +13,7 @@ from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.observers.estimate import Sample
 from aerobat_pin.observers.kalman.kalman import KalmanObserver
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at
-from aerobat_pin.observers.kernels.memory import observer_in
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.observer import Observer
 
 
@@ -76,4 +76,4 @@ def _read_from(observer: Observer, data: pin.Data) -> None:
         observer._look_at(data, observer._kalman.observer)
         observer._kalman.filter.inertias[:] = inertias_at(observer.model, data)
     else:
-        observer._look_at(data, fields_of(observer_in, observer._memory))
+        observer._look_at(data, fields_of(observer._memory, ObserverState))

@@ -13,7 +13,7 @@ import pytest
 from support.flapping_robot import STEPS, flap_robot
 from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 
-from aerobat_pin.aerodynamics import RobotAir, air_in
+from aerobat_pin.aerodynamics import AirConstants, RobotAir
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import fields_of
 from aerobat_pin.robot import LINKS, Wing
@@ -25,7 +25,7 @@ def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:
     A wing whose mid-chords lie at x = 0 is its own mirror image: x forces and y moments change sign, the rest stays.
     """
     air = RobotAir(Wing(replace(SHAPE, tail=None)))
-    fields_of(air_in, air.memory).pieces.x[:] = 0.0
+    fields_of(air.memory, AirConstants).pieces.x[:] = 0.0
     turn = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])  # reflection in the y-z plane: u, omega_y, omega_z change sign
     rng = np.random.default_rng(12)
     twists, state = rng.normal(size=(5, 6)), 0.1 * rng.normal(size=air.state_size)

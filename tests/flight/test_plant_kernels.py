@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 from typing import Any
 
@@ -23,13 +24,14 @@ from support.kernel_cases import (
 )
 
 from aerobat_pin.aerodynamics import RobotAir
-from aerobat_pin.aerodynamics.robot_in_air import warm_up
+from aerobat_pin.aerodynamics.robot_in_air import RobotState, warm_up
 from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
-from aerobat_pin.flight.plant.memory import split_forces, unknown_forces
+from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.plant_state import PlantState, split_forces, unknown_forces
 from aerobat_pin.flight.point_forces import interval_means
-from aerobat_pin.numerics import pinocchio_views, small_matrices
+from aerobat_pin.numerics import directory_size, pinocchio_views, small_matrices
 from aerobat_pin.numerics.lie_runge_kutta import WEIGHTS, next_state, next_tangent
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
@@ -232,7 +234,7 @@ def leaves(fields: Any) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_a_plant_is_made_of_lies_in_its_memory_by_name(case: str) -> None:
+def test_what_a_plant_is_made_of_lies_in_its_state_by_name(case: str) -> None:
     """Unknown forces, hold, air and Pinocchio's results come back as views, with and without forces and hold."""
     plant = built("aerobat", case)
     fields, robot = plant.fields, plant.in_air.fields
@@ -258,13 +260,31 @@ def test_what_a_plant_is_made_of_lies_in_its_memory_by_name(case: str) -> None:
         np.testing.assert_array_equal(actual, value)
 
 
+def test_a_state_outlives_the_plant_that_made_it() -> None:
+    """All that its kernels read goes on to live with it: air, robot in air, and Pinocchio's results."""
+    plant = built("aerobat", "all forces, hold")
+    q, v, joints, air, held = instant(plant, 3)
+    state, wind = np.concatenate([v[:6], air]), np.zeros((2, 3))
+    rate, expected = np.empty_like(state), np.empty_like(state)
+    plant.evaluate(q, v, joints, wind, held[:, :, None].copy(), state, expected)
+    memory, fields = plant.memory, plant.fields
+    del plant
+    gc.collect()
+    litter = [np.full(size, np.nan) for size in range(1, 2000)]
+    plant_kernels.evaluate(memory, joints, wind, held[:, :, None].copy(), 0, state, rate)
+    np.testing.assert_array_equal(rate, expected)
+    assert np.isfinite(fields.robot.found.M).all()
+    assert np.isnan(litter[-1]).all()
+
+
 @pytest.mark.parametrize("case", ["all forces, hold", "no force, no hold"])
-def test_the_fields_of_a_plant_fill_its_memory_and_do_not_overlap(case: str) -> None:
+def test_the_fields_of_a_plant_fill_its_state_and_do_not_overlap(case: str) -> None:
     """Each number belongs to exactly one name, and the rows of forces lie as one."""
     plant = built("aerobat", case)
     robot = plant.in_air
     own = [*plant.fields[1:]], [field for name, field in robot.fields._asdict().items() if name not in ("air", "found")]
-    for memory, parts, head in ((plant.memory, own[0], 8), (robot.memory, own[1], 11)):
+    heads = directory_size(PlantState), directory_size(RobotState)
+    for memory, parts, head in ((plant.memory, own[0], heads[0]), (robot.memory, own[1], heads[1])):
         spans = sorted((leaf.ctypes.data, leaf.nbytes) for leaf in leaves(parts) if leaf.size)
         assert spans[0][0] == memory.ctypes.data + 8 * head
         assert all(start + size == after for (start, size), (after, _) in itertools.pairwise(spans))

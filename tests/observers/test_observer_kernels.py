@@ -8,10 +8,10 @@ import pytest
 from support import observer_twins as twins
 from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
-from aerobat_pin.numerics import fields_of, new_memory
+from aerobat_pin.numerics import fields_of, new_state
 from aerobat_pin.observers import OBSERVERS, Observer
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
-from aerobat_pin.observers.kernels.memory import ObserverSizes, observer_in
+from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.kernels.projection import project
 from aerobat_pin.observers.observer import compute_dynamics
 from aerobat_pin.observers.reference import Projection, sample_robot
@@ -65,7 +65,7 @@ def test_a_remembered_sample_is_momentum_drift_and_jacobians(name: str) -> None:
         observer.reset(q[k], v[k])
         expected = twins.remembered(model, frames, q[k], v[k])
         stored = (
-            fields_of(observer_in, observer._memory).samples[0],
+            fields_of(observer._memory, ObserverState).samples[0],
             (*(part[k] for part in samples[:3]), *samples.J[k]),
         )
         for sample in stored:
@@ -102,8 +102,8 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
         directions=0,
         expected=0,
     )
-    memory = new_memory(observer_in, *sizes)
-    observer, found = fields_of(observer_in, memory), np.full(3 * points, np.nan)
+    memory = new_state(ObserverState, **sizes._asdict())
+    observer, found = fields_of(memory, ObserverState), np.full(3 * points, np.nan)
     observer.weight[:], observer.jacobian[:] = weight, mean[3:]
     project(observer, before, after, phi, found)
     W = twins.believed(model, rows, mean[2])

@@ -16,8 +16,8 @@ import pinocchio as pin
 import pytest
 
 import aerobat_pin
-from aerobat_pin.flight.plant.memory import DIRECTION_AXES
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.plant_state import DIRECTION_AXES
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat
 from aerobat_pin.robot.wing import Wing

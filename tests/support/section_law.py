@@ -11,10 +11,10 @@ import numpy as np
 
 from aerobat_pin.aerodynamics import (
     STRIP_ROWS,
+    AirConstants,
     LiftingLine,
     Pieces,
     Stroke,
-    air_in,
     air_loads,
     air_memory,
     strips_of,
@@ -58,7 +58,7 @@ def fly_strips(air: Array, twists: Array, step: float, last: int) -> tuple[Array
     Returns:
         Strip loads (last, 9, N) and link wrenches (last, 5, 6) at the beginnings of the last steps.
     """
-    count, steps = len(fields_of(air_in, air).downwash), len(twists) // 2
+    count, steps = len(fields_of(air, AirConstants).downwash), len(twists) // 2
     loads, wrenches = np.empty((last + 1, STRIP_ROWS, count)), np.empty((last + 1, len(LINKS), 6))
     state, rates = np.zeros(3 * count), np.empty(3 * count)
 
@@ -130,4 +130,4 @@ def plate_drag(incidence: Array | float) -> Array:
 @kernel
 def air_loads_in(memory: Array, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
     """Compute what `air_loads` does, reading the aerodynamic constants from `RobotAir.memory`."""
-    air_loads(air_in(memory), twists, state, wrenches, rates, loads)
+    air_loads(fields_of(memory, AirConstants), twists, state, wrenches, rates, loads)

@@ -16,8 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.plant.memory import Forces
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.plant_state import Forces
 from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.robot.prescribed_joints import joint_table

@@ -7,7 +7,7 @@ import numpy as np
 from aerobat_pin.aerodynamics import add_mass, air_loads, place_links
 from aerobat_pin.flight.attitude_hold import hold_wrench
 from aerobat_pin.flight.crank import CRANK_SIZE, add_crank, crank_rates
-from aerobat_pin.flight.plant.memory import PlantMemory, UnknownForces, plant_in
+from aerobat_pin.flight.plant.plant_state import PlantState, UnknownForces
 from aerobat_pin.linkage import joints_at
 from aerobat_pin.numerics import (
     DEPARTURES,
@@ -16,8 +16,9 @@ from aerobat_pin.numerics import (
     add_stage,
     array_at,
     copy_values,
+    fields_of,
+    inlined,
     kernel,
-    merged,
     next_state,
     next_tangent,
     solve_positive,
@@ -92,14 +93,14 @@ def push(
         wrench[5] += x * fy - y * fx
 
 
-@merged
+@inlined
 def equations_of_motion(
-    plant: PlantMemory, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array
+    plant: PlantState, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array
 ) -> None:
     """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
 
     Args:
-        plant: the plant's memory; its `forces` and its robot's `loads` are written.
+        plant: the plant's state; its `forces` and its robot's `loads` are written.
         joints: (3, 2) angle, rate and acceleration of shoulder and elbow as the linkage drives them. If the crank is
             free, the acceleration is written.
         wind: (2, 3) wind velocity and its rate of change, world axes.
@@ -109,7 +110,6 @@ def equations_of_motion(
             deflections of elastic joints and their rates (2 e,). Without the last two, all joints follow `joints`.
         rate: as `state`, written: base acceleration, and the rates of all other states.
     """
-    # Fields are unpacked first: every further block of compiled code that reads a field loads the whole named tuple.
     robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
     holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
     command = plant.command
@@ -229,8 +229,8 @@ def equations_of_motion(
 
 @kernel
 def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array) -> None:
-    """Evaluate the equations of motion in a plant's memory; the other arguments are those of `equations_of_motion`."""
-    equations_of_motion(plant_in(memory), joints, wind, held, k, state, rate)
+    """Evaluate the equations of motion in a plant's state; the other arguments are those of `equations_of_motion`."""
+    equations_of_motion(fields_of(memory, PlantState), joints, wind, held, k, state, rate)
 
 
 @kernel
@@ -249,7 +249,7 @@ def advance_stage(
     """Evaluate one Runge-Kutta stage of step k, and write `state`, `tangent` and `v` for the next stage.
 
     Args:
-        memory: the plant's memory, see `plant_in`.
+        memory: the plant's state.
         motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step. If the crank is
             free, rows after the first are written.
         wind: (2 n + 1, 2, 3) wind velocity and its rate of change at every half step, world axes.
@@ -261,7 +261,7 @@ def advance_stage(
         means: (n / parts, size) sums of the forces' means over the steps of each interval; this stage's share is added.
         loads: (n / parts, 9, N) strip loads at the start of each interval; stage 0 of its first step writes them.
     """
-    plant = plant_in(memory)
+    plant = fields_of(memory, PlantState)
     tree, state, start, rates, twists = plant.robot.tree, plant.state, plant.start, plant.rates, plant.twists
     tangent, v, strips, row_of, angle_of = plant.tangent, plant.v, plant.robot.loads, tree.row, tree.angle
     forces = array_at(plant.forces.aerodynamic.ctypes.data, (means.shape[1],))

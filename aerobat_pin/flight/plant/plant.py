@@ -25,18 +25,18 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat import robot_air, wind_of
-from aerobat_pin.aerodynamics import RobotInAir
+from aerobat_pin.aerodynamics import LINK_COUNT, RobotInAir
 from aerobat_pin.errors import CrankError, SimulationError
 from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
 from aerobat_pin.flight.plant.elastic_joints import ElasticJoints, as_measured, loaded
 from aerobat_pin.flight.plant.kernels import evaluate
-from aerobat_pin.flight.plant.memory import Forces, plant_in, unknown_forces
+from aerobat_pin.flight.plant.plant_state import Forces, PlantState, unknown_forces
 from aerobat_pin.flight.plant.stepping import SteppedFlight
 from aerobat_pin.flight.plant.tables import Flown, State
 from aerobat_pin.flight.point_forces import interval_means, point_forces
 from aerobat_pin.linkage import Closure, joint_series
-from aerobat_pin.numerics import Array, fields_of, fill, guarded, new_memory, number, shaped
+from aerobat_pin.numerics import Array, fields_of, fill, guarded, new_state, number, shaped
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
@@ -79,9 +79,10 @@ class Plant:
         self.crank_start = np.zeros(0) if motor is None else motor.state
         self.elastic = ElasticJoints(robot, scenario.plant)
         states = self.air.state_size + len(self.crank_start) + 2 * self.elastic.count
-        sizes = (model.nv, states, len(series), self.elastic.count, len(self.forces), len(self.points))
-        self.memory = new_memory(plant_in, self.in_air.memory.ctypes.data, *sizes)
-        self.fields = fields_of(plant_in, self.memory)
+        sizes = {"nv": model.nv, "states": BASE_SIZE + states, "harmonics": len(series), "link_count": LINK_COUNT}
+        counts = {"e": self.elastic.count, "f": len(self.forces), "p": len(self.points)}
+        self.memory = new_state(PlantState, robot=self.in_air.memory, **sizes, **counts)
+        self.fields = fields_of(self.memory, PlantState)
         fill(self.fields.unknown, unknown_forces(model, self.forces, self.points))
         if self.hold is not None:
             fill(self.fields.hold, self.hold)

@@ -12,7 +12,7 @@ import pinocchio as pin
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import advance_stage
-from aerobat_pin.flight.plant.memory import Forces, split_forces
+from aerobat_pin.flight.plant.plant_state import Forces, split_forces
 from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, Flown, Flyer, State, checked_flight
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import Array, checked, lie_step, shaped

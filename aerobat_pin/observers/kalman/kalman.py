@@ -11,12 +11,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_memory, shown
+from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.kalman import kernels
+from aerobat_pin.observers.kalman.kalman_state import KalmanState, new_steps
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMATION, ROOT_MEAN
-from aerobat_pin.observers.kalman.memory import KalmanMemory, kalman_in, step_size
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
@@ -132,9 +132,12 @@ class KalmanObserver(Observer):
         if mass_error != 0.0:
             errors.append(_positive("mass_error", mass_error))
         hidden = self._hidden()
-        sizes = (blocks, len(self._errors), len(hidden), int(mass_error != 0.0), int(rows == "base+power"))
-        self._memory = new_memory(kalman_in, *self._sizes, *sizes)
-        self._kalman = fields_of(kalman_in, self._memory)
+        coefficients = blocks * len(scale) + len(self._errors) + int(mass_error != 0.0)
+        self._step_sizes = {"nv": nv, "c": len(scale), "blocks": blocks, "nz": coefficients}
+        sizes = {"ne": len(self._errors), "nh": len(hidden), "mass_in_doubt": mass_error != 0.0}
+        sizes |= {"power_known": rows == "base+power", **self._step_sizes, **self._sizes._asdict()}
+        self._memory = new_state(KalmanState, **sizes)
+        self._kalman = fields_of(self._memory, KalmanState)
         self._fill(self._kalman.observer)
         filter_ = self._kalman.filter
         filter_.noise[:], filter_.hidden[:] = noise, hidden
@@ -216,7 +219,7 @@ class KalmanObserver(Observer):
         kernels.start_filter(self._memory, v)
         self._begin(self._kalman, self._kalman.filter.samples[0])
 
-    def _begin(self, kalman: KalmanMemory, sample: Array) -> None:
+    def _begin(self, kalman: KalmanState, sample: Array) -> None:
         """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
         filter_ = kalman.filter
         spread = filter_.variance.copy()
@@ -239,7 +242,7 @@ class KalmanObserver(Observer):
     def _run(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
     ) -> tuple[Observed, Samples]:
-        return self._filtered(time, q, v, u, known, np.empty((0, step_size(self._kalman.step))))
+        return self._filtered(time, q, v, u, known, new_steps(0, **self._step_sizes))
 
     def _filtered(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
@@ -249,7 +252,7 @@ class KalmanObserver(Observer):
         The filter's steps are written to `steps` (m, step size), unless it has no rows; then a smoother walks back.
         """
         memory = self._memory.copy()  # so that a running stream is not disturbed
-        kalman, nv, c, model, data = fields_of(kalman_in, memory), self._nv, self._count, self.model, self.data
+        kalman, nv, c, model, data = fields_of(memory, KalmanState), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
         kalman.observer.record[:] = v.ctypes.data, samples.ctypes.data, 0
         for configuration, velocity in zip(q, v, strict=True):
@@ -296,7 +299,7 @@ class SmootherObserver(KalmanObserver):
     def _run(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
     ) -> tuple[Observed, Samples]:
-        return self._filtered(time, q, v, u, known, np.empty((len(u), step_size(self._kalman.step))))
+        return self._filtered(time, q, v, u, known, new_steps(len(u), **self._step_sizes))
 
 
 def _positive(name: str, value: float) -> float:

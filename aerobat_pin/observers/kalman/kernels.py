@@ -28,9 +28,11 @@ from aerobat_pin.numerics import (
     add_row_product,
     copy_values,
     factorise,
+    fields_of,
     kernel,
     mirror,
 )
+from aerobat_pin.observers.kalman.kalman_state import Filter, KalmanState, Step
 from aerobat_pin.observers.kalman.learning import (
     DIFFERENCES,
     MEMORY_TIME,
@@ -44,9 +46,8 @@ from aerobat_pin.observers.kalman.learning import (
     misfit_variance,
     set_walk_by_gain,
 )
-from aerobat_pin.observers.kalman.memory import Filter, Step, kalman_in, step_in
 from aerobat_pin.observers.kalman.noisy_sample import next_in_record, repeat_interval, write_noisy_sample
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (
     TOO_LARGE,
@@ -107,7 +108,7 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
 
 @kernel
 def predict_covariance(
-    before: Array, after: Array, dt: float, observer: ObserverMemory, filter_: Filter, step: Step
+    before: Array, after: Array, dt: float, observer: ObserverState, filter_: Filter, step: Step
 ) -> None:
     """Advance the covariance of z in P over the interval, and fill `step.rows` with S, -B diag(s), X_pz, 1 and e."""
     P, shear, rows, by_gain = filter_.P, step.shear, step.rows, filter_.walk_gain[0] > 0.0
@@ -213,7 +214,7 @@ def report(step: Step, dt: float, out: Array) -> None:
 
 @kernel
 def filter_interval(
-    before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, filter_: Filter, step: Step, out: Array
+    before: Array, after: Array, u: Array, dt: float, observer: ObserverState, filter_: Filter, step: Step, out: Array
 ) -> bool:
     """Advance the filter over one interval. If the innovation is NaN or huge, change no estimate and return False.
 
@@ -264,7 +265,7 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
     Returns False and changes no estimate if q is no configuration, v or u does not have the model's size, or the
     innovation is NaN or huge.
     """
-    kalman = kalman_in(memory)
+    kalman = fields_of(memory, KalmanState)
     filter_, step, nv, newest = kalman.filter, kalman.step, kalman.observer.sizes.nv, kalman.observer.newest[0]
     if v.shape[0] != nv or u.shape[0] != nv or not dt < TOO_LARGE or not is_configuration(kalman.observer, q):
         return False
@@ -280,14 +281,14 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
 @kernel
 def start_filter(memory: Array, v: Array) -> None:
     """Write the first sample of a stream."""
-    kalman = kalman_in(memory)
+    kalman = fields_of(memory, KalmanState)
     write_noisy_sample(kalman.observer, kalman.filter, v, kalman.filter.samples[0])
 
 
 @kernel
 def record_noisy_sample(memory: Array) -> None:
     """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M."""
-    kalman = kalman_in(memory)
+    kalman = fields_of(memory, KalmanState)
     v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
     write_noisy_sample(kalman.observer, kalman.filter, v, sample)
 
@@ -301,11 +302,11 @@ def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Arr
         time: (m + 1,) sample times [s].
         u: (m, nv) known generalised force, interval means.
         errors: (ne, m, nv) the known forces that have an uncertain factor.
-        memory: memory of the filter, started at the first sample.
+        memory: state of the filter, started at the first sample.
         steps: (m, step size) written if a smoother follows, which then writes `out`; otherwise (0, step size).
         out: (m, nv + 2 c + nv + 1 + nv) written; the first nv + 2 c columns only if `steps` has no rows.
     """
-    kalman, smoothed = kalman_in(memory), steps.shape[0] > 0
+    kalman, smoothed = fields_of(memory, KalmanState), steps.shape[0] > 0
     filter_ = kalman.filter
     for k in range(u.shape[0]):
         dt = time[k + 1] - time[k]
@@ -314,7 +315,7 @@ def filter_all(samples: Array, time: Array, u: Array, errors: Array, memory: Arr
             continue
         for a in range(errors.shape[0]):
             copy_values(errors[a, k], filter_.errors[a])
-        step = step_in(steps[k], kalman.step) if smoothed else kalman.step
+        step = fields_of(steps[k], Step) if smoothed else kalman.step
         if not filter_interval(samples[k], samples[k + 1], u[k], dt, kalman.observer, filter_, step, out[k]):
             return k
         if not smoothed:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inner, kernel, merged
-from aerobat_pin.observers.kalman.memory import Filter, Step
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inlined, inner, kernel
+from aerobat_pin.observers.kalman.kalman_state import Filter, Step
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import power_unit, put_rows
 from aerobat_pin.observers.rows import BASE_ROWS
 
@@ -28,7 +28,7 @@ LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of 
 UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
-@merged
+@inlined
 def learn_noise(
     values: Array, known: float, recent: float, stated: Array, differences: Array, roots: Array, sensed: Array
 ) -> None:
@@ -52,7 +52,7 @@ def learn_noise(
             sensed[i] = min(max(shown, LEAST_NOISE * stated[i]), stated[i])
 
 
-@merged
+@inlined
 def learn_misfit(rest: Array, redundant: int, share: float, recent: float, leak: float, filter_: Filter) -> None:
     """Update the running mean square of what no force explains from one interval's rows `rest` (nv,).
 
@@ -70,9 +70,9 @@ def learn_misfit(rest: Array, redundant: int, share: float, recent: float, leak:
     filter_.disbelief[0] += recent * (size - filter_.disbelief[0])
 
 
-@merged
+@inlined
 def leak_of_noise(
-    before: Array, after: Array, dt: float, share: float, observer: ObserverMemory, filter_: Filter
+    before: Array, after: Array, dt: float, share: float, observer: ObserverState, filter_: Filter
 ) -> float:
     """Return the mean square [N^2] that sensor noise leaves in the rows that no force explains, behind both low-passes.
 
@@ -131,7 +131,7 @@ def drop_unseen(step: Step, start: int, values: Array) -> None:
                     values[first + a, j] -= unseen[a, b] * kept[b]
 
 
-@merged
+@inlined
 def misfit_variance(filter_: Filter) -> float:
     """Return the variance [N^2] that errors of the model give to every weighted row.
 

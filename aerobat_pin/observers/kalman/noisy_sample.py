@@ -27,8 +27,8 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import DOUBLE, Array, Integers, add_product, array_at, copy_values, inner
-from aerobat_pin.observers.kalman.memory import Filter
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kalman.kalman_state import Filter
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.residual import dynamics_of, write_momentum_and_jacobian
 
 INERTIA_SIZE = 10  # number of doubles: mass, lever, moments of inertia xx, xy, yy, xz, yz, zz
@@ -77,7 +77,7 @@ def inertias_at(model: pin.Model, data: pin.Data) -> int:
 
 
 @inner
-def write_noisy_sample(observer: ObserverMemory, filter_: Filter, v: Array, sample: Array) -> None:
+def write_noisy_sample(observer: ObserverState, filter_: Filter, v: Array, sample: Array) -> None:
     """Write a sample: the rows (3 + c, nv) that other observers write, then M and D^T (nv, nv each)."""
     M, nv = dynamics_of(observer).M, v.shape[0]
     top = sample.shape[0] - 2 * nv
@@ -89,7 +89,7 @@ def write_noisy_sample(observer: ObserverMemory, filter_: Filter, v: Array, samp
 
 
 @inner
-def write_drift_and_slope(observer: ObserverMemory, filter_: Filter, v: Array, drift: Array, slope: Array) -> None:
+def write_drift_and_slope(observer: ObserverState, filter_: Filter, v: Array, drift: Array, slope: Array) -> None:
     """Write C^T v - g (nv,) and D^T (nv, nv)."""
     nv, tree, J, a = v.shape[0], filter_.tree, dynamics_of(observer).J, filter_.gravity
     inertias = array_at(filter_.inertias[0], (observer.sizes.joints, INERTIA_SIZE))
@@ -166,7 +166,7 @@ def put_momentum(Y: Array, x: float, y: float, z: float, a: float, b: float, c: 
 
 
 @inner
-def next_in_record(observer: ObserverMemory, rows: int) -> tuple[Array, Array]:
+def next_in_record(observer: ObserverState, rows: int) -> tuple[Array, Array]:
     """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
 
     Passing these views from Python instead would cost a fiftieth of the whole computation.

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, kernel, mirror
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, fields_of, kernel, mirror
+from aerobat_pin.observers.kalman.kalman_state import KalmanState, Step
 from aerobat_pin.observers.kalman.kernels import report
 from aerobat_pin.observers.kalman.learning import drop_unseen
-from aerobat_pin.observers.kalman.memory import Step, kalman_in, step_in
 
 
 @kernel
@@ -113,18 +113,18 @@ def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
 
     Args:
         time: (m + 1,) sample times [s].
-        memory: memory of the filter.
+        memory: state of the filter.
         steps: (m, step size) steps of the filter; they change.
         out: (m, ...) the first nv + 2 c columns are written: residual, components, standard deviations.
     """
-    latest = kalman_in(memory).step
+    latest = fields_of(memory, KalmanState).step
     n, nv, h = latest.shear.shape[1], latest.e.shape[0], latest.z.shape[0]
     adjoint, N, K, work = np.zeros(n), np.zeros((n, n)), np.empty((n, n)), np.empty((nv, n))
     smoothing, mirrored, old = np.empty((h, n + h)), np.zeros((nv, n)), np.empty((n, n))
     for k in range(out.shape[0] - 1, -1, -1):
         dt = time[k + 1] - time[k]
         if dt > 0.0:
-            step = step_in(steps[k], latest)
+            step = fields_of(steps[k], Step)
             smooth(step, adjoint, N, smoothing)
             report(step, dt, out[k])
             back_through_update(step, adjoint, N, K, work)

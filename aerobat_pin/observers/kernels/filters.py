@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array, inner
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 
 FIRST_ORDER, SECOND_ORDER, SUPER_TWISTING = 0, 1, 2
 # A critically damped second-order low-pass has risen to 1 - 1/e at rate x time = RISE: (1 + x) exp(-x) = exp(-1).
@@ -22,7 +22,7 @@ def rotate(basis: Array, value: Array, out: Array, back: bool) -> None:
 
 
 @inner
-def low_pass(observer: ObserverMemory, dt: float, value: Array) -> None:
+def low_pass(observer: ObserverState, dt: float, value: Array) -> None:
     """Filter a value (size,) in place, constant over an interval dt [s]; exact for the linear filters."""
     first, second, kind = observer.filtered[0], observer.filtered[1], observer.sizes.filter
     decay = 0.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, copy_values, dot, inner, merged, solve_factored, solve_positive
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.numerics import Array, copy_values, dot, inlined, inner, solve_factored, solve_positive
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import POWER_ROW, power_unit, put_rows
 from aerobat_pin.observers.rows import BASE_ROWS, TIED
 
 LEAST_SPARE = 0.5  # rows beyond what the components take up, below which nothing shows the size of the errors
-# Rows of `ObserverMemory.posterior`: of components S^-2 and scratch; of rows the variance where nothing touches, what
+# Rows of `ObserverState.posterior`: of components S^-2 and scratch; of rows the variance where nothing touches, what
 # stiction adds at rest, the rate at which that fades, whitened remainders behind the filter, and scratch; then the k
 # that is expected, its mean over some seconds, and the time [s] over which that was taken.
 INFORMATION, COLUMN, ROW_VARIANCE, STICTION, STICTION_RATE, REMAINDER, VARIANCE, LEVELS = range(8)
@@ -19,7 +19,7 @@ MEMORY_OF_K = 2.5  # [s]: how long errors of the rows last
 
 @inner
 def estimate_posterior(
-    observer: ObserverMemory, before: Array, after: Array, generalized: Array, dt: float, force: Array, doubt: Array
+    observer: ObserverState, before: Array, after: Array, generalized: Array, dt: float, force: Array, doubt: Array
 ) -> None:
     """Write the components `force` (c,) of y = J^T f + e, given what is expected, with y the generalised force (nv,).
 
@@ -62,8 +62,8 @@ def estimate_posterior(
         solve_for_components(observer, k, force, doubt)
 
 
-@merged
-def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generalized: Array) -> None:
+@inlined
+def whiten_rows(observer: ObserverState, before: Array, after: Array, generalized: Array) -> None:
     """Write the rows in use of the Jacobians, and then of the generalised force, over the rows' standard deviations."""
     c, nv, span, given = observer.fitted.shape[0], generalized.shape[0], observer.span, observer.given
     velocity, table = observer.velocity, observer.posterior
@@ -93,8 +93,8 @@ def whiten_rows(observer: ObserverMemory, before: Array, after: Array, generaliz
             span[i, s] *= scale
 
 
-@merged
-def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt: Array) -> None:
+@inlined
+def solve_for_components(observer: ObserverState, k: float, force: Array, doubt: Array) -> None:
     """Write the components and their standard deviations, given whitened rows and k."""
     A, span, c = observer.equations, observer.span, force.shape[0]
     information, column = observer.posterior[INFORMATION], observer.posterior[COLUMN, :c]
@@ -120,8 +120,8 @@ def solve_for_components(observer: ObserverMemory, k: float, force: Array, doubt
         doubt[j] = np.sqrt(size)
 
 
-@merged
-def forget_errors(observer: ObserverMemory) -> None:
+@inlined
+def forget_errors(observer: ObserverState) -> None:
     """Begin without errors of the rows."""
     if observer.sizes.expected > 0:
         observer.posterior[REMAINDER, :] = 0.0

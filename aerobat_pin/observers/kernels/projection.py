@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, copy_values, dot, eigenvectors, inner, merged, solve_positive
-from aerobat_pin.observers.kernels.memory import ObserverMemory
+from aerobat_pin.numerics import Array, copy_values, dot, eigenvectors, inlined, inner, solve_positive
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
 DAMPING = 1.0e-12  # added to the diagonal, as a share of the trace of J W J^T
@@ -14,9 +14,9 @@ UNSEEN_EIGENVALUE = 1.0e-10  # share of the trace: a smaller eigenvalue belongs 
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
 
-@merged
+@inlined
 def normal_equations(
-    observer: ObserverMemory, J: Array, velocity: Array, generalized: Array, A: Array, b: Array
+    observer: ObserverState, J: Array, velocity: Array, generalized: Array, A: Array, b: Array
 ) -> float:
     """Write A = (J L)(J L)^T (lower triangle) and b = J L L^T phi, L the weighted rows in use; return the trace of A.
 
@@ -36,8 +36,8 @@ def normal_equations(
     return trace
 
 
-@merged
-def put_rows(observer: ObserverMemory, generalized: Array, velocity: Array, unit: float, rows: Array) -> None:
+@inlined
+def put_rows(observer: ObserverState, generalized: Array, velocity: Array, unit: float, rows: Array) -> None:
     """Write the weighted rows in use of generalised forces (m, nv), padded with zeros; unit is `power_unit`."""
     weight, kind, tied, (count, nv) = observer.weight, observer.sizes.rows, observer.tied, rows.shape
     if kind == ALL_ROWS:
@@ -60,8 +60,8 @@ def put_rows(observer: ObserverMemory, generalized: Array, velocity: Array, unit
                 row[BASE_ROWS] += unit * velocity[k] * force[k]
 
 
-@merged
-def power_unit(observer: ObserverMemory, velocity: Array) -> float:
+@inlined
+def power_unit(observer: ObserverState, velocity: Array) -> float:
     """Return the weight of the row of the joints' power, over the joints' speed; 0 if they stand still."""
     nv, speed = velocity.shape[0], 0.0
     if observer.sizes.rows == POWER_ROW:
@@ -70,15 +70,15 @@ def power_unit(observer: ObserverMemory, velocity: Array) -> float:
     return float(observer.weight[nv - 1] / np.sqrt(speed)) if speed > 0.0 else 0.0
 
 
-@merged
-def in_unit_of_last_row(observer: ObserverMemory, velocity: Array, k: int) -> float:
+@inlined
+def in_unit_of_last_row(observer: ObserverState, velocity: Array, k: int) -> float:
     """Return a joint's velocity, divided by the lever arm if it slides and the last joint turns (or the reverse)."""
     ratio: float = observer.weight[observer.weight.shape[0] - 1] / observer.weight[k]
     return ratio * float(velocity[k])
 
 
-@merged
-def project(observer: ObserverMemory, before: Array, after: Array, generalized: Array, force: Array) -> float:
+@inlined
+def project(observer: ObserverState, before: Array, after: Array, generalized: Array, force: Array) -> float:
     """Write the components `force` (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
 
     Returns the smallest pivot of the equations as a share of their trace. The number of patterns that leave no trace is
@@ -100,8 +100,8 @@ def project(observer: ObserverMemory, before: Array, after: Array, generalized: 
     return least / trace if trace > 0.0 else 0.0
 
 
-@merged
-def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalized: Array, rest: Array) -> None:
+@inlined
+def fit_forces(observer: ObserverState, before: Array, after: Array, generalized: Array, rest: Array) -> None:
     """Split a generalised force into what forces can explain and what no force explains.
 
     The components that fit best are written to `observer.fitted`. What remains of the weighted rows in use is
@@ -123,7 +123,7 @@ def fit_forces(observer: ObserverMemory, before: Array, after: Array, generalize
 
 
 @inner
-def project_deficient(observer: ObserverMemory, after: Array, generalized: Array, force: Array) -> None:
+def project_deficient(observer: ObserverState, after: Array, generalized: Array, force: Array) -> None:
     """Do what `project` does if some pattern of forces leaves no trace; the result contains nothing of this pattern.
 
     The mean of two rank-deficient Jacobians has nearly, but not exactly, deficient rank, and least squares with it

@@ -13,7 +13,7 @@ coordinates, the sums of their rows are used. The kind of observer determines wh
 `reference` computes the same over a whole record.
 
 In all kernels, `before` and `after` are the samples at the start and the end of an interval of `dt` [s], over which
-`u` (nv,) is the mean of the known generalised force. `observer` is the memory of the observer, which changes.
+`u` (nv,) is the mean of the known generalised force. `observer` is the state of the observer, which changes.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, dot, doubles_at, inner, kernel, merged
+from aerobat_pin.numerics import Array, dot, doubles_at, fields_of, inlined, inner, kernel
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
-from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_in
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.posterior import estimate_posterior, forget_errors
 from aerobat_pin.observers.kernels.projection import project
 
@@ -44,7 +44,7 @@ class Dynamics(NamedTuple):
 
 
 @inner
-def dynamics_of(observer: ObserverMemory) -> Dynamics:
+def dynamics_of(observer: ObserverState) -> Dynamics:
     """Return views of Pinocchio's results in place; passing five arrays instead would cost a fifth of the call."""
     places, nv = observer.robot, observer.sizes.nv
     return Dynamics(
@@ -57,7 +57,7 @@ def dynamics_of(observer: ObserverMemory) -> Dynamics:
 
 
 @inner
-def write_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
+def write_sample(observer: ObserverState, v: Array, sample: Array) -> None:
     """Write a sample (3 + c, nv) at a velocity (nv,); `computeCoriolisMatrix` leaves J in the WORLD frame."""
     _, C, g, _, _ = dynamics_of(observer)
     for i in range(v.shape[0]):
@@ -66,7 +66,7 @@ def write_sample(observer: ObserverMemory, v: Array, sample: Array) -> None:
 
 
 @inner
-def write_momentum_and_jacobian(observer: ObserverMemory, v: Array, sample: Array) -> None:
+def write_momentum_and_jacobian(observer: ObserverState, v: Array, sample: Array) -> None:
     """Write all of a sample but its drift."""
     M, _, _, J, oMi = dynamics_of(observer)
     nv, momentum, rate = v.shape[0], sample[0], sample[2]
@@ -99,8 +99,8 @@ def in_world_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float,
     )
 
 
-@merged
-def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, residual: Array) -> bool:
+@inlined
+def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: ObserverState, residual: Array) -> bool:
     """Write phi (nv,) and `observer.jacobian` of an interval; return False if phi is NaN or huge."""
     if not dt < TOO_LARGE:
         return False
@@ -116,7 +116,7 @@ def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: Ob
 
 
 @kernel
-def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverMemory, out: Array) -> bool:
+def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverState, out: Array) -> bool:
     """Compute the estimate for one interval; return False if the residual is NaN or huge.
 
     Generalised residual and components are written to `out` (nv + c,), and with expected forces the `doubt` (c + 1,) of
@@ -151,8 +151,8 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
     return True
 
 
-@merged
-def is_configuration(observer: ObserverMemory, q: Array) -> bool:
+@inlined
+def is_configuration(observer: ObserverState, q: Array) -> bool:
     """Return whether every coordinate is finite and near, and quaternions and other directions have length one."""
     for i in range(q.shape[0]):
         if not abs(q[i]) <= FARTHEST:  # NaN too
@@ -169,7 +169,7 @@ def is_configuration(observer: ObserverMemory, q: Array) -> bool:
 @kernel
 def start_observer(memory: Array, v: Array) -> None:
     """Take the first sample of a stream and set the filter to zero."""
-    observer = observer_in(memory)
+    observer = fields_of(memory, ObserverState)
     observer.newest[0] = 0
     observer.filtered[:, :] = 0.0
     forget_errors(observer)
@@ -183,7 +183,7 @@ def update_observer(memory: Array, q: Array, v: Array, u: Array, dt: float, out:
     Returns False and keeps the filter's state if q is no configuration, v or u does not have the model's size, or the
     residual is not finite.
     """
-    observer = observer_in(memory)
+    observer = fields_of(memory, ObserverState)
     if v.shape[0] != observer.sizes.nv or u.shape[0] != observer.sizes.nv or not is_configuration(observer, q):
         return False
     newest = observer.newest[0]

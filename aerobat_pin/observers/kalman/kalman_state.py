@@ -1,11 +1,13 @@
-"""Memory of the Kalman filter's kernels: the data that the filter keeps between calls."""
+"""State of the Kalman filter's kernels: the data that the filter keeps between calls."""
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from aerobat_pin.numerics import Array, Integers, layout_of, merged, next_size, rewind
-from aerobat_pin.observers.kernels.memory import ObserverMemory, observer_sizes
+import numpy as np
+
+from aerobat_pin.numerics import Array, Integers, directory_size, new_state
+from aerobat_pin.observers.kernels.observer_state import ObserverState
 
 
 class Step(NamedTuple):
@@ -29,7 +31,11 @@ class Step(NamedTuple):
 
 
 class Filter(NamedTuple):
-    """Data that a Kalman filter keeps between calls; ne and nh as in `kalman_in`, the other sizes as in `Step`."""
+    """Data that a Kalman filter keeps between calls.
+
+    There are ne known forces with an uncertain factor, and nh rows of `hidden`, nv or none; the other sizes are those
+    of `Step`.
+    """
 
     mass_in_doubt: int  # whether the last coefficient is an error of the mass
     power_known: int  # whether the joints' total power is known although their torques are not
@@ -81,41 +87,17 @@ class Filter(NamedTuple):
     ended: Annotated[Array, "nv, nv"]  # what no force explains of the rows made by the latest sample's noise
 
 
-class KalmanMemory(NamedTuple):
-    """Memory of a Kalman filter: the data of every observer, the data of the filter, and its latest step."""
+class KalmanState(NamedTuple):
+    """State of a Kalman filter: the data of every observer, the data of the filter, and its latest step."""
 
-    observer: ObserverMemory
+    observer: ObserverState
     filter: Filter
     step: Step
 
 
-kalman_fields = layout_of(KalmanMemory, "sizes", "nv", "nz", "c", "blocks", "ne", "nh", "mass_in_doubt", "power_known")
-step_fields = layout_of(Step, "nv", "nz", "c", "blocks")
-
-
-@merged
-def step_in(memory: Array, latest: Step) -> Step:
-    """Lay out one step of a record, with the same shapes as the latest step, after a cursor."""
-    (nz, n), blocks = latest.shear.shape, latest.basis.shape[0]
-    return step_fields(rewind(memory), n - nz, nz, latest.z.shape[0] // blocks, blocks)
-
-
-def step_size(latest: Step) -> int:
-    """Return the number of doubles that one step of a record takes."""
-    return 1 + sum(field.size for field in latest)
-
-
-@merged
-def kalman_in(memory: Array) -> KalmanMemory:
-    """Lay out the memory of a Kalman filter.
-
-    Sizes, after those of an observer: number of blocks (1, or 3 with harmonics), number ne of known forces with an
-    uncertain factor, number nh of rows of `hidden` (nv or 0), `mass_in_doubt`, `power_known`.
-    """
-    cursor = rewind(memory)
-    sizes = observer_sizes(cursor)
-    blocks, ne, nh = next_size(cursor), next_size(cursor), next_size(cursor)
-    mass_in_doubt, power_known = next_size(cursor), next_size(cursor)
-    nv, c = sizes.nv, sizes.components
-    nz = blocks * c + ne + mass_in_doubt
-    return kalman_fields(cursor, sizes, nv, nz, c, blocks, ne, nh, mass_in_doubt, power_known)
+def new_steps(count: int, **sizes: int) -> Array:
+    """Return states (count, size) of `Step`, one for each interval of a record."""
+    first = new_state(Step, **sizes)
+    steps = np.empty((count, len(first)))
+    steps[:, : directory_size(Step)] = first[: directory_size(Step)]
+    return steps

@@ -1,4 +1,4 @@
-"""Memory of a stream's kernels, filled with what a map, a robot and a calibration say once."""
+"""State of a stream's kernels, filled with what a map, a robot and a calibration say once."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.numerics import Array, fields_of, new_memory
+from aerobat_pin.numerics import Array, fields_of, new_state
 from aerobat_pin.records import Map, PlainRobot, Request, axes_of, imu_arm
 
 
@@ -19,7 +19,7 @@ def new_rings(
     values: FittedValues,
     wait: float,
 ) -> Array:
-    """Return the memory of a stream without samples.
+    """Return the state of a stream without samples.
 
     Args:
         chosen: the map.
@@ -37,8 +37,10 @@ def new_rings(
     rubbing = values.joints if values.friction is not None or len(values.scale) else ()
     width = max(4, *(len(request.names) for request in asked))
     model = robot.model
-    memory = new_memory(ring_kernels.rings_in, len(asked), width, int(model.nq), int(model.nv), len(rubbing))
-    rings = fields_of(ring_kernels.rings_in, memory)
+    memory = new_state(
+        ring_kernels.Rings, channels=len(asked), width=width, nq=model.nq, nv=model.nv, rubbing=len(rubbing)
+    )
+    rings = fields_of(memory, ring_kernels.Rings)
     rings.slot[:] = -1
     for c, request in enumerate(asked):
         count = len(request.names)

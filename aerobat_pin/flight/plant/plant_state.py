@@ -1,4 +1,4 @@
-"""Memory layout of the plant's kernels: robot, air, unknown forces, hold, motor, integrator stages, results."""
+"""State of the plant's kernels: robot, air, unknown forces, hold, motor, integrator stages, results."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LINK_COUNT, RobotMemory, robot_in
+from aerobat_pin.aerodynamics import RobotState
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics import Array, Integers, array_at, frame_id, layout_of, merged, next_size, rewind
+from aerobat_pin.numerics import ELSEWHERE, Array, Integers, frame_id
 from aerobat_pin.robot import LINKS
 
 DIRECTION_AXES = ("link", "body", "world")
@@ -66,8 +66,8 @@ class Forces(NamedTuple):
     friction_power: Annotated[Array, ""]
 
 
-class PlantMemory(NamedTuple):
-    """Memory of the plant's kernels.
+class PlantState(NamedTuple):
+    """What the plant's kernels keep between calls.
 
     The e `elastic` links (e,) turn on springs, with `stiffness` (e,) [N m/rad] and `damping` (e,) [N m s/rad].
 
@@ -85,7 +85,7 @@ class PlantMemory(NamedTuple):
     stage, `forces` at the current stage.
     """
 
-    robot: RobotMemory
+    robot: Annotated[RobotState, ELSEWHERE]
     unknown: UnknownForces
     holds: Annotated[Array, ""]
     command: Annotated[Array, "6"]
@@ -110,21 +110,6 @@ class PlantMemory(NamedTuple):
     v: Annotated[Array, "nv"]
     second: Annotated[Array, "2"]
     forces: Forces
-
-
-plant_fields = layout_of(PlantMemory, "robot", "nv", "states", "harmonics", "e", "link_count", "f", "p")
-
-
-@merged
-def plant_in(memory: Array) -> PlantMemory:
-    """Lay out a plant's memory.
-
-    Sizes: address of the robot's memory, nv, S, harmonics, e, number of forces, number of points.
-    """
-    cursor = rewind(memory)
-    robot, nv, states, harmonics = next_size(cursor), next_size(cursor), next_size(cursor) + 6, next_size(cursor)
-    e, f, p = next_size(cursor), next_size(cursor), next_size(cursor)
-    return plant_fields(cursor, robot_in(array_at(robot, (1,))), nv, states, harmonics, e, LINK_COUNT, f, p)
 
 
 def split_forces(forces: Forces, rows: Array) -> Forces:
